@@ -1,0 +1,1 @@
+"""Arrays in, values out: contact models, fits, moduli with uncertainty."""

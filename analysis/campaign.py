@@ -1,0 +1,154 @@
+"""A campaign: recordings of impacts and what is known about them, in memory.
+
+Nothing here reads a file; ``impactd.storage.campaign_folder`` does and builds these values.
+``None`` always means "unknown", never "zero".
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value with its standard uncertainty, in the unit its owner's name states.
+
+    Attributes
+    ----------
+    value : float
+        Best estimate.
+    u : float
+        Standard uncertainty, >= 0.
+    """
+
+    value: float
+    u: float
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """What is known of the load cell before a fit (a certificate or a calibration).
+
+    Attributes
+    ----------
+    compliance_m_per_v : Quantity or None
+        Crystal compression per volt, c of Eq. 11. [m/V]
+    crystal_mass_kg, crystal_stiffness_n_per_m, crystal_damping_n_s_per_m : Quantity or None
+        M, k and mu of Eq. 8-10.
+    hsd_n_per_v : Quantity or None
+        S of Eq. 7 for the rigid-cell model. [N/V]
+    covariance : ndarray or None, shape (4, 4)
+        Covariance of the logarithms of (M, k, mu, c) when a calibration fixed them together;
+        replaces the four ``u``. [1]
+    """
+
+    compliance_m_per_v: Quantity | None = None
+    crystal_mass_kg: Quantity | None = None
+    crystal_stiffness_n_per_m: Quantity | None = None
+    crystal_damping_n_s_per_m: Quantity | None = None
+    hsd_n_per_v: Quantity | None = None
+    covariance: NDArray[np.float64] | None = None
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A sphere. All SI; a ``None`` modulus is to be found, one with a value is a prior."""
+
+    name: str
+    radius_m: float | None = None
+    mass_kg: float | None = None
+    youngs_modulus_pa: Quantity | None = None
+    poissons_ratio: Quantity | None = None
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A coupon. All SI; a ``None`` modulus is to be found, one with a value is a prior."""
+
+    name: str
+    youngs_modulus_pa: Quantity | None = None
+    poissons_ratio: Quantity | None = None
+    coupon_mass_kg: float | None = None
+    coupon_thickness_m: float | None = None
+
+
+@dataclass(frozen=True)
+class Shot:
+    """One recorded impact.
+
+    Attributes
+    ----------
+    name : str
+        How messages call it (a file name or ``"shot 17"``).
+    signal : ndarray, shape (n,)
+        Volts, or newtons, or m/s^2 as ``quantity`` says.
+    sample_rate_hz : float
+        [Hz]
+    trigger_index : int
+        Sample near the first touch; 0 <= trigger_index < n.
+    quantity : str
+        ``voltage``, ``force_N`` or ``acceleration_m_per_s2``.
+    sphere, surface : str or None
+        Keys into the campaign's materials.
+    drop_height_m : float or None
+        [m]
+    restitution : Quantity or None
+        Rebound speed of the sphere over its impact speed. [1]
+    quantum : float or None
+        Step of the converter in the unit of ``signal``.
+    clipped : bool
+        The record sits on a limit of converter or amplifier; kept, and flagged.
+    """
+
+    name: str
+    signal: NDArray[np.float64]
+    sample_rate_hz: float
+    trigger_index: int
+    quantity: str = "voltage"
+    sphere: str | None = None
+    surface: str | None = None
+    drop_height_m: float | None = None
+    restitution: Quantity | None = None
+    quantum: float | None = None
+    clipped: bool = False
+
+
+@dataclass(frozen=True)
+class Rejected:
+    """A recording that was refused, and why."""
+
+    name: str
+    path: str
+    reason: str
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """Recordings that share a rig.
+
+    Attributes
+    ----------
+    shots : tuple of Shot
+        In order of time.
+    spheres, surfaces : dict
+        By name.
+    sensor : Sensor
+        Prior knowledge of the load cell.
+    gravity_m_per_s2 : float
+        [m/s^2]
+    speed_repeatability : float or None
+        Relative standard deviation of the impact speed from shot to shot. [1]
+    rejected : tuple of Rejected
+        Shots that were refused on the way in.
+    """
+
+    shots: tuple[Shot, ...]
+    spheres: dict[str, Sphere] = field(default_factory=dict)
+    surfaces: dict[str, Surface] = field(default_factory=dict)
+    sensor: Sensor = field(default_factory=Sensor)
+    gravity_m_per_s2: float = 9.80665
+    speed_repeatability: float | None = None
+    rejected: tuple[Rejected, ...] = ()

@@ -1,0 +1,1 @@
+"""The effect library: one file per effect."""

@@ -1,0 +1,1 @@
+"""Joint fits: shared parameters, per-shot nuisances, outcome as a value."""

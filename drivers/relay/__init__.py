@@ -1,0 +1,1 @@
+"""Vacuum valves behind serial relay boards."""

@@ -1,0 +1,81 @@
+"""What the daemon may rely on from any vacuum valve, real or simulated.
+
+Relay off = vacuum on = sphere held: the state a dead host leaves behind should be the safe one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+
+@dataclass(frozen=True)
+class ValveReport:
+    """What a command did, as far as the board lets us know.
+
+    Attributes
+    ----------
+    vacuum_on : bool
+        The state that was commanded.
+    confirmed : bool
+        Whether the board read back that state. LCUS-1 boards never can.
+    sent_monotonic_ns : int
+        Host clock when the command's last byte had been handed over. [ns]
+    garbage : bytes
+        Bytes that were tolerated and belong to no reply.
+    """
+
+    vacuum_on: bool
+    confirmed: bool
+    sent_monotonic_ns: int
+    garbage: bytes = b""
+
+
+@dataclass(frozen=True)
+class VacuumReading:
+    """The vacuum gauge.
+
+    Attributes
+    ----------
+    code : int
+        The board's converter code. [1]
+    volts : float
+        ``code`` times the calibrated volts per code. [V]
+    held : bool
+        Whether a sphere closes the tube, by the calibrated threshold.
+    """
+
+    code: int
+    volts: float
+    held: bool
+
+
+@runtime_checkable
+class Valve(Protocol):
+    """A valve that holds a sphere by vacuum and lets it go."""
+
+    @property
+    def identity(self) -> str:
+        """Return the board's own words about itself."""
+
+    @property
+    def can_confirm(self) -> bool:
+        """Whether commands are read back."""
+
+    def ensure_ready(self) -> None:
+        """Open the port exclusively and put the valve in its safe state."""
+
+    def hold(self) -> ValveReport:
+        """Switch the vacuum on."""
+
+    def release(self) -> ValveReport:
+        """Break the vacuum: the sphere falls."""
+
+    def vacuum(self) -> VacuumReading | None:
+        """Return the gauge, ``None`` where the board has none."""
+
+    def ensure_safe(self) -> None:
+        """Vacuum on by whatever still works; safe to call at any time, from any thread."""
+
+    def close(self) -> None:
+        """Make safe, then give the port back."""

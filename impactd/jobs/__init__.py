@@ -1,0 +1,1 @@
+"""Fits outside the API process: the queue, the worker, its limits."""

@@ -1,0 +1,1 @@
+"""Shot files, the index over them, and campaign folders."""
