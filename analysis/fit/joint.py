@@ -1,0 +1,306 @@
+"""Levenberg-Marquardt on a campaign: few shared parameters, four nuisances a shot.
+
+The normal equations have the arrow structure of bundle adjustment. Each shot's nuisances (speed,
+restitution, touch-down, baseline) are eliminated by a Schur complement inside the shot, so cost and
+memory grow linearly with the number of shots and no shot's Jacobian is kept.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
+from analysis.model.impact_model import NUISANCE, ImpactModel
+
+MAX_ITERATIONS = 60
+STEP_TOLERANCE = 2e-3
+"""Converged when no parameter moves by more than this share of its standard uncertainty."""
+COST_TOLERANCE = 1e-9
+
+Array = NDArray[np.float64]
+N = len(NUISANCE)
+
+
+@dataclass(frozen=True)
+class ShotBlock:
+    """The normal equations of one shot at one point, nuisances last.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (s + 4, s + 4)
+        Whitened J^T J, knowledge of the nuisances included.
+    vector : ndarray, shape (s + 4,)
+        Whitened -J^T r.
+    chain : ndarray, shape (s, g)
+        Shared local parameters by the globals.
+    chi2 : float
+        Whitened squares of the samples alone.
+    cost : float
+        Whitened squares with the nuisances' priors.
+    """
+
+    matrix: Array
+    vector: Array
+    chain: Array
+    chi2: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """Where the iteration ended.
+
+    Attributes
+    ----------
+    theta : ndarray, shape (g,)
+        Globals.
+    nuisances : ndarray, shape (shots, 4)
+        Per shot.
+    blocks : list of ShotBlock
+        At the end point.
+    covariance : ndarray, shape (g, g)
+        Of the globals, noise as estimated, nuisances marginalised.
+    cost : float
+        Sum of whitened squares and priors.
+    iterations : int
+        Accepted and rejected steps.
+    converged : bool
+        Whether the tolerance was met.
+    """
+
+    theta: Array
+    nuisances: Array
+    blocks: list[ShotBlock]
+    covariance: Array
+    cost: float
+    iterations: int
+    converged: bool
+
+
+def _prior_rows(
+    model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
+) -> tuple[list[float], list[Array]]:
+    """Return residuals and gradients of what is known of this shot's nuisances."""
+    residuals, rows = [], []
+    at_speed, at_e = len(model.shared), len(model.shared) + 1
+    if item.speed_prior is not None:
+        row = np.zeros(local.size)
+        row[at_speed] = 1 / item.speed_prior.u
+        residuals.append((local[at_speed] - item.speed_prior.mean) / item.speed_prior.u)
+        rows.append(row)
+    known = item.shot.restitution
+    if known is not None and known.u > 0:
+        residuals.append((rebound - known.value) / known.u)
+        rows.append(gradient / known.u)
+    else:
+        row = np.zeros(local.size)
+        row[at_e] = 1 / UNKNOWN_LOG_U
+        residuals.append(local[at_e] / UNKNOWN_LOG_U)
+        rows.append(row)
+    return residuals, rows
+
+
+def linearise_shot(
+    problem: JointProblem, item: FitShot, theta: Array, nuisance: Array
+) -> ShotBlock | None:
+    """Return one shot's normal equations, None where the model cannot be evaluated.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Model and mapping.
+    item : FitShot
+        The shot.
+    theta : ndarray, shape (g,)
+        Globals.
+    nuisance : ndarray, shape (4,)
+        The shot's own.
+
+    Returns
+    -------
+    ShotBlock or None
+        None when the contact did not end.
+    """
+    shared, chain = problem.shared_local(item, theta)
+    local = np.concatenate([shared, nuisance])
+    found, jacobian, gradient = problem.model.linearise(local, item.frame)
+    if not math.isfinite(found.rebound_ratio) or not np.isfinite(jacobian[-1]).all():
+        return None
+    r = item.noise.whiten(found.signal - item.window.signal)
+    white = item.noise.whiten(jacobian)
+    extra, rows = _prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
+    chi2 = float(r @ r)
+    matrix = white.T @ white
+    vector = -(white.T @ r)
+    for residual, row in zip(extra, rows, strict=True):
+        matrix += np.outer(row, row)
+        vector -= residual * row
+    return ShotBlock(matrix, vector, chain, chi2, chi2 + sum(x * x for x in extra))
+
+
+def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:
+    """Return one shot's whitened squares with its priors; infinite where there is no trace."""
+    shared, _ = problem.shared_local(item, theta)
+    local = np.concatenate([shared, nuisance])
+    found = problem.model.predict(local, item.frame)
+    if not math.isfinite(found.rebound_ratio):
+        return math.inf
+    r = item.noise.whiten(found.signal - item.window.signal)
+    extra, _ = _prior_rows(
+        problem.model, item, local, found.rebound_ratio, np.zeros(local.size)
+    )
+    return float(r @ r) + sum(x * x for x in extra)
+
+
+@dataclass(frozen=True)
+class _Schur:
+    """One shot with its nuisances eliminated."""
+
+    matrix: Array
+    vector: Array
+    back: Array
+    own: Array
+
+
+def _eliminate(block: ShotBlock, damping: float) -> _Schur:
+    s = block.chain.shape[0]
+    inner = block.matrix[s:, s:].copy()
+    inner[np.diag_indices(N)] *= 1 + damping
+    cross = block.matrix[:s, s:]
+    own = np.linalg.solve(inner, block.vector[s:])
+    back = np.linalg.solve(inner, cross.T)
+    return _Schur(
+        block.chain.T @ (block.matrix[:s, :s] - cross @ back) @ block.chain,
+        block.chain.T @ (block.vector[:s] - cross @ own),
+        back @ block.chain,
+        own,
+    )
+
+
+def _gather(
+    problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array, damping: float
+) -> tuple[Array, Array, list[_Schur]]:
+    matrix = problem.prior_precision.copy()
+    vector = -problem.prior_precision @ (theta - problem.prior_mean)
+    parts = [_eliminate(b, damping) for b in blocks]
+    for part in parts:
+        matrix += part.matrix
+        vector += part.vector
+    return matrix, vector, parts
+
+
+def _prior_cost(problem: JointProblem, theta: Array) -> float:
+    d = theta - problem.prior_mean
+    return float(d @ problem.prior_precision @ d)
+
+
+def _linearise_all(problem: JointProblem, theta: Array, nuisances: Array) -> list[ShotBlock] | None:
+    blocks = []
+    for item, nuisance in zip(problem.shots, nuisances, strict=True):
+        block = linearise_shot(problem, item, theta, nuisance)
+        if block is None:
+            return None
+        blocks.append(block)
+    return blocks
+
+
+def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_above: float) -> float:
+    """Return the cost, or infinity as soon as it passes ``stop_above``."""
+    cost = _prior_cost(problem, theta)
+    for item, nuisance in zip(problem.shots, nuisances, strict=True):
+        cost += shot_cost(problem, item, theta, nuisance)
+        if not cost <= stop_above:
+            return math.inf
+    return cost
+
+
+def fit(
+    problem: JointProblem,
+    nuisances: Array,
+    *,
+    theta: Array | None = None,
+    max_iterations: int = MAX_ITERATIONS,
+    progress: Callable[[str, float], None] | None = None,
+) -> Fitted:
+    """Return the most probable parameters of a campaign.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Prepared by ``analysis.fit.start.prepare``.
+    nuisances : ndarray, shape (shots, 4)
+        Where the shots' nuisances start.
+    theta : ndarray, shape (g,), optional
+        Where the globals start; by default ``problem.start``.
+    max_iterations : int
+        Steps before giving up; giving up is an outcome, not an error.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    Fitted
+        End point, whether converged or not.
+    """
+    theta = (problem.start if theta is None else theta).copy()
+    nuisances = nuisances.copy()
+    blocks = _linearise_all(problem, theta, nuisances)
+    damping, converged, iteration = 1e-3, blocks is None, 0
+    if blocks is None:
+        return Fitted(theta, nuisances, [], np.full((theta.size,) * 2, np.nan), math.inf, 0, False)
+    cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
+    while not converged and iteration < max_iterations:
+        iteration += 1
+        matrix, vector, parts = _gather(problem, blocks, theta, damping)
+        damped = matrix.copy()
+        damped[np.diag_indices_from(damped)] *= 1 + damping
+        step = np.linalg.solve(damped, vector)
+        own = np.array([p.own - p.back @ step for p in parts])
+        new_cost = _total_cost(problem, theta + step, nuisances + own, cost)
+        if new_cost <= cost:
+            moved = np.abs(step) * np.sqrt(np.diag(matrix))
+            theta, nuisances = theta + step, nuisances + own
+            next_blocks = _linearise_all(problem, theta, nuisances)
+            assert next_blocks is not None  # its cost was finite
+            blocks = next_blocks
+            small = cost - new_cost <= COST_TOLERANCE * max(cost, 1.0)
+            converged = bool(moved.max() < STEP_TOLERANCE) or (small and damping < 1e-2)
+            cost, damping = new_cost, max(damping / 10, 1e-12)
+        else:
+            damping = max(damping * 10, 1e-6)
+            # no downhill step left at any length: this is the minimum to rounding
+            converged = damping > 1e10
+        if progress is not None:
+            progress("joint fit", min(0.95, iteration / 12))
+    matrix, _, _ = _gather(problem, blocks, theta, 0.0)
+    covariance = np.linalg.inv(matrix)
+    return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
+
+
+def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:
+    """Return the covariance of one shot's nuisances, globals' uncertainty included.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    fitted : Fitted
+        Its solution.
+    row : int
+        Which shot.
+
+    Returns
+    -------
+    ndarray, shape (4, 4)
+        In the order of ``NUISANCE``.
+    """
+    block = fitted.blocks[row]
+    s = block.chain.shape[0]
+    inner = np.linalg.inv(block.matrix[s:, s:])
+    back = inner @ block.matrix[s:, :s] @ block.chain
+    return np.asarray(inner + back @ fitted.covariance @ back.T)

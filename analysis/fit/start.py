@@ -1,0 +1,230 @@
+"""Starting values from the records themselves, so that a fit needs no luck.
+
+Each shot is compared with traces of graded contact times; the best one gives K and, where the gain
+is known, the speed. No derivative is taken here, so a start can be decades off and still be found.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
+from analysis.model import solver
+from analysis.model.hertz import CONTACT_TIME_FACTOR, damping_coefficient
+
+START_RESTITUTION = 0.75
+CONTACT_TIMES = 40
+FREQUENCIES = 14
+DAMPING_RATIOS = (0.02, 0.07, 0.25)
+HEAVIEST_SENSOR_SEARCH = 3
+"""How many shots are looked at when nothing is known of the cell's ring."""
+
+
+def _stiffness_for(duration_s: float, mass_kg: float, speed: float) -> float:
+    """Return the K whose loss-free contact lasts so long."""
+    return 1.25 * mass_kg * speed**2 / (duration_s * speed / CONTACT_TIME_FACTOR) ** 2.5
+
+
+def _shape(
+    item: FitShot, kind: int, duration_s: float, speed: float, omega0: float, zeta: float, e: float
+) -> NDArray[np.float64]:
+    """Return a trace at unit gain that starts at its first sample."""
+    out = np.zeros(item.frame.samples)
+    mass = item.frame.mass_kg
+    crystal = 1e3 * mass
+    k = crystal * omega0**2
+    solver.integrate(
+        out, kind, 0.0, 1.0 / item.frame.sample_rate_hz, _stiffness_for(duration_s, mass, speed),
+        mass, speed, damping_coefficient(e), item.frame.gravity_m_per_s2, crystal, k,
+        2 * zeta * crystal * omega0, k if kind == solver.KV else 1.0,
+        solver.contact_steps(omega0 if kind == solver.KV else 0.0, duration_s),
+    )
+    return out
+
+
+def _mismatch(item: FitShot, shape: NDArray[np.float64]) -> tuple[float, float, int]:
+    """Return (squared error, amplitude, shift) of a shape laid on the record, peak on peak."""
+    y = item.window.signal - item.window.baseline
+    n = y.size
+    best = (math.inf, 0.0, 0)
+    peak = int(np.argmax(shape))
+    for shift in range(item.window.peak_index - peak - 2, item.window.peak_index - peak + 3):
+        if shift < 0 or shift >= n:
+            continue
+        moved = shape[: n - shift]
+        power = float(moved @ moved)
+        if power == 0.0:
+            continue
+        amplitude = float(moved @ y[shift:]) / power
+        error = float(y @ y) - amplitude**2 * power
+        if amplitude > 0 and error < best[0]:
+            best = (error, amplitude, shift)
+    return best
+
+
+def _scan(
+    item: FitShot, kind: int, speed: float, omega0: float, zeta: float, e: float
+) -> tuple[float, float, float, int]:
+    """Return (error, contact time, amplitude, shift) of the best contact time."""
+    dt = 1.0 / item.frame.sample_rate_hz
+    times = np.geomspace(max(2.0 * dt, item.window.width_s / 8), 1.6 * item.window.width_s,
+                         CONTACT_TIMES)
+    best = (math.inf, times[-1], 1.0, 0)
+    for duration in times:
+        error, amplitude, shift = _mismatch(
+            item, _shape(item, kind, float(duration), speed, omega0, zeta, e))
+        if error < best[0]:
+            best = (error, float(duration), amplitude, shift)
+    return best
+
+
+def _restitution(item: FitShot) -> float:
+    known = item.shot.restitution
+    return known.value if known is not None and 0 < known.value < 1 else START_RESTITUTION
+
+
+def _ring_start(problem: JointProblem) -> tuple[float, float]:
+    """Return (omega0, zeta) from the cell's certificate, else from the records."""
+    sensor = problem.campaign.sensor
+    mass, stiffness = sensor.crystal_mass_kg, sensor.crystal_stiffness_n_per_m
+    damping = sensor.crystal_damping_n_s_per_m
+    if mass and stiffness:
+        zeta = 0.07
+        if damping:
+            zeta = damping.value / (2 * math.sqrt(stiffness.value * mass.value))
+        return math.sqrt(stiffness.value / mass.value), zeta
+    item_list = problem.shots[:: max(1, len(problem.shots) // HEAVIEST_SENSOR_SEARCH)]
+    item_list = item_list[:HEAVIEST_SENSOR_SEARCH]
+    best = (math.inf, 1.0, 0.1)
+    rate = item_list[0].frame.sample_rate_hz
+    width = float(np.median([i.window.width_s for i in item_list]))
+    for omega0 in 2 * math.pi * np.geomspace(0.3 / width, min(0.4 * rate, 30 / width), FREQUENCIES):
+        for zeta in DAMPING_RATIOS:
+            error = sum(
+                _scan(i, solver.KV, _speed(i), float(omega0), zeta, _restitution(i))[0]
+                for i in item_list
+            )
+            if error < best[0]:
+                best = (error, float(omega0), zeta)
+    return best[1], best[2]
+
+
+def _speed(item: FitShot) -> float:
+    return math.exp(item.speed_prior.mean) if item.speed_prior else 1.0
+
+
+def prepare(problem: JointProblem) -> NDArray[np.float64]:
+    """Fill in the problem's start and priors, and return the shots' nuisances to start from.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        As ``build`` returned it; ``start``, ``prior_mean`` and ``prior_precision`` are completed.
+
+    Returns
+    -------
+    ndarray, shape (shots, 4)
+        ln v0, ln e, t0 [us], baseline per shot.
+    """
+    kind = problem.model.kind
+    omega0, zeta = _ring_start(problem) if kind == solver.KV else (1.0, 0.1)
+    nuisances = np.empty((len(problem.shots), 4))
+    stiffness = np.empty(len(problem.shots))
+    log_gain = np.empty(len(problem.shots))
+    known_gain = _known_gain(problem)
+    for row, item in enumerate(problem.shots):
+        speed, e = _speed(item), _restitution(item)
+        _, duration, amplitude, shift = _scan(item, kind, speed, omega0, zeta, e)
+        gain = item.fixed_gain if item.fixed_gain is not None else known_gain
+        if item.speed_prior is None and gain is not None:
+            # at a given contact time the force goes like the speed
+            speed *= amplitude * math.exp(gain)
+        log_gain[row] = -math.log(amplitude)
+        stiffness[row] = math.log(_stiffness_for(duration, item.frame.mass_kg, speed))
+        t0_us = shift / item.frame.sample_rate_hz * 1e6
+        nuisances[row] = math.log(speed), math.log(e), t0_us, item.window.baseline
+    _complete(problem, stiffness, log_gain, omega0, zeta)
+    return nuisances
+
+
+def _known_gain(problem: JointProblem) -> float | None:
+    j = problem.index("sensor.ln_S")
+    if j is None or problem.prior_precision[j, j] <= 0:
+        return None
+    sensor = problem.campaign.sensor
+    if problem.model.kind == solver.HSD:
+        return math.log(sensor.hsd_n_per_v.value) if sensor.hsd_n_per_v else None
+    if sensor.compliance_m_per_v and sensor.crystal_stiffness_n_per_m:
+        return math.log(sensor.compliance_m_per_v.value * sensor.crystal_stiffness_n_per_m.value)
+    return None
+
+
+def _complete(
+    problem: JointProblem,
+    stiffness: NDArray[np.float64],
+    log_gain: NDArray[np.float64],
+    omega0: float,
+    zeta: float,
+) -> None:
+    """Turn per-shot values into globals, then give every unknown a prior that says nothing."""
+    sensor = problem.campaign.sensor
+    start = np.zeros(len(problem.names))
+    free_gain = [g for g, s in zip(log_gain, problem.shots, strict=True) if s.fixed_gain is None]
+    mass = max(s.frame.mass_kg for s in problem.shots)
+    crystal = sensor.crystal_mass_kg.value if sensor.crystal_mass_kg else 100.0 * mass
+    if sensor.crystal_mass_kg is None and sensor.crystal_stiffness_n_per_m is not None:
+        crystal = sensor.crystal_stiffness_n_per_m.value / omega0**2
+    known_gain = _known_gain(problem)
+    cell = {
+        "sensor.ln_S": known_gain if known_gain is not None else
+        float(np.median(free_gain)) if free_gain else 0.0,
+        "sensor.ln_w": math.log(omega0),
+        "sensor.ln_z": math.log(zeta),
+        "sensor.ln_M": math.log(crystal),
+    }
+    for j, name in enumerate(problem.names):
+        if name in cell:
+            start[j] = cell[name]
+        elif name.startswith("pair."):
+            rows = [i for i, s in enumerate(problem.shots) if f"pair.{s.pair}" == name]
+            start[j] = float(np.median(stiffness[rows]))
+    _start_moduli(problem, stiffness, start)
+    information = problem.prior_mean
+    weak = np.diag(problem.prior_precision) <= 0
+    problem.prior_precision[weak, weak] = UNKNOWN_LOG_U**-2
+    information = information + np.where(weak, start * UNKNOWN_LOG_U**-2, 0.0)
+    problem.prior_mean = np.linalg.solve(
+        problem.prior_precision + 1e-12 * np.eye(start.size), information
+    )
+    problem.start = start
+
+
+def _start_moduli(
+    problem: JointProblem, stiffness: NDArray[np.float64], start: NDArray[np.float64]
+) -> None:
+    """Give every modulus its prior mean, or what the pairs leave for it."""
+    inverse: dict[str, float] = {}
+    for j, name in enumerate(problem.names):
+        known = name.startswith(("sphere.", "surface.")) and problem.prior_precision[j, j] > 0
+        if known:
+            inverse[name] = math.exp(-problem.prior_mean[j] / problem.prior_precision[j, j])
+    unknown = [n for n in problem.names
+               if n.startswith(("sphere.", "surface.")) and n not in inverse]
+    for _ in range(2):  # the second round uses what the first one found
+        for name in unknown:
+            left = []
+            for item, log_k in zip(problem.shots, stiffness, strict=True):
+                keys = problem.material_keys(item)
+                if keys is None or name not in keys or item.radius_m is None:
+                    continue
+                total = 4 / 3 * math.sqrt(item.radius_m) / math.exp(log_k)
+                other = keys[0] if keys[1] == name else keys[1]
+                rest = inverse.get(other, 0.5 * total)
+                left.append(max(total - rest, 0.1 * total))
+            inverse[name] = float(np.median(left))
+    for j, name in enumerate(problem.names):
+        if name in inverse:
+            start[j] = -math.log(inverse[name])

@@ -1,0 +1,183 @@
+"""Hertz contact of a sphere on a flat: moduli, stiffness, damping, time scales.
+
+Equation numbers are those of Maranzano & Hancock 2016 [1]_ unless another source is named.
+
+References
+----------
+.. [1] B. J. Maranzano, B. C. Hancock, Sensing and Bio-Sensing Research 7 (2016) 31-37.
+.. [2] K. L. Johnson, Contact Mechanics (1985), ch. 4 and 11.4.
+.. [3] D. Antypov, J. A. Elliott, EPL 94 (2011) 50004.
+"""
+
+from __future__ import annotations
+
+import math
+
+from analysis.errors import ParameterOutOfRangeError
+
+CONTACT_TIME_FACTOR = 2.943275
+"""Elastic contact time over ``delta_max / v0``: 2 * integral of dx / sqrt(1 - x^(5/2)) on [0, 1]."""
+
+
+def plane_strain_modulus(youngs_modulus_pa: float, poissons_ratio: float) -> float:
+    r"""Return the plane-strain modulus of one material.
+
+    .. math:: E' = E / (1 - \nu^2)
+
+    Parameters
+    ----------
+    youngs_modulus_pa : float
+        Young's modulus, > 0. [Pa]
+    poissons_ratio : float
+        Poisson's ratio, -1 < nu < 0.5 (0.5 allowed). [1]
+
+    Returns
+    -------
+    float
+        Plane-strain modulus. [Pa]
+
+    Raises
+    ------
+    ParameterOutOfRangeError
+        If the modulus is not positive or the ratio is outside [-1, 0.5].
+
+    Notes
+    -----
+    Source: [2]_. Validation: ``tests/analysis/model/test_hertz.py``.
+    """
+    if not youngs_modulus_pa > 0:
+        raise ParameterOutOfRangeError("youngs_modulus_pa", youngs_modulus_pa, "positive")
+    if not -1 < poissons_ratio <= 0.5:
+        raise ParameterOutOfRangeError("poissons_ratio", poissons_ratio, "between -1 and 0.5")
+    return youngs_modulus_pa / (1 - poissons_ratio**2)
+
+
+def reduced_modulus(sphere_plane_strain_pa: float, surface_plane_strain_pa: float) -> float:
+    r"""Return the one modulus that a contact knows.
+
+    .. math:: 1/E^* = 1/E'_1 + 1/E'_2
+
+    Parameters
+    ----------
+    sphere_plane_strain_pa, surface_plane_strain_pa : float
+        Plane-strain moduli, > 0. [Pa]
+
+    Returns
+    -------
+    float
+        Reduced modulus. [Pa]
+
+    Notes
+    -----
+    Source: the bracket of Eq. 4 of [1]_.
+    """
+    return 1.0 / (1.0 / sphere_plane_strain_pa + 1.0 / surface_plane_strain_pa)
+
+
+def contact_stiffness(reduced_modulus_pa: float, radius_m: float) -> float:
+    r"""Return Hertz's stiffness.
+
+    .. math:: K = \tfrac43 \sqrt{R}\, E^*
+
+    Parameters
+    ----------
+    reduced_modulus_pa : float
+        Reduced modulus, > 0. [Pa]
+    radius_m : float
+        Sphere radius, > 0. [m]
+
+    Returns
+    -------
+    float
+        K of ``F_el = K delta^(3/2)``. [N m^-1.5]
+
+    Notes
+    -----
+    Source: Eq. 4 of [1]_.
+    """
+    if not radius_m > 0:
+        raise ParameterOutOfRangeError("radius_m", radius_m, "positive")
+    return 4.0 / 3.0 * math.sqrt(radius_m) * reduced_modulus_pa
+
+
+def damping_coefficient(restitution: float) -> float:
+    r"""Return the dashpot coefficient that gives a rigid-cell contact this restitution.
+
+    .. math:: \alpha = -\sqrt5 \ln\epsilon / \sqrt{\ln^2\epsilon + \pi^2}
+
+    Parameters
+    ----------
+    restitution : float
+        Rebound over impact rate of indentation, 0 < eps; above 1 the contact would gain energy,
+        which a noisy fit may pass through and a result must not keep. [1]
+
+    Returns
+    -------
+    float
+        alpha of ``F_dis = alpha sqrt(m K) delta^(1/4) delta'``. [1]
+
+    Raises
+    ------
+    ParameterOutOfRangeError
+        If ``restitution`` is not positive.
+
+    Notes
+    -----
+    Source: Eq. 5 of [1]_, derived in [3]_. Validation: integrating HSD with it returns eps.
+    """
+    if not restitution > 0:
+        raise ParameterOutOfRangeError("restitution", restitution, "positive")
+    log = math.log(restitution)
+    return -math.sqrt(5) * log / math.hypot(log, math.pi)
+
+
+def contact_time(stiffness: float, mass_kg: float, speed_m_per_s: float) -> float:
+    r"""Return the duration of a loss-free Hertz contact on a rigid cell.
+
+    .. math:: t_c = 2.9433\, \delta_{max}/v_0, \quad \delta_{max} = (5 m v_0^2 / 4K)^{2/5}
+
+    Parameters
+    ----------
+    stiffness : float
+        K. [N m^-1.5]
+    mass_kg : float
+        Sphere mass, > 0. [kg]
+    speed_m_per_s : float
+        Impact speed, > 0. [m/s]
+
+    Returns
+    -------
+    float
+        Contact time. [s]
+
+    Notes
+    -----
+    Source: [2]_, Eq. 11.24. Validation: against the integrated model in the limit eps = 1.
+    """
+    return CONTACT_TIME_FACTOR * (1.25 * mass_kg * speed_m_per_s**2 / stiffness) ** 0.4 / (
+        speed_m_per_s
+    )
+
+
+def peak_force(stiffness: float, mass_kg: float, speed_m_per_s: float) -> float:
+    """Return the largest force of a loss-free Hertz contact on a rigid cell. [N]
+
+    Parameters
+    ----------
+    stiffness : float
+        K. [N m^-1.5]
+    mass_kg : float
+        Sphere mass, > 0. [kg]
+    speed_m_per_s : float
+        Impact speed, > 0. [m/s]
+
+    Returns
+    -------
+    float
+        ``K delta_max^(3/2)``. [N]
+
+    Notes
+    -----
+    Source: energy balance, ``2/5 K delta_max^(5/2) = m v0^2 / 2``.
+    """
+    return float(stiffness * (1.25 * mass_kg * speed_m_per_s**2 / stiffness) ** 0.6)
