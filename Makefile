@@ -1,0 +1,76 @@
+# One place for every command. `make` alone lists them.
+#
+# Nothing but Python 3.11 or newer (with its venv module) is needed: each target builds what it
+# uses in .venv. `make demo` installs the run-time packages only; the others add the tools.
+
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+
+PYTHON ?= $(shell command -v python3.11 || command -v python3.12 || command -v python3.13 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+RUNTIME := $(VENV)/.runtime-installed
+TOOLS := $(VENV)/.tools-installed
+PACKAGES := impactd drivers analysis
+PIP := $(BIN)/python -m pip --disable-pip-version-check --quiet --no-input
+
+# How the recipes below call things; give your own on the command line, e.g. `make demo ARGS="--seed 7"`.
+ARGS ?=
+WORKERS ?= 2
+
+.PHONY: help demo serve bench check test test-faults lint types contracts docstrings units clean
+
+help:  ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
+
+$(BIN)/python:
+	@if [ -z "$(PYTHON)" ] || ! "$(PYTHON)" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then \
+	  echo "impactd needs Python 3.11 or newer; found: $(or $(PYTHON),none). Name one: make PYTHON=/path/to/python3.11" >&2; exit 1; fi
+	@"$(PYTHON)" -m venv $(VENV) || { rm -rf $(VENV); \
+	  echo "$(PYTHON) cannot make a virtual environment; on Debian: apt install python3.11-venv" >&2; exit 1; }
+
+$(RUNTIME): pyproject.toml | $(BIN)/python
+	@echo "Installing the run-time packages into $(VENV) ..."
+	@$(PIP) install --editable .
+	@touch $@
+
+$(TOOLS): pyproject.toml | $(BIN)/python
+	@echo "Installing the run-time packages and the tools into $(VENV) ..."
+	@$(PIP) install --editable '.[dev]'
+	@touch $(RUNTIME) $@
+
+demo: $(RUNTIME)  ## the main job in one go on the simulated rig (ARGS="--seed 7 --out DIR")
+	@$(BIN)/impactd demo $(ARGS)
+
+serve: $(RUNTIME)  ## the daemon on the simulated rig, http://127.0.0.1:8642
+	@$(BIN)/impactd serve --config config/simulated.toml --data impactd-data $(ARGS)
+
+bench: $(TOOLS)  ## every benchmark, each as a ratio measured in the same run
+	@$(BIN)/impactd bench $(ARGS)
+
+lint: $(TOOLS)
+	@$(BIN)/ruff check --quiet .
+
+types: $(TOOLS)
+	@$(BIN)/mypy --no-error-summary
+
+contracts: $(TOOLS)
+	@$(BIN)/lint-imports >$(VENV)/contracts.txt || { cat $(VENV)/contracts.txt; exit 1; }
+
+docstrings: $(TOOLS)
+	@git ls-files -co --exclude-standard -- $(PACKAGES:%='%/*.py') | xargs -r $(BIN)/numpydoc lint
+
+units:
+	@systemd/check
+
+check: lint types contracts docstrings units  ## ruff, mypy, import contracts, docstrings, systemd units
+
+test: check  ## `make check`, then the tests with warnings as errors
+	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ARGS)
+
+test-faults: $(TOOLS)  ## the tests that inject faults or run for tens of seconds
+	@$(BIN)/pytest -m slow $(ARGS)
+
+clean:  ## remove the virtual environment and every cache
+	@rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
