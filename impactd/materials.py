@@ -1,0 +1,222 @@
+"""Spheres and surfaces a rig knows, from ``config/materials.toml``."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from analysis.campaign import Quantity, Sphere, Surface
+from impactd.settings import SettingsError, SettingsFinding
+
+
+class UnknownMaterialError(Exception):
+    """A sphere or surface is not in the materials file.
+
+    Parameters
+    ----------
+    role : str
+        ``sphere`` or ``surface``.
+    name : str
+        What was asked for.
+    known : tuple of str
+        What there is.
+    """
+
+    def __init__(self, role: str, name: str, known: tuple[str, ...]) -> None:
+        self.role = role
+        self.name = name
+        self.known = known
+        close = difflib.get_close_matches(name, known, n=1)
+        hint = f" Did you mean {close[0]!r}?" if close else ""
+        super().__init__(
+            f"There is no {role} called {name!r}.{hint} Known: {', '.join(known)}. "
+            "Others are added to the materials file."
+        )
+
+
+@dataclass(frozen=True)
+class Materials:
+    """What a drop may name.
+
+    Attributes
+    ----------
+    spheres : dict of str to Sphere
+        By name.
+    surfaces : dict of str to Surface
+        By name.
+    reference_spheres, reference_surfaces : frozenset of str
+        Those whose modulus counts as known: calibrations may rest on them.
+    """
+
+    spheres: dict[str, Sphere]
+    surfaces: dict[str, Surface]
+    reference_spheres: frozenset[str] = field(default=frozenset())
+    reference_surfaces: frozenset[str] = field(default=frozenset())
+
+    def check(self, sphere: str, surface: str) -> None:
+        """Raise `UnknownMaterialError` unless both are known.
+
+        Parameters
+        ----------
+        sphere, surface : str
+            Names a request gave.
+
+        Raises
+        ------
+        UnknownMaterialError
+            If one is not in the file.
+        """
+        if sphere not in self.spheres:
+            raise UnknownMaterialError("sphere", sphere, tuple(self.spheres))
+        if surface not in self.surfaces:
+            raise UnknownMaterialError("surface", surface, tuple(self.surfaces))
+
+    def why_no_reference(self, role: str, name: str) -> str | None:
+        """Return why a material cannot carry a calibration, ``None`` when it can.
+
+        Parameters
+        ----------
+        role : str
+            ``sphere`` or ``surface``.
+        name : str
+            The material's name.
+
+        Returns
+        -------
+        str or None
+            The reason, ready for a message.
+        """
+        known: Iterable[str] = self.spheres if role == "sphere" else self.surfaces
+        references = self.reference_spheres if role == "sphere" else self.reference_surfaces
+        if name not in known:
+            return str(UnknownMaterialError(role, name, tuple(known)))
+        if name not in references:
+            return (
+                f"{role} {name!r} is not marked reference = true in the materials file, so its "
+                f"modulus does not count as known; references: {', '.join(sorted(references))}"
+            )
+        return None
+
+
+class _Value(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    value: float = Field(allow_inf_nan=False)
+    u: float = Field(ge=0, allow_inf_nan=False)
+
+    def quantity(self) -> Quantity:
+        return Quantity(self.value, self.u)
+
+
+class _Modulus(_Value):
+    value: float = Field(gt=0, allow_inf_nan=False)
+    u: float = Field(gt=0, allow_inf_nan=False)
+
+
+class _Poisson(_Value):
+    # Thermodynamics allows -1; no material of such a rig is auxetic, and 0.5 is the limit.
+    value: float = Field(gt=0, le=0.5)
+
+
+class _SphereEntry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    radius_m: float = Field(gt=0, le=0.1)
+    mass_kg: float = Field(gt=0, le=1.0)
+    youngs_modulus_pa: _Modulus | None = None
+    poissons_ratio: _Poisson
+    reference: bool = False
+    source: str
+
+
+class _SurfaceEntry(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    youngs_modulus_pa: _Modulus | None = None
+    poissons_ratio: _Poisson
+    coupon_mass_kg: float | None = Field(default=None, gt=0, le=10.0)
+    coupon_thickness_m: float | None = Field(default=None, gt=0, le=1.0)
+    reference: bool = False
+    source: str
+
+
+class _MaterialsFile(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    sphere: dict[str, _SphereEntry]
+    surface: dict[str, _SurfaceEntry]
+
+
+def load_materials(file: Path) -> Materials:
+    """Return the spheres and surfaces of a materials file.
+
+    Parameters
+    ----------
+    file : Path
+        TOML with tables ``sphere.NAME`` and ``surface.NAME``, SI units in the key names.
+
+    Returns
+    -------
+    Materials
+        Ready for requests and for the analysis.
+
+    Raises
+    ------
+    SettingsError
+        If the file cannot be read, or a key is unknown, missing or wrong.
+    """
+    try:
+        content = tomllib.loads(file.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(file, "", f"this is not valid TOML: {error}") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError(file, "", f"cannot be read: {error}") from None
+    try:
+        entries = _MaterialsFile.model_validate(content)
+    except ValidationError as error:
+        findings = tuple(
+            SettingsFinding(".".join(map(str, detail["loc"])), f"{detail['msg']}")
+            for detail in error.errors()
+        )
+        raise SettingsError(file, findings[0].path_in_file, findings[0].reason, findings) from None
+    _check_references(entries, file)
+    return Materials(
+        spheres={name: _sphere(name, entry) for name, entry in entries.sphere.items()},
+        surfaces={name: _surface(name, entry) for name, entry in entries.surface.items()},
+        reference_spheres=frozenset(n for n, e in entries.sphere.items() if e.reference),
+        reference_surfaces=frozenset(n for n, e in entries.surface.items() if e.reference),
+    )
+
+
+def _check_references(entries: _MaterialsFile, file: Path) -> None:
+    for table, members in (("sphere", entries.sphere), ("surface", entries.surface)):
+        for name, entry in members.items():
+            if entry.reference and entry.youngs_modulus_pa is None:
+                raise SettingsError(
+                    file,
+                    f"{table}.{name}.reference",
+                    "a material without youngs_modulus_pa cannot be a reference",
+                )
+
+
+def _sphere(name: str, entry: _SphereEntry) -> Sphere:
+    modulus = entry.youngs_modulus_pa
+    return Sphere(
+        name=name,
+        radius_m=entry.radius_m,
+        mass_kg=entry.mass_kg,
+        youngs_modulus_pa=modulus.quantity() if modulus else None,
+        poissons_ratio=entry.poissons_ratio.quantity(),
+    )
+
+
+def _surface(name: str, entry: _SurfaceEntry) -> Surface:
+    modulus = entry.youngs_modulus_pa
+    return Surface(
+        name=name,
+        youngs_modulus_pa=modulus.quantity() if modulus else None,
+        poissons_ratio=entry.poissons_ratio.quantity(),
+        coupon_mass_kg=entry.coupon_mass_kg,
+        coupon_thickness_m=entry.coupon_thickness_m,
+    )

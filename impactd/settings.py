@@ -1,0 +1,338 @@
+"""One TOML file, checked whole, before anything moves.
+
+The keys are described in `impactd.settings_sections`; ``config/rig.toml`` documents every one and
+``config/impactd.schema.json`` is generated from them (``python -m impactd.settings``).
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import os
+import sys
+import sysconfig
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, Field, ValidationError, model_validator
+
+from impactd.settings_sections import (
+    CalibrationSection,
+    DigitizerSection,
+    JobsSection,
+    MaterialsSection,
+    PreflightSection,
+    ReleaseSection,
+    RigSection,
+    Section,
+    SensorSection,
+    ServerSection,
+    SimulationSection,
+    StorageSection,
+    TimeoutsSection,
+    TriggerSection,
+    ValveSection,
+)
+
+ENVIRONMENT_KEY = "IMPACTD_CONFIG"
+SYSTEM_FILE = Path("/etc/impactd/impactd.toml")
+
+
+@dataclass(frozen=True)
+class SettingsFinding:
+    """One thing that is wrong with a settings file.
+
+    Attributes
+    ----------
+    path_in_file : str
+        Dotted TOML path, empty for the file as a whole.
+    reason : str
+        What is wrong and what to do.
+    """
+
+    path_in_file: str
+    reason: str
+
+    def __str__(self) -> str:
+        return f"{self.path_in_file}: {self.reason}" if self.path_in_file else self.reason
+
+
+class SettingsError(Exception):
+    """A settings file is missing or must not be used; it lists everything that is wrong.
+
+    Parameters
+    ----------
+    file : Path or None
+        The file, ``None`` when none was found.
+    path_in_file : str
+        Dotted TOML path of the first finding.
+    reason : str
+        Reason of the first finding.
+    findings : tuple of SettingsFinding
+        All findings, the first included.
+    """
+
+    def __init__(
+        self,
+        file: Path | None,
+        path_in_file: str,
+        reason: str,
+        findings: tuple[SettingsFinding, ...] = (),
+    ) -> None:
+        self.file = file
+        self.path_in_file = path_in_file
+        self.reason = reason
+        self.findings = findings or (SettingsFinding(path_in_file, reason),)
+        where = f"{file}: " if file is not None else ""
+        super().__init__(where + "\n  ".join(str(finding) for finding in self.findings))
+
+
+class Settings(Section):
+    """Everything the daemon must be told."""
+
+    rig: RigSection
+    server: ServerSection = Field(default_factory=ServerSection)
+    storage: StorageSection
+    digitizer: DigitizerSection
+    trigger: TriggerSection
+    valve: ValveSection
+    release: ReleaseSection
+    sensor: SensorSection
+    preflight: PreflightSection
+    timeouts: TimeoutsSection = Field(default_factory=TimeoutsSection)
+    jobs: JobsSection = Field(default_factory=JobsSection)
+    calibration: CalibrationSection = Field(default_factory=CalibrationSection)
+    materials: MaterialsSection = Field(default_factory=MaterialsSection)
+    simulation: SimulationSection | None = None
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the rig is the simulated one."""
+        return self.simulation is not None
+
+    def snapshot(self) -> dict[str, Any]:
+        """Return what a shot file keeps of the settings: JSON-ready, without secrets.
+
+        The simulation's section stays out: it would tell the analysis what it is to find out.
+        """
+        kept = self.model_dump(mode="json", exclude={"simulation"})
+        kept["simulated"] = self.simulated
+        return kept
+
+    @model_validator(mode="after")
+    def _parts_fit_together(self) -> Settings:
+        if abs(self.trigger.level_v) >= self.digitizer.range_v:
+            raise ValueError(
+                f"trigger.level_v = {self.trigger.level_v:g} V lies outside the range "
+                f"+/-{self.digitizer.range_v:g} V of the digitizer: it would never be reached"
+            )
+        if self.digitizer.ring_seconds < self.trigger.record_s + 0.5:
+            raise ValueError(
+                f"digitizer.ring_seconds = {self.digitizer.ring_seconds:g} s must be at least "
+                f"trigger.record_s + 0.5 s = {self.trigger.record_s + 0.5:g} s"
+            )
+        if self.simulation is None and not self.valve.port:
+            raise ValueError(
+                "valve.port is missing: name the serial port of the relay board, best its path "
+                "under /dev/serial/by-id"
+            )
+        if self.simulation is not None and self.valve.port:
+            raise ValueError("valve.port must be left out on the simulated rig: it brings its own")
+        return self
+
+
+def load_settings(path: Path | None = None, *, data: Path | None = None) -> Settings:
+    """Return the settings of a file.
+
+    Parameters
+    ----------
+    path : Path or None
+        The TOML file; ``None`` looks at ``$IMPACTD_CONFIG``, then ``/etc/impactd/impactd.toml``.
+    data : Path, optional
+        Folder of the archive, instead of the file's ``storage.directory``.
+
+    Returns
+    -------
+    Settings
+        Checked whole; file names in it are absolute or as the working directory sees them.
+
+    Raises
+    ------
+    SettingsError
+        If no file is found, it cannot be read, a key is unknown, missing or wrong, or the
+        calibration plan names materials that do not exist or are no references.
+    """
+    file = _locate(path)
+    content = _read_toml(file)
+    try:
+        settings = Settings.model_validate(content)
+    except ValidationError as error:
+        findings = tuple(_explain(detail) for detail in error.errors())
+        raise SettingsError(file, findings[0].path_in_file, findings[0].reason, findings) from None
+    settings = _with_absolute_files(settings, file.parent)
+    if data is not None:
+        storage = settings.storage.model_copy(update={"directory": data})
+        settings = settings.model_copy(update={"storage": storage})
+    _check_plan(settings, file)
+    return settings
+
+
+def find_config(name: str) -> Path:
+    """Return a file that came with the program, e.g. ``simulated.toml``.
+
+    Parameters
+    ----------
+    name : str
+        File name inside ``config``.
+
+    Returns
+    -------
+    Path
+        In a checkout beside the packages, else where the wheel put it.
+
+    Raises
+    ------
+    SettingsError
+        If it is in neither place.
+    """
+    places = (
+        Path(__file__).resolve().parent.parent / "config",
+        Path(sys.prefix) / "share" / "impactd" / "config",
+        Path(sysconfig.get_path("data")) / "share" / "impactd" / "config",
+    )
+    for place in places:
+        if (place / name).is_file():
+            return place / name
+    looked = ", ".join(str(place) for place in dict.fromkeys(places))
+    raise SettingsError(None, "", f"{name} is in none of {looked}: reinstall impactd")
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON schema of the settings file, for editors and for people."""
+    schema = Settings.model_json_schema()
+    schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    schema["title"] = "impactd settings"
+    return schema
+
+
+def _locate(path: Path | None) -> Path:
+    if path is None:
+        named = os.environ.get(ENVIRONMENT_KEY)
+        path = Path(named) if named else SYSTEM_FILE
+        if not named and not path.is_file():
+            raise SettingsError(
+                None,
+                "",
+                f"no settings file: give --config FILE or ${ENVIRONMENT_KEY}, or write "
+                f"{SYSTEM_FILE}; a complete rig without hardware is described by "
+                f"{find_config('simulated.toml')}",
+            )
+    return path.expanduser()
+
+
+def _read_toml(file: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(file.read_text(encoding="utf-8"))
+    except tomllib.TOMLDecodeError as error:
+        raise SettingsError(file, "", f"this is not valid TOML: {error}") from None
+    except UnicodeDecodeError as error:
+        raise SettingsError(file, "", f"this is not UTF-8 text: {error.reason}") from None
+    except OSError as error:
+        raise SettingsError(file, "", f"cannot be read: {error.strerror}") from None
+
+
+def _explain(detail: Any) -> SettingsFinding:
+    """Turn one of pydantic's findings into a TOML path and a sentence."""
+    location = tuple(part for part in detail["loc"])
+    path = ".".join(str(part) for part in location)
+    kind = detail["type"]
+    if kind == "extra_forbidden":
+        owner = _model_at(location[:-1])
+        known = list(owner.model_fields) if owner else []
+        close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.6)
+        hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
+        return SettingsFinding(path, f"unknown key; {hint}")
+    if kind == "missing":
+        return SettingsFinding(path, _explain_missing(location))
+    if kind == "value_error":
+        return SettingsFinding(path, str(detail["ctx"]["error"]))
+    return SettingsFinding(path, f"{detail['msg']}, got {detail['input']!r}")
+
+
+def _explain_missing(location: tuple[Any, ...]) -> str:
+    owner = _model_at(location[:-1])
+    field = owner.model_fields.get(str(location[-1])) if owner else None
+    if field is None:
+        return "missing"
+    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
+    meaning = f" ({field.description})" if field.description else ""
+    source = f"; {extra['where']}" if "where" in extra else ""
+    return f"missing{meaning}{source}; it has no default"
+
+
+def _model_at(location: tuple[Any, ...]) -> type[BaseModel] | None:
+    """Return the model that describes the table at a path."""
+    model: type[BaseModel] | None = Settings
+    for part in location:
+        if isinstance(part, int):
+            continue
+        field = model.model_fields.get(str(part)) if model else None
+        model = _model_in(field.annotation) if field else None
+    return model
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in get_args(annotation):
+        found = _model_in(argument)
+        if found is not None:
+            return found
+    return None
+
+
+def _with_absolute_files(settings: Settings, folder: Path) -> Settings:
+    """Resolve the files that are named relative to the settings file."""
+    folder = folder.resolve()
+    digitizer = settings.digitizer.model_copy(
+        update={
+            name: folder / value
+            for name in ("firmware_file", "fpga_file")
+            if (value := getattr(settings.digitizer, name)) is not None
+        }
+    )
+    materials = settings.materials.model_copy(update={"file": folder / settings.materials.file})
+    return settings.model_copy(update={"digitizer": digitizer, "materials": materials})
+
+
+def _check_plan(settings: Settings, file: Path) -> None:
+    # Imported here: materials reports its findings with this module's SettingsError.
+    from impactd.materials import load_materials  # noqa: PLC0415
+
+    materials = load_materials(settings.materials.file)
+    findings = []
+    for index, drops in enumerate(settings.calibration.plan):
+        for role, name in (("sphere", drops.sphere), ("surface", drops.surface)):
+            reason = materials.why_no_reference(role, name)
+            if reason:
+                findings.append(SettingsFinding(f"calibration.plan.{index}.{role}", reason))
+        if (
+            not settings.rig.min_drop_height_m
+            <= drops.drop_height_m
+            <= (settings.rig.max_drop_height_m)
+        ):
+            findings.append(
+                SettingsFinding(
+                    f"calibration.plan.{index}.drop_height_m",
+                    f"{drops.drop_height_m:g} m lies outside the rig's "
+                    f"{settings.rig.min_drop_height_m:g} to {settings.rig.max_drop_height_m:g} m",
+                )
+            )
+    if findings:
+        raise SettingsError(file, findings[0].path_in_file, findings[0].reason, tuple(findings))
+
+
+if __name__ == "__main__":
+    print(json.dumps(json_schema(), indent=1))
