@@ -1,0 +1,185 @@
+"""The table of calibration runs of the load cell, one per slot of the timer."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from dataclasses import dataclass
+from typing import Any
+
+from impactd.storage.errors import IdempotencyConflictError, NotFoundError
+from impactd.storage.index import Index, as_text
+from impactd.storage.moment import utc_now
+from impactd.storage.problem import Problem
+
+_SELECT = (
+    "SELECT calibrations.*, (SELECT json_group_array(number) FROM "
+    "(SELECT number FROM drops WHERE calibration=calibrations.number ORDER BY number)) AS drops "
+    "FROM calibrations "
+)
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A calibration run.
+
+    Attributes
+    ----------
+    number : int
+        [1]
+    slot : str or None
+        The timer slot it belongs to: the same slot never runs twice.
+    plan : list of dict
+        The series: sphere, surface, drop_height_m, repeats.
+    owner : str
+        Who asked for it.
+    state : str
+        ``requested``, ``running``, ``fitting``, ``done`` or ``failed``.
+    drops : tuple of int
+        Numbers of its drops in their order.
+    result : dict or None
+        The joint fit, once done.
+    problem : Problem or None
+        Why it failed.
+    requested_utc : str
+        When it was asked for.
+    finished_utc, valid_until_utc : str or None
+        When it ended and until when it may be used.
+    """
+
+    number: int
+    slot: str | None
+    plan: list[dict[str, Any]]
+    owner: str
+    state: str
+    drops: tuple[int, ...]
+    result: dict[str, Any] | None
+    problem: Problem | None
+    requested_utc: str
+    finished_utc: str | None
+    valid_until_utc: str | None
+
+
+class CalibrationTable:
+    """The table of calibrations.
+
+    Parameters
+    ----------
+    index : Index
+        Where it lives.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+
+    def begin(
+        self, slot: str | None, plan: list[dict[str, Any]], owner: str
+    ) -> tuple[Calibration, bool]:
+        """Open a calibration, durably; a slot that was used before gives the old one.
+
+        Parameters
+        ----------
+        slot : str or None
+            The timer slot or a client's idempotency key.
+        plan : list of dict
+            The series.
+        owner : str
+            Who asks.
+
+        Returns
+        -------
+        tuple of Calibration and bool
+            The calibration, and whether it was created now.
+
+        Raises
+        ------
+        IdempotencyConflictError
+            If the slot was used with another plan.
+        """
+        with self._index.transaction():
+            row = self._index.row(_SELECT + "WHERE slot=?", (slot,)) if slot else None
+            if row is not None:
+                if row["plan"] != as_text(plan):
+                    raise IdempotencyConflictError(str(slot), row["number"])
+                return _calibration_of(row), False
+            number = self._index.write(
+                "INSERT INTO calibrations (slot, plan, owner, state, requested_utc) "
+                "VALUES (?, ?, ?, 'requested', ?)",
+                (slot, as_text(plan), owner, utc_now()),
+            )
+            return self.get(number), True
+
+    def set_state(self, number: int, state: str) -> Calibration:
+        """Move a calibration on (``running``, ``fitting``)."""
+        return self._update(number, "state=?", (state,))
+
+    def attach(self, number: int, drop: int) -> None:
+        """Say that a drop belongs to a calibration; `begin_drop(calibration=...)` does the same."""
+        self._index.write("UPDATE drops SET calibration=? WHERE number=?", (number, drop))
+
+    def finish(self, number: int, result: dict[str, Any], valid_until_utc: str) -> Calibration:
+        """Write the result of a calibration."""
+        return self._update(
+            number,
+            "state='done', result=?, problem=NULL, valid_until_utc=?, finished_utc=?",
+            (as_text(result), valid_until_utc, utc_now()),
+        )
+
+    def fail(self, number: int, problem: Problem) -> Calibration:
+        """Write why a calibration failed."""
+        return self._update(
+            number,
+            "state='failed', problem=?, finished_utc=?",
+            (problem.to_text(), utc_now()),
+        )
+
+    def current(self) -> Calibration | None:
+        """Return the last one that was done, valid or overdue; ``None`` before the first."""
+        row = self._index.row(_SELECT + "WHERE state='done' ORDER BY number DESC LIMIT 1")
+        return None if row is None else _calibration_of(row)
+
+    def get(self, number: int) -> Calibration:
+        """Return one calibration.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        row = self._index.row(_SELECT + "WHERE number=?", (number,))
+        if row is None:
+            raise NotFoundError("calibration", number)
+        return _calibration_of(row)
+
+    def list(self, *, limit: int = 50, before: int | None = None) -> list[Calibration]:
+        """Return calibrations, newest first."""
+        rows = self._index.rows(
+            _SELECT + "WHERE ? IS NULL OR number < ? ORDER BY number DESC LIMIT ?",
+            (before, before, limit),
+        )
+        return [_calibration_of(row) for row in rows]
+
+    def _update(self, number: int, what: str, values: tuple[object, ...]) -> Calibration:
+        with self._index.transaction():
+            self.get(number)
+            self._index.write(
+                f"UPDATE calibrations SET {what} WHERE number=?",  # noqa: S608 - texts of this file
+                (*values, number),
+            )
+            return self.get(number)
+
+
+def _calibration_of(row: sqlite3.Row) -> Calibration:
+    return Calibration(
+        number=row["number"],
+        slot=row["slot"],
+        plan=json.loads(row["plan"]),
+        owner=row["owner"],
+        state=row["state"],
+        drops=tuple(json.loads(row["drops"])),
+        result=None if row["result"] is None else json.loads(row["result"]),
+        problem=Problem.from_text(row["problem"]),
+        requested_utc=row["requested_utc"],
+        finished_utc=row["finished_utc"],
+        valid_until_utc=row["valid_until_utc"],
+    )

@@ -1,0 +1,243 @@
+"""The table of drops: what was asked for, how far it came, and why it failed."""
+
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import dataclass
+
+from impactd.storage.errors import DropStateError, IdempotencyConflictError, NotFoundError
+from impactd.storage.index import Index
+from impactd.storage.moment import utc_now
+from impactd.storage.problem import Problem
+
+ACTIVE_STATES = ("requested", "arming", "armed", "released", "capturing", "storing")
+FINAL_STATES = ("stored", "analysed", "failed", "aborted", "interrupted")
+
+_SELECT = (
+    "SELECT drops.*, shots.number AS shot FROM drops LEFT JOIN shots ON shots.number=drops.number "
+)
+
+
+@dataclass(frozen=True)
+class DropRequest:
+    """What a technician asks for.
+
+    Attributes
+    ----------
+    sphere, surface : str
+        Names in the materials file.
+    drop_height_m : float
+        Fall height of the sphere's lowest point. [m]
+    operator : str
+        Who hangs the sphere.
+    """
+
+    sphere: str
+    surface: str
+    drop_height_m: float
+    operator: str
+
+
+@dataclass(frozen=True)
+class Drop:
+    """A request and what became of it.
+
+    Attributes
+    ----------
+    number : int
+        Short, starts at 1, never used twice; also the number of its shot.
+    state : str
+        One of ``ACTIVE_STATES`` or ``FINAL_STATES``; ``stored`` may still become ``analysed``.
+    request : DropRequest
+        What was asked for.
+    owner : str
+        Name of the token that asked.
+    shot : int or None
+        Its shot once that is durable.
+    problem : Problem or None
+        Why it failed; on a stored drop, why it could not be analysed.
+    requested_utc, updated_utc : str
+        When it was asked for and when its state last changed.
+    calibration : int or None
+        The calibration run it belongs to.
+    idempotency_key : str or None
+        The client's key.
+    """
+
+    number: int
+    state: str
+    request: DropRequest
+    owner: str
+    shot: int | None
+    problem: Problem | None
+    requested_utc: str
+    updated_utc: str
+    calibration: int | None
+    idempotency_key: str | None
+
+
+class DropTable:
+    """The table of drops.
+
+    Parameters
+    ----------
+    index : Index
+        Where it lives.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+
+    def begin(
+        self,
+        number: int,
+        request: DropRequest,
+        *,
+        owner: str,
+        idempotency_key: str | None,
+        calibration: int | None,
+    ) -> Drop:
+        """Write the row of a new drop; the caller holds the transaction that drew the number."""
+        now = utc_now()
+        self._index.write(
+            "INSERT INTO drops (number, state, sphere, surface, drop_height_m, operator, owner, "
+            "idempotency_key, calibration, requested_utc, updated_utc) "
+            "VALUES (?, 'requested', ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                number,
+                request.sphere,
+                request.surface,
+                request.drop_height_m,
+                request.operator,
+                owner,
+                idempotency_key,
+                calibration,
+                now,
+                now,
+            ),
+        )
+        return self.get(number)
+
+    def restore(self, drop: Drop) -> None:
+        """Write a drop as it was; for rebuilding the index."""
+        self._index.write(
+            "INSERT OR REPLACE INTO drops VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                drop.number,
+                drop.state,
+                drop.request.sphere,
+                drop.request.surface,
+                drop.request.drop_height_m,
+                drop.request.operator,
+                drop.owner,
+                drop.idempotency_key,
+                drop.calibration,
+                drop.problem.to_text() if drop.problem else None,
+                drop.requested_utc,
+                drop.updated_utc,
+            ),
+        )
+
+    def by_key(self, key: str, request: DropRequest) -> Drop | None:
+        """Return the drop of an idempotency key.
+
+        Parameters
+        ----------
+        key : str
+            The client's key.
+        request : DropRequest
+            What the client asks for now.
+
+        Returns
+        -------
+        Drop or None
+            ``None`` when the key is new.
+
+        Raises
+        ------
+        IdempotencyConflictError
+            If the key belongs to another request.
+        """
+        row = self._index.row(_SELECT + "WHERE idempotency_key=?", (key,))
+        if row is None:
+            return None
+        drop = _drop_of(row)
+        if drop.request != request:
+            raise IdempotencyConflictError(key, drop.number)
+        return drop
+
+    def get(self, number: int) -> Drop:
+        """Return one drop.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        row = self._index.row(_SELECT + "WHERE drops.number=?", (number,))
+        if row is None:
+            raise NotFoundError("drop", number)
+        return _drop_of(row)
+
+    def newest(self, *, limit: int = 50, before: int | None = None) -> list[Drop]:
+        """Return drops, newest first, those below ``before`` only."""
+        rows = self._index.rows(
+            _SELECT + "WHERE ? IS NULL OR drops.number < ? ORDER BY drops.number DESC LIMIT ?",
+            (before, before, limit),
+        )
+        return [_drop_of(row) for row in rows]
+
+    def active(self) -> list[Drop]:
+        """Return the drops that are under way, oldest first."""
+        marks = ", ".join("?" * len(ACTIVE_STATES))
+        rows = self._index.rows(
+            _SELECT + f"WHERE state IN ({marks}) ORDER BY drops.number",
+            ACTIVE_STATES,
+        )
+        return [_drop_of(row) for row in rows]
+
+    def of_calibration(self, calibration: int) -> list[Drop]:
+        """Return the drops of a calibration run in their order."""
+        rows = self._index.rows(
+            _SELECT + "WHERE calibration=? ORDER BY drops.number", (calibration,)
+        )
+        return [_drop_of(row) for row in rows]
+
+    def set_state(self, number: int, state: str, problem: Problem | None = None) -> Drop:
+        """Move a drop on.
+
+        Raises
+        ------
+        DropStateError
+            If the state is unknown, or the drop has ended and is not going from ``stored`` to
+            ``analysed`` (or back to ``stored``, when a repeated fit fails).
+        NotFoundError
+            If there is none of that number.
+        """
+        with self._index.transaction():
+            drop = self.get(number)
+            both_kept = {drop.state, state} <= {"stored", "analysed"}
+            if state not in ACTIVE_STATES + FINAL_STATES or (
+                drop.state in FINAL_STATES and not both_kept
+            ):
+                raise DropStateError(number, drop.state, state)
+            self._index.write(
+                "UPDATE drops SET state=?, problem=?, updated_utc=? WHERE number=?",
+                (state, problem.to_text() if problem else None, utc_now(), number),
+            )
+            return self.get(number)
+
+
+def _drop_of(row: sqlite3.Row) -> Drop:
+    return Drop(
+        number=row["number"],
+        state=row["state"],
+        request=DropRequest(row["sphere"], row["surface"], row["drop_height_m"], row["operator"]),
+        owner=row["owner"],
+        shot=row["shot"],
+        problem=Problem.from_text(row["problem"]),
+        requested_utc=row["requested_utc"],
+        updated_utc=row["updated_utc"],
+        calibration=row["calibration"],
+        idempotency_key=row["idempotency_key"],
+    )

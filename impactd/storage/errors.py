@@ -1,0 +1,159 @@
+"""Every error the archive raises, drawn as one tree.
+
+::
+
+    ArchiveError                    the archive cannot do what it was asked
+    ├── StorageFullError            the disk is full, or its reserve would be touched
+    ├── NotFoundError               no such drop, shot, fit, job, calibration or token
+    ├── CorruptShotError            a shot file does not hold what was written
+    ├── DropStateError              a drop cannot go from its state to that one
+    ├── IdempotencyConflictError    a key was used before, for something else
+    └── CampaignError               a campaign folder cannot be used as a whole
+
+Errors of SQLite, HDF5 and the file system are translated where they are met, so that nothing above
+the archive needs to know which of them it stands on.
+"""
+
+from __future__ import annotations
+
+
+class ArchiveError(Exception):
+    """The archive cannot do what it was asked.
+
+    Parameters
+    ----------
+    what : str
+        What happened, with values and units.
+    why : str, optional
+        The likeliest cause.
+    remedy : str, optional
+        What to do about it.
+    """
+
+    def __init__(self, what: str, *, why: str = "", remedy: str = "") -> None:
+        self.what = what
+        self.why = why
+        self.remedy = remedy
+        super().__init__(" ".join(part for part in (what, why, remedy) if part))
+
+
+class StorageFullError(ArchiveError):
+    """The disk is full, or its reserve would be touched.
+
+    Parameters
+    ----------
+    directory : str
+        Where the archive lives.
+    free_bytes : int
+        What the file system still offers. [B]
+    needed_bytes : int
+        What was needed, the reserve included. [B]
+    """
+
+    def __init__(self, directory: str, *, free_bytes: int, needed_bytes: int) -> None:
+        self.directory = directory
+        self.free_bytes = free_bytes
+        self.needed_bytes = needed_bytes
+        super().__init__(
+            f"The disk of {directory} has {free_bytes / 1e6:.1f} MB free and "
+            f"{needed_bytes / 1e6:.1f} MB are needed.",
+            remedy="Free space or move the archive (storage.directory); nothing stored was harmed.",
+        )
+
+
+class NotFoundError(ArchiveError):
+    """Nothing of that kind has that number.
+
+    Parameters
+    ----------
+    kind : str
+        ``drop``, ``shot``, ``fit``, ``job``, ``calibration`` or ``token``.
+    number : int
+        The number asked for.
+    """
+
+    def __init__(self, kind: str, number: int) -> None:
+        self.kind = kind
+        self.number = number
+        super().__init__(f"There is no {kind} {number}.")
+
+
+class CorruptShotError(ArchiveError):
+    """A shot file does not hold what was written.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    reason : str
+        What is wrong with it.
+    """
+
+    def __init__(self, path: str, reason: str) -> None:
+        self.path = path
+        self.reason = reason
+        super().__init__(
+            f"The shot file {path} cannot be trusted: {reason}.",
+            remedy="Restore it from a backup and run `impactd verify`.",
+        )
+
+
+class DropStateError(ArchiveError):
+    """A drop cannot go from its state to that one.
+
+    Parameters
+    ----------
+    number : int
+        The drop.
+    state : str
+        The state it is in.
+    wanted : str
+        The state that was asked for.
+    """
+
+    def __init__(self, number: int, state: str, wanted: str) -> None:
+        self.number = number
+        self.state = state
+        self.wanted = wanted
+        super().__init__(f"Drop {number} is {state} and cannot become {wanted}.")
+
+
+class IdempotencyConflictError(ArchiveError):
+    """A key was used before, for something else.
+
+    Parameters
+    ----------
+    key : str
+        The idempotency key.
+    number : int
+        What the key belongs to.
+    """
+
+    def __init__(self, key: str, number: int) -> None:
+        self.key = key
+        self.number = number
+        super().__init__(
+            f"The idempotency key {key!r} already belongs to number {number} with another body.",
+            why="A client used one key for two different requests.",
+            remedy="Send a new key with a new request.",
+        )
+
+
+class CampaignError(ArchiveError):
+    """A campaign folder cannot be used as a whole.
+
+    Parameters
+    ----------
+    file : str
+        The file that is wrong.
+    json_path : str
+        Where in ``campaign.json``, e.g. ``$.shots[3].sphere``.
+    reason : str
+        What is wrong, with values and units.
+    """
+
+    def __init__(self, file: str, json_path: str, reason: str) -> None:
+        self.file = file
+        self.json_path = json_path
+        self.reason = reason
+        super().__init__(f"{file}, {json_path}: {reason}")

@@ -1,0 +1,210 @@
+"""The table of jobs: fits that wait, run, are done or failed, across restarts."""
+
+from __future__ import annotations
+
+import json
+import os
+import sqlite3
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from impactd.storage.errors import IdempotencyConflictError, NotFoundError
+from impactd.storage.index import Index, as_text
+from impactd.storage.moment import utc_now
+
+MAX_ATTEMPTS = 2
+
+
+@dataclass(frozen=True)
+class Job:
+    """A piece of work for the worker.
+
+    Attributes
+    ----------
+    id : int
+        [1]
+    kind : str
+        ``fit_shot``, ``fit_campaign`` or ``calibrate``.
+    payload : dict
+        What the task needs, JSON.
+    subject : str
+        What it is about, for people: ``shot 17``.
+    state : str
+        ``queued``, ``running``, ``done`` or ``failed``.
+    attempts : int
+        How often it was started.
+    result : dict or None
+        What the task returned.
+    reason : str or None
+        Why it failed, or why its first attempt did.
+    created_utc : str
+        When it was asked for.
+    started_utc, finished_utc : str or None
+        When it was last started and when it ended.
+    key : str or None
+        The client's idempotency key.
+    """
+
+    id: int
+    kind: str
+    payload: dict[str, Any]
+    subject: str
+    state: str
+    attempts: int
+    result: dict[str, Any] | None
+    reason: str | None
+    created_utc: str
+    started_utc: str | None
+    finished_utc: str | None
+    key: str | None
+
+
+class JobTable:
+    """The table of jobs.
+
+    Parameters
+    ----------
+    index : Index
+        Where it lives.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+
+    def enqueue(
+        self, kind: str, payload: dict[str, Any], subject: str, *, key: str | None = None
+    ) -> Job:
+        """Add a job, durably; with a known key, return the job of that key.
+
+        Raises
+        ------
+        IdempotencyConflictError
+            If the key belongs to another job.
+        """
+        text = as_text(payload)
+        with self._index.transaction():
+            row = self._index.row("SELECT * FROM jobs WHERE key=?", (key,)) if key else None
+            if row is not None:
+                if (row["kind"], row["payload"]) != (kind, text):
+                    raise IdempotencyConflictError(str(key), row["id"])
+                return _job_of(row)
+            number = self._index.write(
+                "INSERT INTO jobs (kind, subject, payload, key, state, attempts, created_utc) "
+                "VALUES (?, ?, ?, ?, 'queued', 0, ?)",
+                (kind, subject, text, key, utc_now()),
+            )
+            return self.get(number)
+
+    def claim(self) -> Job | None:
+        """Take the oldest job that waits, ``None`` when none does."""
+        with self._index.transaction():
+            row = self._index.row("SELECT id FROM jobs WHERE state='queued' ORDER BY id LIMIT 1")
+            if row is None:
+                return None
+            self._index.write(
+                "UPDATE jobs SET state='running', attempts=attempts+1, runner=?, started_utc=? "
+                "WHERE id=?",
+                (_this_process(), utc_now(), row["id"]),
+            )
+            return self.get(row["id"])
+
+    def finish(self, number: int, result: dict[str, Any]) -> Job:
+        """Write the result of a job."""
+        return self._end(number, "done", result=as_text(result), reason=None)
+
+    def fail(self, number: int, reason: str, *, retry: bool = False) -> Job:
+        """Write why a job failed; with ``retry`` it waits again, once."""
+        with self._index.transaction():
+            if retry and self.get(number).attempts < MAX_ATTEMPTS:
+                return self._end(number, "queued", result=None, reason=reason)
+            return self._end(number, "failed", result=None, reason=reason)
+
+    def give_back(self, number: int) -> Job:
+        """Let a job wait again as if it had not been started (the daemon is going down)."""
+        with self._index.transaction():
+            self._index.write("UPDATE jobs SET attempts=attempts-1 WHERE id=?", (number,))
+            return self._end(number, "queued", result=None, reason=None)
+
+    def requeue_abandoned(self) -> list[Job]:
+        """Let jobs wait again whose process is gone; a job that was so twice has failed."""
+        requeued = []
+        with self._index.transaction():
+            for row in self._index.rows("SELECT * FROM jobs WHERE state='running'"):
+                if row["runner"] is None or not _is_alive(row["runner"]):
+                    reason = "The daemon ended while the job ran."
+                    requeued.append(self.fail(row["id"], reason, retry=True))
+        return requeued
+
+    def get(self, number: int) -> Job:
+        """Return one job.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        row = self._index.row("SELECT * FROM jobs WHERE id=?", (number,))
+        if row is None:
+            raise NotFoundError("job", number)
+        return _job_of(row)
+
+    def list(self, *, state: str | None = None, limit: int = 50) -> list[Job]:
+        """Return jobs, newest first."""
+        rows = self._index.rows(
+            "SELECT * FROM jobs WHERE ? IS NULL OR state=? ORDER BY id DESC LIMIT ?",
+            (state, state, limit),
+        )
+        return [_job_of(row) for row in rows]
+
+    def waiting(self) -> int:
+        """Return how many jobs wait or run."""
+        return self._index.number("SELECT count(*) FROM jobs WHERE state IN ('queued', 'running')")
+
+    def _end(self, number: int, state: str, *, result: str | None, reason: str | None) -> Job:
+        with self._index.transaction():
+            finished = None if state == "queued" else utc_now()
+            changed = self._index.write(
+                "UPDATE jobs SET state=?, result=?, reason=?, finished_utc=?, runner=NULL "
+                "WHERE id=?",
+                (state, result, reason, finished, number),
+            )
+            if not changed:
+                raise NotFoundError("job", number)
+            return self.get(number)
+
+
+def _this_process() -> str:
+    return f"{os.getpid()}:{_start_ticks(os.getpid())}"
+
+
+def _start_ticks(pid: int) -> str:
+    # Field 22 of /proc/PID/stat: with it, a number that the kernel gave to another process since
+    # is not mistaken for the one that claimed the job. The name before it may hold spaces.
+    text = Path(f"/proc/{pid}/stat").read_text()
+    return text.rpartition(")")[2].split()[19]
+
+
+def _is_alive(runner: str) -> bool:
+    pid, _, ticks = runner.partition(":")
+    try:
+        return _start_ticks(int(pid)) == ticks
+    except (OSError, ValueError):
+        return False
+
+
+def _job_of(row: sqlite3.Row) -> Job:
+    return Job(
+        id=row["id"],
+        kind=row["kind"],
+        payload=json.loads(row["payload"]),
+        subject=row["subject"],
+        state=row["state"],
+        attempts=row["attempts"],
+        result=None if row["result"] is None else json.loads(row["result"]),
+        reason=row["reason"],
+        created_utc=row["created_utc"],
+        started_utc=row["started_utc"],
+        finished_utc=row["finished_utc"],
+        key=row["key"],
+    )

@@ -1,0 +1,228 @@
+"""Reading JSON that somebody else wrote: every access validates and knows its path.
+
+A wrong value is refused with file, JSON path and reason. Keys nobody knows are tolerated, because
+people keep notes in such files (``source_file``), but a key that is nearly one we know is refused:
+a misspelt ``drop_height_m`` must not silently become "height unknown".
+"""
+
+from __future__ import annotations
+
+import difflib
+import json
+import math
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NoReturn
+
+from analysis.campaign import Quantity
+from impactd.storage.errors import CampaignError
+
+_UNITS = frozenset(
+    [
+        "m",
+        "kg",
+        "Pa",
+        "Hz",
+        "V",
+        "s",
+        "m_per_s2",
+        "m_per_V",
+        "N_per_m",
+        "N_s_per_m",
+        "N_per_V",
+        "per_code",
+        "index",
+        "ratio",
+        "modulus",
+    ]
+)
+
+
+def read_json(path: Path) -> Any:
+    """Return the JSON of a file; NaN, Infinity and repeated keys are refused.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+
+    Returns
+    -------
+    object
+        What it says.
+
+    Raises
+    ------
+    CampaignError
+        If it cannot be read or is no such JSON.
+    """
+
+    def refuse_constant(text: str) -> NoReturn:
+        raise CampaignError(str(path), "$", f"{text} is no JSON number.")
+
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for key, value in pairs:
+            if key in found:
+                raise CampaignError(str(path), "$", f"The key {key!r} stands twice in one object.")
+            found[key] = value
+        return found
+
+    try:
+        text = path.read_text(encoding="utf-8")
+        return json.loads(text, parse_constant=refuse_constant, object_pairs_hook=once)
+    except OSError as error:
+        raise CampaignError(str(path), "$", f"cannot be read: {error.strerror}.") from error
+    except UnicodeDecodeError as error:
+        raise CampaignError(str(path), "$", "is not UTF-8 text.") from error
+    except RecursionError as error:
+        raise CampaignError(str(path), "$", "is nested too deeply.") from error
+    except ValueError as error:  # also a number of more digits than Python reads
+        raise CampaignError(str(path), "$", f"is not JSON: {error}.") from error
+
+
+class Fields:
+    """One JSON object that is being read.
+
+    Parameters
+    ----------
+    value : object
+        What should be an object.
+    file : str
+        Named in messages.
+    path : str
+        JSON path of the object.
+    known : iterable of str
+        The keys this object may have; a near miss of one of them is refused.
+
+    Raises
+    ------
+    CampaignError
+        If it is no object or has a misspelt key.
+    """
+
+    def __init__(
+        self, value: object, *, file: str, path: str = "$", known: Iterable[str] = ()
+    ) -> None:
+        self.file = file
+        self.path = path
+        if not isinstance(value, dict):
+            self.refuse("", f"must be an object, not {_shown(value)}.")
+        self._values: dict[str, Any] = value
+        names = tuple(known)
+        for key in value:
+            near = _near_miss(key, names)
+            if near is not None:
+                self.refuse(key, f"is unknown; {near!r} was probably meant.")
+
+    def refuse(self, key: str, reason: str) -> NoReturn:
+        """Raise a CampaignError at a key of this object (empty = the object itself)."""
+        raise CampaignError(self.file, f"{self.path}.{key}" if key else self.path, reason)
+
+    def has(self, key: str) -> bool:
+        """Return whether the key is there and not null."""
+        return self._values.get(key) is not None
+
+    def value(self, key: str) -> Any:
+        """Return what stands there, ``None`` when nothing does."""
+        return self._values.get(key)
+
+    def keys(self) -> list[str]:
+        """Return all keys in their order."""
+        return list(self._values)
+
+    def number(
+        self,
+        key: str,
+        *,
+        above: float = -math.inf,
+        at_least: float = -math.inf,
+        at_most: float = math.inf,
+        unit: str = "1",
+    ) -> float | None:
+        """Return a finite number within limits, ``None`` when it is absent or null."""
+        value = self._values.get(key)
+        if value is None:
+            return None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            self.refuse(key, f"must be a number, not {_shown(value)}.")
+        try:
+            number = float(value)
+        except OverflowError:
+            number = math.inf
+        if not math.isfinite(number):
+            self.refuse(key, "must be finite.")
+        if not number > above:
+            self.refuse(key, f"is {number:g} {unit}; it must be above {above:g} {unit}.")
+        if not at_least <= number <= at_most:
+            limits = f"between {at_least:g} and {at_most:g} {unit}"
+            self.refuse(key, f"is {number:g} {unit}; it must be {limits}.")
+        return number
+
+    def whole(self, key: str, *, at_least: int = 0) -> int | None:
+        """Return a whole number, ``None`` when it is absent or null."""
+        number = self.number(key, at_least=at_least)
+        if number is None:
+            return None
+        if number != int(number):
+            self.refuse(key, f"is {number:g}; it must be a whole number.")
+        return int(number)
+
+    def text(self, key: str) -> str | None:
+        """Return a text that is not empty, ``None`` when it is absent or null."""
+        value = self._values.get(key)
+        if value is None:
+            return None
+        if not isinstance(value, str) or not value:
+            self.refuse(key, f"must be a text that is not empty, not {_shown(value)}.")
+        return value
+
+    def quantity(
+        self, key: str, *, above: float = 0.0, at_most: float = math.inf, unit: str = "1"
+    ) -> Quantity | None:
+        """Return ``{"value": ..., "u": ...}``, ``None`` when it is absent or null."""
+        if not self.has(key):
+            return None
+        inner = self.child(key, known=("value", "u"))
+        value = inner.number("value", above=above, at_most=at_most, unit=unit)
+        u = inner.number("u", at_least=0.0, unit=unit)
+        if value is None:
+            inner.refuse("value", "is missing.")
+        if u is None:
+            inner.refuse("u", "is missing: a quantity needs its standard uncertainty.")
+        return Quantity(value, u)
+
+    def child(self, key: str, *, known: Iterable[str] = ()) -> Fields:
+        """Return the object at a key; an absent one is empty."""
+        value = self._values.get(key)
+        path = f"{self.path}.{key}"
+        return Fields({} if value is None else value, file=self.file, path=path, known=known)
+
+    def array(self, key: str) -> list[Any]:
+        """Return the array at a key; it must be there."""
+        value = self._values.get(key)
+        if not isinstance(value, list):
+            self.refuse(key, f"must be an array, not {_shown(value)}.")
+        return value
+
+
+def _shown(value: object) -> str:
+    if value is None:
+        return "absent"
+    text = json.dumps(value)
+    return text if len(text) <= 40 else text[:37] + "..."
+
+
+def _near_miss(key: str, known: tuple[str, ...]) -> str | None:
+    if key in known:
+        return None
+    plain = {_plain(name): name for name in known}
+    for name in known:
+        if name.startswith(key + "_") and name[len(key) + 1 :] in _UNITS:
+            return name
+    close = difflib.get_close_matches(_plain(key), plain, n=1, cutoff=0.85)
+    return plain[close[0]] if close else None
+
+
+def _plain(key: str) -> str:
+    return "".join(letter for letter in key.lower() if letter.isalnum())

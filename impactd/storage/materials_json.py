@@ -1,0 +1,113 @@
+"""Spheres, surfaces and the load cell as JSON, in the keys of ``impactd-campaign/1``.
+
+Campaign folders and shot files both use it, so what a shot file says of its sphere can be pasted
+into a campaign.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from analysis.campaign import Quantity, Sensor, Sphere, Surface
+from impactd.storage.json_fields import Fields
+
+SPHERE_KEYS = ("radius_m", "mass_kg", "youngs_modulus_Pa", "poissons_ratio")
+SURFACE_KEYS = ("youngs_modulus_Pa", "poissons_ratio", "coupon_mass_kg", "coupon_thickness_m")
+SENSOR_KEYS = (
+    "compliance_m_per_V",
+    "crystal_mass_kg",
+    "crystal_stiffness_N_per_m",
+    "crystal_damping_N_s_per_m",
+    "hsd_N_per_V",
+    "log_covariance",
+)
+MAX_POISSON = 0.5
+LOG_PARAMETERS = 4
+
+
+def quantity_to_json(quantity: Quantity | None) -> dict[str, float] | None:
+    """Return ``{"value", "u"}``, ``None`` for ``None``."""
+    return None if quantity is None else {"value": quantity.value, "u": quantity.u}
+
+
+def sphere_to_json(sphere: Sphere) -> dict[str, Any]:
+    """Return a sphere in the keys of the campaign format; its name is the key it stands under."""
+    return {
+        "radius_m": sphere.radius_m,
+        "mass_kg": sphere.mass_kg,
+        "youngs_modulus_Pa": quantity_to_json(sphere.youngs_modulus_pa),
+        "poissons_ratio": quantity_to_json(sphere.poissons_ratio),
+    }
+
+
+def surface_to_json(surface: Surface) -> dict[str, Any]:
+    """Return a surface in the keys of the campaign format; its name is the key it stands under."""
+    return {
+        "youngs_modulus_Pa": quantity_to_json(surface.youngs_modulus_pa),
+        "poissons_ratio": quantity_to_json(surface.poissons_ratio),
+        "coupon_mass_kg": surface.coupon_mass_kg,
+        "coupon_thickness_m": surface.coupon_thickness_m,
+    }
+
+
+def sensor_to_json(sensor: Sensor) -> dict[str, Any]:
+    """Return what is known of the load cell, unknown keys left out."""
+    known = {
+        "compliance_m_per_V": quantity_to_json(sensor.compliance_m_per_v),
+        "crystal_mass_kg": quantity_to_json(sensor.crystal_mass_kg),
+        "crystal_stiffness_N_per_m": quantity_to_json(sensor.crystal_stiffness_n_per_m),
+        "crystal_damping_N_s_per_m": quantity_to_json(sensor.crystal_damping_n_s_per_m),
+        "hsd_N_per_V": quantity_to_json(sensor.hsd_n_per_v),
+        "log_covariance": None if sensor.covariance is None else sensor.covariance.tolist(),
+    }
+    return {key: value for key, value in known.items() if value is not None}
+
+
+def sphere_from_json(name: str, fields: Fields) -> Sphere:
+    """Return a sphere; raise CampaignError at the first impossible value."""
+    return Sphere(
+        name=name,
+        radius_m=fields.number("radius_m", above=0.0, unit="m"),
+        mass_kg=fields.number("mass_kg", above=0.0, unit="kg"),
+        youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", unit="Pa"),
+        poissons_ratio=fields.quantity("poissons_ratio", above=-1.0, at_most=MAX_POISSON),
+    )
+
+
+def surface_from_json(name: str, fields: Fields) -> Surface:
+    """Return a surface; raise CampaignError at the first impossible value."""
+    return Surface(
+        name=name,
+        youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", unit="Pa"),
+        poissons_ratio=fields.quantity("poissons_ratio", above=-1.0, at_most=MAX_POISSON),
+        coupon_mass_kg=fields.number("coupon_mass_kg", above=0.0, unit="kg"),
+        coupon_thickness_m=fields.number("coupon_thickness_m", above=0.0, unit="m"),
+    )
+
+
+def sensor_from_json(fields: Fields) -> Sensor:
+    """Return what is known of the load cell; raise CampaignError at the first impossible value.
+
+    ``log_covariance`` (4 x 4, of the logarithms of M, k, mu, c) is this program's addition to the
+    campaign format: a calibration fixes the four together.
+    """
+    covariance = None
+    if fields.has("log_covariance"):
+        try:
+            covariance = np.asarray(fields.array("log_covariance"), dtype=np.float64)
+        except (TypeError, ValueError):
+            fields.refuse("log_covariance", "must hold numbers only, in rows of equal length.")
+        if covariance.shape != (LOG_PARAMETERS, LOG_PARAMETERS):
+            fields.refuse("log_covariance", f"has shape {covariance.shape}; it must be (4, 4).")
+        if not np.all(np.isfinite(covariance)):
+            fields.refuse("log_covariance", "must hold finite numbers only.")
+    return Sensor(
+        compliance_m_per_v=fields.quantity("compliance_m_per_V", unit="m/V"),
+        crystal_mass_kg=fields.quantity("crystal_mass_kg", unit="kg"),
+        crystal_stiffness_n_per_m=fields.quantity("crystal_stiffness_N_per_m", unit="N/m"),
+        crystal_damping_n_s_per_m=fields.quantity("crystal_damping_N_s_per_m", unit="N s/m"),
+        hsd_n_per_v=fields.quantity("hsd_N_per_V", unit="N/V"),
+        covariance=covariance,
+    )

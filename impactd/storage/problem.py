@@ -1,0 +1,40 @@
+"""A failure as a value that travels: from the rig through the index to an HTTP client."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Why something failed, in the members of RFC 9457.
+
+    Attributes
+    ----------
+    type : str
+        Stable identifier, e.g. ``overrun``.
+    title : str
+        The kind of failure in a few words.
+    status : int
+        HTTP status that goes with it.
+    detail : str
+        What happened this time, with values and units.
+    remedy : str
+        What to do.
+    """
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    remedy: str
+
+    def to_text(self) -> str:
+        """Return the problem as JSON text, as the index keeps it."""
+        return json.dumps(asdict(self))
+
+    @classmethod
+    def from_text(cls, text: str | None) -> Problem | None:
+        """Return the problem that `to_text` wrote, ``None`` for ``None``."""
+        return None if text is None else cls(**json.loads(text))

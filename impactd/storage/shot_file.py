@@ -1,0 +1,346 @@
+"""A shot as a NeXus HDF5 file: built whole in memory, published whole, never changed.
+
+Layout (``@`` = attribute)::
+
+    /entry                NXentry       @default="impact"; title, start_time, entry_identifier, ...
+      user                NXuser        the operator
+      sample              NXsample      the coupon: name, mass, thickness
+      sphere              NXcollection  the sphere: name, radius, mass
+      release             NXcollection  height, gravity, speed of a free fall, valve
+      instrument          NXinstrument
+        digitizer         NXdetector    data = raw codes, never corrected; identity
+        acquisition       NXcollection  all that turns codes into volts and samples into seconds
+        load_cell         NXsensor      what was known of the cell
+      impact              NXdata        the milliseconds around the impact, in volts
+      record              NXdata        the whole record: a link to the raw codes, over time
+      process             NXprocess     program and version; NXnotes: circumstances, configuration
+
+``impact`` and ``record/time`` are derived, for viewers: whoever opens the file sees the pulse. The
+truth is ``instrument/digitizer/data`` with ``process/circumstances``, from which `read_shot_file`
+rebuilds every value of `Recording` and `ShotAbout`.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import asdict
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Quantity
+from drivers.digitizer import DigitizerIdentity, Record, TriggerSettings
+from impactd.storage.clipping import is_clipped
+from impactd.storage.drops import Drop, DropRequest
+from impactd.storage.errors import CampaignError, CorruptShotError
+from impactd.storage.json_fields import Fields
+from impactd.storage.materials_json import (
+    quantity_to_json,
+    sensor_from_json,
+    sensor_to_json,
+    sphere_from_json,
+    sphere_to_json,
+    surface_from_json,
+    surface_to_json,
+)
+from impactd.storage.shot_about import VOLTAGE, Recording, ShotAbout
+
+FORMAT = "impactd-shot/1"
+CHUNK_SAMPLES = 65536
+VIEW_BEFORE_S = 1e-3
+VIEW_AFTER_S = 4e-3
+_DATA = "entry/instrument/digitizer/data"
+_CIRCUMSTANCES = "entry/process/circumstances/data"
+
+
+def recording_of(record: Record) -> Recording:
+    """Return a digitizer's record as the archive keeps it, looked at for clipping."""
+    codes = np.ascontiguousarray(record.codes, dtype=np.int16)
+    return Recording(
+        samples=codes,
+        per_code=record.volts_per_code,
+        offset=record.offset_v,
+        quantity=VOLTAGE,
+        sample_rate_hz=record.sample_rate_hz,
+        sample_rate_u_hz=record.sample_rate_u_hz,
+        trigger_index=record.trigger_index,
+        range_v=record.range_v,
+        calibrated=record.calibrated,
+        clipped=is_clipped(codes, quantum=1.0),
+        first_sample_index=record.first_sample_index,
+        samples_streamed=record.samples_streamed,
+        trigger_monotonic_ns=record.trigger_monotonic_ns,
+        status_words=record.status_words,
+    )
+
+
+def build_shot_file(
+    number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+) -> bytes:
+    """Return the bytes of a shot file.
+
+    Parameters
+    ----------
+    number : int
+        The shot.
+    recording : Recording
+        The record.
+    about : ShotAbout
+        The circumstances.
+    drop : Drop or None
+        The drop it belongs to, ``None`` for an import.
+
+    Returns
+    -------
+    bytes
+        A whole HDF5 file.
+    """
+    buffer = io.BytesIO()
+    with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
+        file.attrs.update(NX_class="NXroot", default="entry", creator=about.software or "impactd")
+        entry = _group(file, "entry", "NXentry", default="impact")
+        _write_entry(entry, number, about)
+        _write_people_and_things(entry, about)
+        _write_release(entry, recording, about)
+        _write_instrument(entry, recording, about)
+        _write_views(entry, number, recording)
+        _write_process(entry, recording, about, drop)
+    return buffer.getvalue()
+
+
+def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotAbout, Drop | None]:
+    """Return what a shot file holds.
+
+    Parameters
+    ----------
+    content : bytes
+        The whole file, as `build_shot_file` made it.
+    path : str
+        Named in messages.
+
+    Returns
+    -------
+    tuple of int, Recording, ShotAbout and (Drop or None)
+        Number, record, circumstances and drop.
+
+    Raises
+    ------
+    CorruptShotError
+        If it is no shot file or a checksum inside does not agree.
+    """
+    try:
+        with h5py.File(io.BytesIO(content), "r") as file:
+            samples = file[_DATA][()]
+            facts = json.loads(file[_CIRCUMSTANCES][()])
+        return facts["number"], *_decoded(facts, samples, path)
+    except (OSError, KeyError, TypeError, ValueError, CampaignError) as error:
+        raise CorruptShotError(path, f"it does not read as a shot ({error})") from error
+
+
+def _decoded(
+    facts: dict[str, Any], samples: NDArray[Any], path: str
+) -> tuple[Recording, ShotAbout, Drop | None]:
+    if facts["format"] != FORMAT:
+        raise CorruptShotError(path, f"its format is {facts['format']!r}, not {FORMAT!r}")
+    recording = facts["recording"]
+    recording["status_words"] = tuple(recording["status_words"])
+    drop = facts["drop"]
+    if drop is not None:
+        drop["request"] = DropRequest(**drop["request"])
+        drop = Drop(**drop)
+    return Recording(samples=samples, **recording), _about_of(facts["about"], path), drop
+
+
+def _about_of(about: dict[str, Any], path: str) -> ShotAbout:
+    def fields(key: str) -> Fields:
+        return Fields(about[key], file=path, path=f"$.about.{key}")
+
+    if about["sphere"] is not None:
+        about["sphere"] = sphere_from_json(about["sphere"]["name"], fields("sphere"))
+    if about["surface"] is not None:
+        about["surface"] = surface_from_json(about["surface"]["name"], fields("surface"))
+    if about["sensor"] is not None:
+        about["sensor"] = sensor_from_json(fields("sensor"))
+    if about["digitizer"] is not None:
+        about["digitizer"] = DigitizerIdentity(**about["digitizer"])
+    if about["trigger"] is not None:
+        about["trigger"] = TriggerSettings(**about["trigger"])
+    if about["restitution"] is not None:
+        about["restitution"] = Quantity(**about["restitution"])
+    about["notes"] = tuple(about["notes"])
+    return ShotAbout(**about)
+
+
+def circumstances(
+    number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+) -> dict[str, Any]:
+    """Return everything a shot file says beside its samples, JSON-ready."""
+    named = {key: getattr(about, key) for key in ShotAbout.__dataclass_fields__}
+    if about.sphere is not None:
+        named["sphere"] = {"name": about.sphere.name, **sphere_to_json(about.sphere)}
+    if about.surface is not None:
+        named["surface"] = {"name": about.surface.name, **surface_to_json(about.surface)}
+    if about.sensor is not None:
+        named["sensor"] = sensor_to_json(about.sensor)
+    if about.digitizer is not None:
+        named["digitizer"] = asdict(about.digitizer)
+    if about.trigger is not None:
+        named["trigger"] = asdict(about.trigger)
+    named["restitution"] = quantity_to_json(about.restitution)
+    kept = {
+        key: getattr(recording, key) for key in Recording.__dataclass_fields__ if key != "samples"
+    }
+    return {
+        "format": FORMAT,
+        "number": number,
+        "recording": kept,
+        "about": named,
+        "drop": None if drop is None else {**asdict(drop), "problem": None},
+    }
+
+
+def _group(parent: h5py.Group, name: str, nx_class: str, **attributes: object) -> h5py.Group:
+    group = parent.create_group(name)
+    group.attrs["NX_class"] = nx_class
+    for key, value in attributes.items():
+        group.attrs[key] = value
+    return group
+
+
+def _put(group: h5py.Group, name: str, value: object, units: str | None = None) -> None:
+    """Write a field; what is unknown is left out rather than invented."""
+    if value is None or value == "":
+        return
+    group[name] = value
+    if units is not None:
+        group[name].attrs["units"] = units
+
+
+def _write_entry(entry: h5py.Group, number: int, about: ShotAbout) -> None:
+    pair = " on ".join(part.name for part in (about.sphere, about.surface) if part is not None)
+    height = "" if about.drop_height_m is None else f" from {about.drop_height_m * 1e3:.1f} mm"
+    _put(entry, "title", f"Shot {number}: {pair or about.origin or 'unknown pair'}{height}")
+    _put(entry, "entry_identifier", str(number))
+    _put(entry, "start_time", about.started_utc)
+
+
+def _write_people_and_things(entry: h5py.Group, about: ShotAbout) -> None:
+    if about.operator:
+        _put(_group(entry, "user", "NXuser"), "name", about.operator)
+    if about.surface is not None:
+        sample = _group(entry, "sample", "NXsample")
+        _put(sample, "name", about.surface.name)
+        _put(sample, "description", "coupon taped to the strike cap of the load cell")
+        _put(sample, "mass", about.surface.coupon_mass_kg, "kg")
+        _put(sample, "thickness", about.surface.coupon_thickness_m, "m")
+    if about.sphere is not None:
+        sphere = _group(entry, "sphere", "NXcollection")
+        _put(sphere, "name", about.sphere.name)
+        _put(sphere, "radius", about.sphere.radius_m, "m")
+        _put(sphere, "mass", about.sphere.mass_kg, "kg")
+
+
+def _write_release(entry: h5py.Group, recording: Recording, about: ShotAbout) -> None:
+    release = _group(entry, "release", "NXcollection")
+    _put(release, "drop_height", about.drop_height_m, "m")
+    _put(release, "gravity", about.gravity_m_per_s2, "m/s^2")
+    _put(release, "free_fall_speed", about.impact_speed_m_per_s, "m/s")
+    _put(release, "speed_repeatability", about.speed_repeatability, "")
+    _put(release, "valve", about.valve_identity)
+    _put(release, "valve_confirmed", about.valve_confirmed)
+    _put(release, "vacuum", about.vacuum_v, "V")
+    _put(release, "started_host_clock", about.started_monotonic_ns, "ns")
+    _put(release, "valve_host_clock", about.valve_monotonic_ns, "ns")
+    _put(release, "trigger_host_clock", recording.trigger_monotonic_ns, "ns")
+
+
+def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout) -> None:
+    instrument = _group(entry, "instrument", "NXinstrument")
+    _put(instrument, "name", str(about.configuration.get("rig", {}).get("name", "impact rig")))
+    digitizer = _group(instrument, "digitizer", "NXdetector")
+    data = digitizer.create_dataset(
+        "data",
+        data=recording.samples,
+        chunks=(min(CHUNK_SAMPLES, recording.samples.size),),
+        fletcher32=True,
+        shuffle=True,
+        compression="gzip",
+        compression_opts=1,
+    )
+    is_code = recording.samples.dtype.kind in "iu"
+    data.attrs["units"] = "counts" if is_code else recording.unit
+    data.attrs["long_name"] = "converter code" if is_code else recording.quantity
+    if about.digitizer is not None:
+        _put(digitizer, "local_name", about.digitizer.model)
+        _put(digitizer, "serial_number", about.digitizer.serial_number)
+        _put(digitizer, "description", about.digitizer.note)
+    settings = _group(instrument, "acquisition", "NXcollection")
+    _put(settings, "formula", "signal = code * signal_per_code + signal_offset")
+    _put(settings, "signal_per_code", recording.per_code, recording.unit)
+    _put(settings, "signal_offset", recording.offset, recording.unit)
+    _put(settings, "calibrated", recording.calibrated)
+    _put(settings, "clipped", recording.clipped)
+    _put(settings, "sample_rate", recording.sample_rate_hz, "Hz")
+    _put(settings, "sample_rate_uncertainty", recording.sample_rate_u_hz, "Hz")
+    _put(settings, "input_range", recording.range_v, "V")
+    _put(settings, "trigger_index", recording.trigger_index)
+    if about.trigger is not None:
+        _put(settings, "pre_trigger_samples", about.trigger.pre_trigger_samples)
+        _put(settings, "trigger_level", about.trigger.level_v, "V")
+        _put(settings, "trigger_hysteresis", about.trigger.hysteresis_v, "V")
+    if recording.status_words:
+        settings["status_words"] = np.array(recording.status_words, dtype=np.uint32)
+    if about.digitizer is not None:
+        for key, value in asdict(about.digitizer).items():
+            _put(settings, f"digitizer_{key}", value)
+    if about.sensor is not None:
+        cell = _group(instrument, "load_cell", "NXsensor")
+        _put(cell, "name", "piezoelectric load cell")
+        _put(cell, "attached_to", "strike cap under the coupon")
+
+
+def _write_views(entry: h5py.Group, number: int, recording: Recording) -> None:
+    period_s = 1.0 / recording.sample_rate_hz
+    time_s = (np.arange(recording.samples.size) - recording.trigger_index) * period_s
+    first, last = np.searchsorted(time_s, (-VIEW_BEFORE_S, VIEW_AFTER_S))
+    impact = _group(entry, "impact", "NXdata", signal="signal", axes=["time"])
+    _put(impact, "title", f"Shot {number}: impact")
+    impact["signal"] = recording.signal[first:last]
+    impact["signal"].attrs.update(units=recording.unit, long_name=f"signal ({recording.unit})")
+    impact["time"] = time_s[first:last]
+    impact["time"].attrs.update(units="s", long_name="time after the trigger (s)")
+
+    record = _group(entry, "record", "NXdata", signal="data", axes=["time"])
+    _put(record, "title", f"Shot {number}: whole record")
+    record["data"] = h5py.SoftLink("/" + _DATA)
+    record.create_dataset(
+        "time",
+        data=time_s,
+        chunks=(min(CHUNK_SAMPLES, time_s.size),),
+        shuffle=True,
+        fletcher32=True,
+        compression="gzip",
+        compression_opts=1,
+    )
+    record["time"].attrs.update(units="s", long_name="time after the trigger (s)")
+
+
+def _write_process(
+    entry: h5py.Group, recording: Recording, about: ShotAbout, drop: Drop | None
+) -> None:
+    process = _group(entry, "process", "NXprocess")
+    program, _, version = (about.software or "impactd").partition(" ")
+    _put(process, "program", program)
+    _put(process, "version", version)
+    number = int(entry["entry_identifier"][()])
+    for name, description, value in (
+        ("circumstances", "all values of this shot", circumstances(number, recording, about, drop)),
+        ("configuration", "settings of the rig", about.configuration),
+    ):
+        note = _group(process, name, "NXnote")
+        _put(note, "type", "application/json")
+        _put(note, "description", description)
+        note["data"] = json.dumps(value, allow_nan=False)

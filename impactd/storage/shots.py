@@ -1,0 +1,146 @@
+"""The table of shots: one row per immutable file, enough to list, filter and check it."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from typing import Any
+
+from impactd.storage.errors import NotFoundError
+from impactd.storage.index import Index
+
+
+@dataclass(frozen=True)
+class Shot:
+    """What the index knows of a shot file.
+
+    Attributes
+    ----------
+    number : int
+        The drop's number, or the next free one for an import.
+    file : str
+        Path below the archive's directory.
+    sha256 : str
+        Hash of the whole file, checked whenever it is read.
+    size_bytes : int
+        [B]
+    source : str
+        ``drop`` or ``import``.
+    started_utc, stored_utc : str
+        When the recording was started, and when it was durable.
+    sphere, surface : str or None
+        ``None`` = unknown (recordings made elsewhere).
+    drop_height_m : float or None
+        [m]
+    operator : str
+        Who did it; empty when unknown.
+    quantity : str
+        ``voltage``, ``force_N`` or ``acceleration_m_per_s2``.
+    sample_rate_hz : float
+        Calibrated rate. [Hz]
+    samples : int
+        [1]
+    trigger_index : int
+        [1]
+    peak : float
+        Sample farthest from the baseline, baseline removed. [V, N or m/s^2]
+    clipped : bool
+        The record sits on a limit.
+    """
+
+    number: int
+    file: str
+    sha256: str
+    size_bytes: int
+    source: str
+    started_utc: str
+    stored_utc: str
+    sphere: str | None
+    surface: str | None
+    drop_height_m: float | None
+    operator: str
+    quantity: str
+    sample_rate_hz: float
+    samples: int
+    trigger_index: int
+    peak: float
+    clipped: bool
+
+
+class ShotTable:
+    """The table of shots.
+
+    Parameters
+    ----------
+    index : Index
+        Where it lives.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+
+    def add(self, shot: Shot) -> None:
+        """Write a row."""
+        values = astuple(shot)
+        marks = ", ".join("?" * len(values))
+        self._index.write(f"INSERT INTO shots VALUES ({marks})", values)  # noqa: S608 - only marks
+
+    def get(self, number: int) -> Shot:
+        """Return one row.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        row = self._index.row("SELECT * FROM shots WHERE number=?", (number,))
+        if row is None:
+            raise NotFoundError("shot", number)
+        return _shot_of(tuple(row))
+
+    def find(
+        self,
+        *,
+        sphere: str | None = None,
+        surface: str | None = None,
+        since: str | None = None,
+        until: str | None = None,
+        limit: int = 50,
+        before: int | None = None,
+    ) -> list[Shot]:
+        """Return shots, newest first, that match all that is given.
+
+        Parameters
+        ----------
+        sphere, surface : str, optional
+            Names.
+        since, until : str, optional
+            First moment that counts and first that does not, in the form of `moment.utc_now`.
+        limit : int
+            At most so many.
+        before : int, optional
+            Only numbers below this one (the next page).
+
+        Returns
+        -------
+        list of Shot
+            May be empty.
+        """
+        conditions = {
+            "sphere = ?": sphere,
+            "surface = ?": surface,
+            "started_utc >= ?": since,
+            "started_utc < ?": until,
+            "number < ?": before,
+        }
+        given = {text: value for text, value in conditions.items() if value is not None}
+        where = "WHERE " + " AND ".join(given) if given else ""
+        rows = self._index.rows(
+            f"SELECT * FROM shots {where} ORDER BY number DESC LIMIT ?",  # noqa: S608 - fixed texts
+            (*given.values(), limit),
+        )
+        return [_shot_of(tuple(row)) for row in rows]
+
+
+def _shot_of(values: tuple[Any, ...]) -> Shot:
+    *known, clipped = values
+    return Shot(*(*known, bool(clipped)))

@@ -1,0 +1,143 @@
+"""The table of bearer tokens: opaque, shown once, stored as hashes."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import sqlite3
+from dataclasses import dataclass
+
+from impactd.storage.errors import ArchiveError, NotFoundError
+from impactd.storage.index import Index
+from impactd.storage.moment import utc_after, utc_now
+
+SCOPES = ("read", "operate", "admin")
+"""Each scope holds the ones before it."""
+
+
+@dataclass(frozen=True)
+class Token:
+    """What is known of a token; never the secret.
+
+    Attributes
+    ----------
+    id : int
+        [1]
+    name : str
+        Whose it is; owners of drops are called so.
+    scope : str
+        ``read``, ``operate`` or ``admin``.
+    created_utc : str
+        When it was made.
+    expires_utc, revoked_utc : str or None
+        When it ends, and when it was taken back.
+    """
+
+    id: int
+    name: str
+    scope: str
+    created_utc: str
+    expires_utc: str | None
+    revoked_utc: str | None
+
+    def allows(self, scope: str) -> bool:
+        """Return whether the token's scope holds another one."""
+        return SCOPES.index(scope) <= SCOPES.index(self.scope)
+
+
+class TokenTable:
+    """The table of tokens.
+
+    Parameters
+    ----------
+    index : Index
+        Where it lives.
+    """
+
+    def __init__(self, index: Index) -> None:
+        self._index = index
+
+    def create(
+        self, name: str, scope: str = "operate", days: float | None = None
+    ) -> tuple[Token, str]:
+        """Make a token.
+
+        Parameters
+        ----------
+        name : str
+            Whose it is.
+        scope : str
+            ``read``, ``operate`` or ``admin``.
+        days : float, optional
+            How long it lives, > 0; without it, until it is revoked. [d]
+
+        Returns
+        -------
+        tuple of Token and str
+            What is known of it, and the secret, which nobody can read again.
+
+        Raises
+        ------
+        ArchiveError
+            If the scope is unknown or the life is not positive.
+        """
+        if scope not in SCOPES:
+            raise ArchiveError(f"The scope {scope!r} is unknown; there are {', '.join(SCOPES)}.")
+        if days is not None and not days > 0:
+            raise ArchiveError(f"A token must live for more than 0 days, not {days:g}.")
+        # A plain SHA-256 is enough for 256 random bits: there is nothing to guess.
+        secret = "impactd_" + secrets.token_urlsafe(32)
+        number = self._index.write(
+            "INSERT INTO tokens (name, scope, secret_sha256, created_utc, expires_utc) "
+            "VALUES (?, ?, ?, ?, ?)",
+            (name, scope, _hash(secret), utc_now(), None if days is None else utc_after(days)),
+        )
+        return self._get(number), secret
+
+    def check(self, secret: str) -> Token | None:
+        """Return the token of a secret, ``None`` when it is unknown, expired or revoked."""
+        row = self._index.row(
+            "SELECT * FROM tokens WHERE secret_sha256=? AND revoked_utc IS NULL "
+            "AND (expires_utc IS NULL OR expires_utc > ?)",
+            (_hash(secret), utc_now()),
+        )
+        return None if row is None else _token_of(row)
+
+    def list(self) -> list[Token]:
+        """Return all tokens, oldest first."""
+        return [_token_of(row) for row in self._index.rows("SELECT * FROM tokens ORDER BY id")]
+
+    def revoke(self, number: int) -> Token:
+        """Take a token back; it stays on the list.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        self._index.write(
+            "UPDATE tokens SET revoked_utc=coalesce(revoked_utc, ?) WHERE id=?",
+            (utc_now(), number),
+        )
+        return self._get(number)
+
+    def _get(self, number: int) -> Token:
+        row = self._index.row("SELECT * FROM tokens WHERE id=?", (number,))
+        if row is None:
+            raise NotFoundError("token", number)
+        return _token_of(row)
+
+
+def _hash(secret: str) -> str:
+    return hashlib.sha256(secret.encode()).hexdigest()
+
+
+def _token_of(row: sqlite3.Row) -> Token:
+    return Token(
+        id=row["id"],
+        name=row["name"],
+        scope=row["scope"],
+        created_utc=row["created_utc"],
+        expires_utc=row["expires_utc"],
+        revoked_utc=row["revoked_utc"],
+    )
