@@ -151,9 +151,7 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
     if not math.isfinite(found.rebound_ratio):
         return math.inf
     r = item.noise.whiten(found.signal - item.window.signal)
-    extra, _ = _prior_rows(
-        problem.model, item, local, found.rebound_ratio, np.zeros(local.size)
-    )
+    extra, _ = _prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
     return float(r @ r) + sum(x * x for x in extra)
 
 
@@ -192,6 +190,26 @@ def _gather(
         matrix += part.matrix
         vector += part.vector
     return matrix, vector, parts
+
+
+def normal_equations(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array, list[_Schur]]:
+    """Return the globals' normal equations at a solution, whole and by shot.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    fitted : Fitted
+        Its solution.
+
+    Returns
+    -------
+    matrix, vector : ndarray, shape (g, g), (g,)
+        Priors included; the vector is near zero at a minimum.
+    parts : list
+        One ``matrix`` and ``vector`` a shot, nuisances eliminated.
+    """
+    return _gather(problem, fitted.blocks, fitted.theta, 0.0)
 
 
 def _prior_cost(problem: JointProblem, theta: Array) -> float:

@@ -222,6 +222,8 @@ def modulus_prior(modulus: Quantity | None, ratio: Quantity | None) -> Prior | N
 
 def _frame_of(shot: Shot, window: Window, sphere: Sphere | None, gravity: float) -> ShotFrame:
     mass = sphere.mass_kg if sphere and sphere.mass_kg else 1.0
+    if not (sphere and sphere.mass_kg) and shot.quantity != "acceleration_m_per_s2":
+        gravity = 0.0  # speeds are in reduced units: nothing to compare 9.8 m/s^2 with
     return ShotFrame(shot.sample_rate_hz, window.signal.size, mass, gravity)
 
 
@@ -249,8 +251,14 @@ def _fit_shot(
         heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
     gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
     return FitShot(
-        shot, window, frame, noise, gain, heavy,
-        sphere.radius_m if physical and sphere else None, speed,
+        shot,
+        window,
+        frame,
+        noise,
+        gain,
+        heavy,
+        sphere.radius_m if physical and sphere else None,
+        speed,
     )
 
 

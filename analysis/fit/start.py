@@ -37,9 +37,19 @@ def _shape(
     crystal = 1e3 * mass
     k = crystal * omega0**2
     solver.integrate(
-        out, kind, 0.0, 1.0 / item.frame.sample_rate_hz, _stiffness_for(duration_s, mass, speed),
-        mass, speed, damping_coefficient(e), item.frame.gravity_m_per_s2, crystal, k,
-        2 * zeta * crystal * omega0, k if kind == solver.KV else 1.0,
+        out,
+        kind,
+        0.0,
+        1.0 / item.frame.sample_rate_hz,
+        _stiffness_for(duration_s, mass, speed),
+        mass,
+        speed,
+        damping_coefficient(e),
+        item.frame.gravity_m_per_s2,
+        crystal,
+        k,
+        2 * zeta * crystal * omega0,
+        k if kind == solver.KV else 1.0,
         solver.contact_steps(omega0 if kind == solver.KV else 0.0, duration_s),
     )
     return out
@@ -70,12 +80,14 @@ def _scan(
 ) -> tuple[float, float, float, int]:
     """Return (error, contact time, amplitude, shift) of the best contact time."""
     dt = 1.0 / item.frame.sample_rate_hz
-    times = np.geomspace(max(2.0 * dt, item.window.width_s / 8), 1.6 * item.window.width_s,
-                         CONTACT_TIMES)
+    times = np.geomspace(
+        max(2.0 * dt, item.window.width_s / 8), 1.6 * item.window.width_s, CONTACT_TIMES
+    )
     best = (math.inf, times[-1], 1.0, 0)
     for duration in times:
         error, amplitude, shift = _mismatch(
-            item, _shape(item, kind, float(duration), speed, omega0, zeta, e))
+            item, _shape(item, kind, float(duration), speed, omega0, zeta, e)
+        )
         if error < best[0]:
             best = (error, float(duration), amplitude, shift)
     return best
@@ -179,8 +191,11 @@ def _complete(
         crystal = sensor.crystal_stiffness_n_per_m.value / omega0**2
     known_gain = _known_gain(problem)
     cell = {
-        "sensor.ln_S": known_gain if known_gain is not None else
-        float(np.median(free_gain)) if free_gain else 0.0,
+        "sensor.ln_S": known_gain
+        if known_gain is not None
+        else float(np.median(free_gain))
+        if free_gain
+        else 0.0,
         "sensor.ln_w": math.log(omega0),
         "sensor.ln_z": math.log(zeta),
         "sensor.ln_M": math.log(crystal),
@@ -211,8 +226,9 @@ def _start_moduli(
         known = name.startswith(("sphere.", "surface.")) and problem.prior_precision[j, j] > 0
         if known:
             inverse[name] = math.exp(-problem.prior_mean[j] / problem.prior_precision[j, j])
-    unknown = [n for n in problem.names
-               if n.startswith(("sphere.", "surface.")) and n not in inverse]
+    unknown = [
+        n for n in problem.names if n.startswith(("sphere.", "surface.")) and n not in inverse
+    ]
     for _ in range(2):  # the second round uses what the first one found
         for name in unknown:
             left = []

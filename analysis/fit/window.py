@@ -42,7 +42,10 @@ class Window:
     baseline : float
         Median before the pulse. [unit of the signal]
     peak : float
-        Largest excursion over the baseline. [unit of the signal]
+        Largest excursion from the baseline, > 0. [unit of the signal]
+    polarity : int
+        +1, or -1 where compression was recorded as negative; ``signal``, ``baseline`` and ``peak``
+        are already turned round.
     """
 
     first: int
@@ -52,31 +55,47 @@ class Window:
     width_s: float
     baseline: float
     peak: float
+    polarity: int
 
 
-def _first_pulse(shot: Shot) -> tuple[int, int, int, float, float]:
-    """Return (rise, peak, fall, baseline, height) of the pulse nearest after the trigger."""
+@dataclass(frozen=True)
+class _Pulse:
+    """Where the pulse nearest the trigger is, in the record's own indices, compression positive."""
+
+    rise: int
+    peak: int
+    fall: int
+    baseline: float
+    height: float
+    polarity: int
+
+
+def _first_pulse(shot: Shot) -> _Pulse:
+    """Return the pulse nearest after the trigger."""
     x = shot.signal
     search = max(64, int(5e-3 * shot.sample_rate_hz))
     low = max(0, shot.trigger_index - search // 4)
     high = min(x.size, shot.trigger_index + search)
     quiet = x[max(0, low - 2000) : max(1, shot.trigger_index - 8)]
     baseline = float(np.median(quiet)) if quiet.size >= 8 else float(np.median(x))
-    peak = low + int(np.argmax(x[low:high]))
-    height = float(x[peak]) - baseline
+    near = x[low:high] - baseline
+    polarity = 1 if near.max() >= -near.min() else -1
+    near = polarity * near
+    peak = low + int(np.argmax(near))
+    height = float(near.max())
     if not height > 0:
         raise ShotRejectedError(
-            f"{shot.name}: nothing rises above the baseline within {search} samples of the "
-            f"trigger; the trigger index {shot.trigger_index} may be wrong or the polarity inverted."
+            f"{shot.name}: nothing leaves the baseline within {search} samples of the trigger; "
+            f"the trigger index {shot.trigger_index} may be wrong."
         )
-    limit = baseline + _EDGE * height
+    above = polarity * (x - baseline) > _EDGE * height
     rise = peak
-    while rise > 0 and x[rise - 1] > limit:
+    while rise > 0 and above[rise - 1]:
         rise -= 1
     fall = peak
-    while fall + 1 < x.size and x[fall + 1] > limit:
+    while fall + 1 < x.size and above[fall + 1]:
         fall += 1
-    return rise, peak, fall, baseline, height
+    return _Pulse(rise, peak, fall, polarity * baseline, height, polarity)
 
 
 def cut(shot: Shot) -> Window:
@@ -95,23 +114,24 @@ def cut(shot: Shot) -> Window:
     Raises
     ------
     ShotRejectedError
-        If no pulse rises above the baseline near the trigger.
+        If no pulse leaves the baseline near the trigger.
     """
-    rise, peak, fall, baseline, height = _first_pulse(shot)
+    pulse = _first_pulse(shot)
     rate = shot.sample_rate_hz
-    width = (fall - rise + 1) / rate
+    width = (pulse.fall - pulse.rise + 1) / rate
     before = math.ceil(max(MIN_PRE_S, PRE_PULSES * width) * rate)
     after = math.ceil(max(MIN_POST_S, POST_PULSES * width) * rate)
-    first = max(0, rise - min(before, MAX_SAMPLES // 4))
-    last = min(shot.signal.size, peak + min(after, 3 * MAX_SAMPLES // 4))
+    first = max(0, pulse.rise - min(before, MAX_SAMPLES // 4))
+    last = min(shot.signal.size, pulse.peak + min(after, 3 * MAX_SAMPLES // 4))
     return Window(
         first=first,
-        signal=np.ascontiguousarray(shot.signal[first:last], dtype=np.float64),
-        peak_index=peak - first,
-        rise_index=rise - first,
+        signal=pulse.polarity * np.ascontiguousarray(shot.signal[first:last], dtype=np.float64),
+        peak_index=pulse.peak - first,
+        rise_index=pulse.rise - first,
         width_s=width,
-        baseline=baseline,
-        peak=height,
+        baseline=pulse.baseline,
+        peak=pulse.height,
+        polarity=pulse.polarity,
     )
 
 
@@ -128,9 +148,9 @@ def quiet_part(shot: Shot) -> NDArray[np.float64]:
     ndarray, shape (n,)
         Possibly empty. [unit of the signal]
     """
-    rise, _, fall, _, _ = _first_pulse(shot)
-    margin = max(16, (fall - rise) // 2)
-    return shot.signal[: max(0, min(rise, shot.trigger_index) - margin)]
+    pulse = _first_pulse(shot)
+    margin = max(16, (pulse.fall - pulse.rise) // 2)
+    return shot.signal[: max(0, min(pulse.rise, shot.trigger_index) - margin)]
 
 
 def campaign_noise(shots: list[Shot]) -> NoiseModel:

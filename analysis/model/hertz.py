@@ -154,8 +154,10 @@ def contact_time(stiffness: float, mass_kg: float, speed_m_per_s: float) -> floa
     -----
     Source: [2]_, Eq. 11.24. Validation: against the integrated model in the limit eps = 1.
     """
-    return CONTACT_TIME_FACTOR * (1.25 * mass_kg * speed_m_per_s**2 / stiffness) ** 0.4 / (
-        speed_m_per_s
+    return (
+        CONTACT_TIME_FACTOR
+        * (1.25 * mass_kg * speed_m_per_s**2 / stiffness) ** 0.4
+        / (speed_m_per_s)
     )
 
 

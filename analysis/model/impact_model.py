@@ -155,9 +155,20 @@ class ImpactModel:
         else:
             crystal_mass, k, mu, gain = math.nan, math.nan, math.nan, math.exp(-local[1])
         found = solver.integrate(
-            signal, self.kind, -t0_us * 1e-6, 1.0 / frame.sample_rate_hz, math.exp(local[0]),
-            frame.mass_kg, math.exp(ln_v0), damping_coefficient(math.exp(ln_e)),
-            frame.gravity_m_per_s2, crystal_mass, k, mu, gain, steps,
+            signal,
+            self.kind,
+            -t0_us * 1e-6,
+            1.0 / frame.sample_rate_hz,
+            math.exp(local[0]),
+            frame.mass_kg,
+            math.exp(ln_v0),
+            damping_coefficient(math.exp(ln_e)),
+            frame.gravity_m_per_s2,
+            crystal_mass,
+            k,
+            mu,
+            gain,
+            steps,
         )
         return float(found[0]), float(found[1]), float(found[2])
 

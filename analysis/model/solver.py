@@ -66,28 +66,65 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
     """Return the state one step of size h in s later."""
     a1, b1, c1, d1, e1 = _slope(y, u, D, w, Km, cd, KM, w2, g2, g)
     a2, b2, c2, d2, e2 = _slope(
-        y + h * _A21 * a1, u + h * _A21 * b1, D + h * _A21 * c1, w + h * _A21 * d1,
-        Km, cd, KM, w2, g2, g)
+        y + h * _A21 * a1,
+        u + h * _A21 * b1,
+        D + h * _A21 * c1,
+        w + h * _A21 * d1,
+        Km,
+        cd,
+        KM,
+        w2,
+        g2,
+        g,
+    )
     a3, b3, c3, d3, e3 = _slope(
-        y + h * (_A31 * a1 + _A32 * a2), u + h * (_A31 * b1 + _A32 * b2),
-        D + h * (_A31 * c1 + _A32 * c2), w + h * (_A31 * d1 + _A32 * d2),
-        Km, cd, KM, w2, g2, g)
+        y + h * (_A31 * a1 + _A32 * a2),
+        u + h * (_A31 * b1 + _A32 * b2),
+        D + h * (_A31 * c1 + _A32 * c2),
+        w + h * (_A31 * d1 + _A32 * d2),
+        Km,
+        cd,
+        KM,
+        w2,
+        g2,
+        g,
+    )
     a4, b4, c4, d4, e4 = _slope(
-        y + h * (_A41 * a1 + _A42 * a2 + _A43 * a3), u + h * (_A41 * b1 + _A42 * b2 + _A43 * b3),
-        D + h * (_A41 * c1 + _A42 * c2 + _A43 * c3), w + h * (_A41 * d1 + _A42 * d2 + _A43 * d3),
-        Km, cd, KM, w2, g2, g)
+        y + h * (_A41 * a1 + _A42 * a2 + _A43 * a3),
+        u + h * (_A41 * b1 + _A42 * b2 + _A43 * b3),
+        D + h * (_A41 * c1 + _A42 * c2 + _A43 * c3),
+        w + h * (_A41 * d1 + _A42 * d2 + _A43 * d3),
+        Km,
+        cd,
+        KM,
+        w2,
+        g2,
+        g,
+    )
     a5, b5, c5, d5, e5 = _slope(
         y + h * (_A51 * a1 + _A52 * a2 + _A53 * a3 + _A54 * a4),
         u + h * (_A51 * b1 + _A52 * b2 + _A53 * b3 + _A54 * b4),
         D + h * (_A51 * c1 + _A52 * c2 + _A53 * c3 + _A54 * c4),
         w + h * (_A51 * d1 + _A52 * d2 + _A53 * d3 + _A54 * d4),
-        Km, cd, KM, w2, g2, g)
+        Km,
+        cd,
+        KM,
+        w2,
+        g2,
+        g,
+    )
     a6, b6, c6, d6, e6 = _slope(
         y + h * (_A61 * a1 + _A62 * a2 + _A63 * a3 + _A64 * a4 + _A65 * a5),
         u + h * (_A61 * b1 + _A62 * b2 + _A63 * b3 + _A64 * b4 + _A65 * b5),
         D + h * (_A61 * c1 + _A62 * c2 + _A63 * c3 + _A64 * c4 + _A65 * c5),
         w + h * (_A61 * d1 + _A62 * d2 + _A63 * d3 + _A64 * d4 + _A65 * d5),
-        Km, cd, KM, w2, g2, g)
+        Km,
+        cd,
+        KM,
+        w2,
+        g2,
+        g,
+    )
     return (
         y + h * (_B1 * a1 + _B3 * a3 + _B4 * a4 + _B5 * a5 + _B6 * a6),
         u + h * (_B1 * b1 + _B3 * b3 + _B4 * b4 + _B5 * b5 + _B6 * b6),
@@ -117,8 +154,13 @@ def _quintic(q0, v0, a0, q1, v1, a1, h):  # type: ignore[no-untyped-def]
     r = q1 - q0 - p1 - p2
     s = v1 * h - p1 - 2.0 * p2
     c = a1 * h * h - 2.0 * p2
-    return (p1, p2, 10.0 * r - 4.0 * s + 0.5 * c, -15.0 * r + 7.0 * s - c,
-            6.0 * r - 3.0 * s + 0.5 * c)
+    return (
+        p1,
+        p2,
+        10.0 * r - 4.0 * s + 0.5 * c,
+        -15.0 * r + 7.0 * s - c,
+        6.0 * r - 3.0 * s + 0.5 * c,
+    )
 
 
 @njit(cache=True)
@@ -157,8 +199,9 @@ def _ring(out, first, x0, v0, t0, start, dt, w2, g2, gain):  # type: ignore[no-u
         t = start + i * dt - t0
         if root * t > 1e-8:
             shape = math.sinh(root * t) / root
-            out[i] += gain * math.exp(-half * t) * (
-                x0 * math.cosh(root * t) + (v0 + half * x0) * shape)
+            out[i] += (
+                gain * math.exp(-half * t) * (x0 * math.cosh(root * t) + (v0 + half * x0) * shape)
+            )
         else:
             out[i] += gain * math.exp(-half * t) * (x0 + (v0 + half * x0) * t)
 
@@ -323,7 +366,19 @@ def trace(
         omega0 = math.sqrt(crystal_stiffness_n_per_m / crystal_mass_kg) if kind == KV else 0.0
         steps = contact_steps(omega0, contact_time(stiffness, mass_kg, speed_m_per_s))
     duration, rebound, deepest = integrate(
-        out, kind, sample_times_start_s, sample_interval_s, stiffness, mass_kg, speed_m_per_s,
-        alpha, gravity_m_per_s2, crystal_mass_kg, crystal_stiffness_n_per_m,
-        crystal_damping_n_s_per_m, gain, steps)
+        out,
+        kind,
+        sample_times_start_s,
+        sample_interval_s,
+        stiffness,
+        mass_kg,
+        speed_m_per_s,
+        alpha,
+        gravity_m_per_s2,
+        crystal_mass_kg,
+        crystal_stiffness_n_per_m,
+        crystal_damping_n_s_per_m,
+        gain,
+        steps,
+    )
     return out, duration, rebound, deepest

@@ -1,0 +1,193 @@
+"""The one way from a campaign to a fit: window, noise, start, joint fit, held-out check."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Campaign
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem, build
+from analysis.fit.result import MISFIT_ABOVE, FitResult, Outcome, collect
+from analysis.fit.start import prepare
+from analysis.model.impact_model import model_named
+
+MISFIT_ROUNDS = 4
+HELDOUT_STEPS = 3
+HELDOUT_FOLDS = 3
+
+Progress = Callable[[str, float], None]
+Array = NDArray[np.float64]
+
+
+def _chi2_per_dof(problem: JointProblem, fitted: joint.Fitted) -> float:
+    used = sum(s.frame.samples - s.noise.order - 4 for s in problem.shots) - len(problem.names)
+    return sum(b.chi2 for b in fitted.blocks) / max(used, 1)
+
+
+def _widen(problem: JointProblem, factor: float) -> None:
+    """Multiply the noise variance, so that priors keep their weight against a wrong model."""
+    root = math.sqrt(factor)
+    problem.shots = [
+        dataclasses.replace(
+            s,
+            noise=dataclasses.replace(
+                s.noise, innovation_rms=s.noise.innovation_rms * root, rms=s.noise.rms * root
+            ),
+        )
+        for s in problem.shots
+    ]
+
+
+def _solve(
+    problem: JointProblem, nuisances: Array, progress: Progress | None
+) -> tuple[joint.Fitted, float]:
+    """Return the fit and the variance factor its residual asked for."""
+    fitted = joint.fit(problem, nuisances, progress=progress)
+    scale = 1.0
+    for _ in range(MISFIT_ROUNDS):
+        if not fitted.blocks:
+            break
+        ratio = _chi2_per_dof(problem, fitted)
+        if scale == 1.0 and ratio <= MISFIT_ABOVE:
+            break
+        if scale > 1.0 and abs(math.log(ratio)) < 0.05:
+            break
+        ratio = max(ratio, 1.0 / scale)
+        _widen(problem, ratio)
+        scale *= ratio
+        fitted = joint.fit(problem, fitted.nuisances, theta=fitted.theta, progress=progress)
+    return fitted, scale
+
+
+def _folds(problem: JointProblem) -> list[list[int]]:
+    """Return shots to hold out together: by height, else every third."""
+    heights = [s.shot.drop_height_m for s in problem.shots]
+    distinct = sorted({h for h in heights if h is not None})
+    if len(distinct) >= 2 and None not in heights:
+        return [[i for i, h in enumerate(heights) if h == d] for d in distinct]
+    if len(heights) < 2:
+        return []
+    count = min(HELDOUT_FOLDS, len(heights))
+    return [list(range(k, len(heights), count)) for k in range(count)]
+
+
+def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
+    """Return the residual of shots the shared parameters were not fitted to.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    fitted : Fitted
+        Its solution over all shots.
+
+    Returns
+    -------
+    float or None
+        Pooled root mean square. [unit of the signal] None for a single shot.
+
+    Notes
+    -----
+    Folds by drop height, else every third shot. The shared parameters without a fold are one
+    Gauss-Newton step from the full solution, which is where the other shots alone would lead to
+    first order; the fold's own nuisances are then fitted anew with everything shared fixed.
+    """
+    folds = _folds(problem)
+    if not folds:
+        return None
+    matrix, _, parts = joint.normal_equations(problem, fitted)
+    squares, count = 0.0, 0
+    for fold in folds:
+        without, vector = matrix.copy(), np.zeros(matrix.shape[0])
+        for i in fold:
+            without -= parts[i].matrix
+            vector -= parts[i].vector
+        theta = fitted.theta + np.linalg.solve(without, vector)
+        for i in fold:
+            r = _refit_nuisances(problem, i, theta, fitted.nuisances[i])
+            squares += float(r @ r)
+            count += r.size
+    return math.sqrt(squares / count)
+
+
+def _refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array) -> Array:
+    """Return the residual of one shot with only its own parameters free."""
+    item = problem.shots[i]
+    nuisance = nuisance.copy()
+    for _ in range(HELDOUT_STEPS):
+        block = joint.linearise_shot(problem, item, theta, nuisance)
+        if block is None:
+            break
+        s = block.chain.shape[0]
+        step = np.linalg.solve(block.matrix[s:, s:], block.vector[s:])
+        if not joint.shot_cost(problem, item, theta, nuisance + step) < block.cost:
+            break
+        nuisance += step
+    shared, _ = problem.shared_local(item, theta)
+    found = problem.model.predict(np.concatenate([shared, nuisance]), item.frame)
+    return np.asarray(item.window.signal - found.signal)
+
+
+def fit_campaign(
+    campaign: Campaign,
+    model: str = "kv",
+    *,
+    by_pair: bool = False,
+    heldout: bool = True,
+    progress: Progress | None = None,
+) -> FitResult:
+    """Fit all shots of a campaign together.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Recordings and what is known.
+    model : str
+        ``hsd`` or ``kv``.
+    by_pair : bool
+        A stiffness per pair instead of a modulus per material; for single shots.
+    heldout : bool
+        Also compute the error on held-out shots.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    FitResult
+        Always, with an outcome; a fit that does not converge is no exception.
+
+    Raises
+    ------
+    UnknownModelError
+        If there is no such model.
+    AnalysisError
+        If no shot can be used at all.
+    """
+    problem = build(campaign, model_named(model), by_pair=by_pair)
+    nuisances = prepare(problem)
+    fitted, scale = _solve(problem, nuisances, progress)
+    if not fitted.blocks:
+        outcome = Outcome(
+            "not_evaluable",
+            "The model cannot be evaluated at any start near these records; check masses, radii, "
+            "heights and the sensor's values.",
+        )
+        return FitResult(model, outcome, problem, fitted, (), 1.0, None)
+    outcome = Outcome("converged", "The fit converged.")
+    if not fitted.converged:
+        outcome = Outcome(
+            "not_converged",
+            f"The fit still moved after {fitted.iterations} steps; look at the residual, and check "
+            "heights, masses and the sensor's values before trusting any number.",
+        )
+    held = heldout_rms(problem, fitted) if heldout else None
+    if progress is not None:
+        progress("joint fit", 1.0)
+    return FitResult(
+        model, outcome, problem, fitted, collect(problem, fitted, scale=scale), scale, held
+    )
