@@ -1,1 +1,1 @@
-"""One resource per file."""
+"""Routes of the REST API, one resource per file."""

@@ -1,0 +1,203 @@
+"""From the archive's values to what goes over the wire."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+from urllib.parse import urlencode
+
+from impactd.api.finite import without_nan
+from impactd.api.problems import URI_PREFIX, ProblemError
+from impactd.api.schemas import (
+    CalibrationAnswer,
+    DropAnswer,
+    FitAnswer,
+    FitJobAnswer,
+    ProblemMember,
+    ShotAnswer,
+)
+from impactd.storage.calibrations import Calibration
+from impactd.storage.drops import Drop
+from impactd.storage.fits import Fit
+from impactd.storage.jobs import Job
+from impactd.storage.moment import as_utc
+from impactd.storage.problem import Problem
+from impactd.storage.shots import Shot
+
+
+def problem_member(problem: Problem | None) -> ProblemMember | None:
+    """Return a stored problem with its type as a URI."""
+    if problem is None:
+        return None
+    kind = problem.type if ":" in problem.type else URI_PREFIX + problem.type
+    return ProblemMember(
+        type=kind,
+        title=problem.title,
+        status=problem.status,
+        detail=problem.detail,
+        remedy=problem.remedy,
+    )
+
+
+def drop_answer(drop: Drop) -> DropAnswer:
+    """Return a drop for the wire."""
+    return DropAnswer(
+        number=drop.number,
+        state=drop.state,
+        shot=drop.shot,
+        problem=problem_member(drop.problem),
+        **asdict(drop.request),
+        owner=drop.owner,
+        calibration=drop.calibration,
+        requested_utc=drop.requested_utc,
+        updated_utc=drop.updated_utc,
+        links={
+            "self": f"/v1/drops/{drop.number}",
+            "shot": f"/v1/shots/{drop.shot}" if drop.shot else None,
+            "calibration": f"/v1/calibrations/{drop.calibration}" if drop.calibration else None,
+        },
+    )
+
+
+def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
+    """Return a shot for the wire, with its fits and what to do with it when they are given."""
+    members = asdict(shot)
+    del members["file"]  # where the daemon keeps it is nobody's business
+    at = f"/v1/shots/{shot.number}"
+    answer = ShotAnswer(
+        **without_nan(members),
+        links={"self": at, "file": f"{at}.h5", "trace": f"{at}/trace"},
+    )
+    if fits is not None:
+        answer.fits = [fit_answer(fit) for fit in fits]
+        answer.advice, answer.reasons = advice(shot, fits)
+    return answer
+
+
+def advice(shot: Shot, fits: list[Fit]) -> tuple[Any, list[str]]:
+    """Return what to do with a shot, and why.
+
+    Parameters
+    ----------
+    shot : Shot
+        The shot.
+    fits : list of Fit
+        Its latest fits; may be empty.
+
+    Returns
+    -------
+    tuple of str or None and list of str
+        ``use``, ``check`` or ``repeat``; ``None`` while there is no fit yet.
+    """
+    reasons = ["clipped"] if shot.clipped else []
+    if not fits:
+        return ("repeat" if reasons else None), reasons
+    best = next((fit for fit in fits if fit.model.startswith("kv")), fits[0])
+    reasons += [str(flag) for flag in best.result.get("flags") or [] if flag not in reasons]
+    if shot.clipped:
+        return "repeat", reasons
+    outcome = best.result.get("outcome") or {}
+    status = outcome.get("status") if isinstance(outcome, dict) else outcome
+    if status not in (None, "converged"):
+        reasons.append(str(status))
+    return ("check" if reasons else "use"), reasons
+
+
+def fit_answer(fit: Fit) -> FitAnswer:
+    """Return a fit for the wire."""
+    return FitAnswer(
+        id=fit.id,
+        shot=fit.shot,
+        model=fit.model,
+        calibration=fit.calibration,
+        created_utc=fit.created_utc,
+        result=without_nan(fit.result),
+    )
+
+
+def fit_job_answer(job: Job, fits: list[Fit]) -> FitJobAnswer:
+    """Return a fit that was asked for, with what it has brought so far."""
+    return FitJobAnswer(
+        id=job.id,
+        state=job.state,
+        kind=job.kind,
+        subject=job.subject,
+        attempts=job.attempts,
+        reason=job.reason,
+        created_utc=job.created_utc,
+        finished_utc=job.finished_utc,
+        fits=[fit_answer(fit) for fit in fits],
+        result=without_nan(job.result),
+        links={"self": f"/v1/fits/{job.id}"},
+    )
+
+
+def calibration_answer(calibration: Calibration) -> CalibrationAnswer:
+    """Return a calibration for the wire."""
+    return CalibrationAnswer(
+        number=calibration.number,
+        state=calibration.state,
+        slot=calibration.slot,
+        owner=calibration.owner,
+        plan=calibration.plan,
+        drops=list(calibration.drops),
+        result=without_nan(calibration.result),
+        problem=problem_member(calibration.problem),
+        requested_utc=calibration.requested_utc,
+        finished_utc=calibration.finished_utc,
+        valid_until_utc=calibration.valid_until_utc,
+        links={"self": f"/v1/calibrations/{calibration.number}"},
+    )
+
+
+def next_page(path: str, numbers: list[int], limit: int, query: Mapping[str, Any]) -> str | None:
+    """Return the path of the page after this one.
+
+    Parameters
+    ----------
+    path : str
+        The collection.
+    numbers : list of int
+        Numbers on this page, falling.
+    limit : int
+        Size of a page.
+    query : mapping
+        The filters, which stay as they are.
+
+    Returns
+    -------
+    str or None
+        ``None`` when this page was not full: there is nothing behind it.
+    """
+    if len(numbers) < limit:
+        return None
+    kept = {name: value for name, value in query.items() if value is not None}
+    return f"{path}?{urlencode({**kept, 'limit': limit, 'before': numbers[-1]})}"
+
+
+def moment(name: str, text: str | None) -> str | None:
+    """Return a moment in the archive's form.
+
+    Raises
+    ------
+    ProblemError
+        422 when the text is no moment.
+    """
+    if text is None:
+        return None
+    try:
+        return as_utc(text.replace(" ", "+"))  # a plus sign arrives as a space when not escaped
+    except (ValueError, OverflowError) as error:
+        raise ProblemError(
+            "invalid",
+            f"{name} is {text!r}, which is no ISO 8601 moment.",
+            remedy="Write it like 2026-03-01 or 2026-03-01T12:00:00Z.",
+        ) from error
+
+
+def plain(value: Any) -> Any:
+    """Return any value of the daemon (dataclasses within) as JSON-ready plain values."""
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    return without_nan(value)

@@ -1,0 +1,174 @@
+"""The application: routes, problems, security, put together around one daemon."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from fastapi import Depends, FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from starlette.exceptions import HTTPException
+
+from impactd import __version__
+from impactd.api.finite import without_nan
+from impactd.api.gate import MAX_BODY_BYTES, Gate
+from impactd.api.metrics import Metrics
+from impactd.api.problems import MEDIA_TYPE, ProblemError, document_schema, from_status
+from impactd.api.routes import (
+    calibrations,
+    diagnoses,
+    drops,
+    effects,
+    events,
+    fits,
+    health,
+    models,
+    moduli,
+    shots,
+    status,
+)
+from impactd.api.security import Limits, authorize
+from impactd.api.translation import TRANSLATIONS, as_problem
+from impactd.daemon import Daemon
+
+_ROUTERS = (
+    drops.router,
+    shots.router,
+    fits.router,
+    moduli.router,
+    calibrations.router,
+    diagnoses.router,
+    effects.router,
+    models.router,
+    status.router,
+    events.router,
+    health.router,
+)
+_DESCRIPTION = """\
+Runs a sphere-drop impact rig and turns each drop into an elastic modulus.
+
+Every error is an RFC 9457 problem document with a stable `type`, a `detail` that says what happened
+and a `remedy` that says what to do. Everything physical needs an `Idempotency-Key`. SI units
+throughout; the unit is part of a member's name. NaN and infinity never appear.
+"""
+
+
+def create_app(daemon: Daemon) -> FastAPI:
+    """Return the REST API of a daemon.
+
+    Parameters
+    ----------
+    daemon : Daemon
+        The parts that do the work; the application neither starts nor stops them.
+
+    Returns
+    -------
+    FastAPI
+        An ASGI application.
+    """
+    app = FastAPI(
+        title="impactd",
+        version=__version__,
+        description=_DESCRIPTION,
+        docs_url=None,  # the stock pages load scripts from the web; a rig may have none
+        redoc_url=None,
+        dependencies=[Depends(authorize)],
+        strict_content_type=True,
+        telemetry={"tracing": False},
+        responses={
+            "default": {"description": "A problem document.", "content": _problem_content()}
+        },
+    )
+    metrics = Metrics(daemon)
+    app.state.daemon = daemon
+    app.state.limits = Limits()
+    app.state.metrics = metrics
+    app.add_middleware(
+        Gate,
+        allowed_hosts=allowed_hosts(daemon),
+        observe=metrics.observe,
+        max_body_bytes=MAX_BODY_BYTES,
+    )
+    app.add_exception_handler(HTTPException, _http_problem)
+    app.add_exception_handler(RequestValidationError, _validation_problem)
+    for kind in TRANSLATIONS:
+        app.add_exception_handler(kind, _translated_problem)
+    for router in _ROUTERS:
+        app.include_router(router)
+    _document_problems(app)
+    return app
+
+
+def allowed_hosts(daemon: Daemon) -> list[str]:
+    """Return the host names requests may carry, numeric IPv6 addresses in brackets."""
+    server = daemon.settings.server
+    names = {*server.allowed_hosts, server.host} - {"0.0.0.0", "::"}  # noqa: S104 - taken out, not bound
+    return sorted(f"[{name}]" if ":" in name and name[0] != "[" else name for name in names)
+
+
+async def _http_problem(request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    if isinstance(error, ProblemError):
+        return error.response()
+    method, path = request.method, request.url.path
+    detail = {
+        404: f"Nothing lives at {path}.",
+        405: f"{path} does not know {method}.",
+    }.get(error.status_code, str(error.detail))
+    return from_status(error.status_code, detail, error.headers).response()
+
+
+async def _validation_problem(_request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)
+    found = [
+        {
+            "pointer": _pointer(item["loc"]),
+            "reason": item["msg"],
+            "given": without_nan(item.get("input")) if _is_short(item.get("input")) else None,
+        }
+        for item in error.errors()
+    ]
+    said = "; ".join(f"{item['pointer']}: {item['reason']}" for item in found)
+    return ProblemError("invalid", said, errors=found).response()
+
+
+def _pointer(location: tuple[Any, ...]) -> str:
+    """Return where a value stands: a JSON pointer into the body, or the parameter's place."""
+    place, *rest = location
+    if place == "body":
+        return "#/" + "/".join(str(part) for part in rest)
+    return f"{place} {'/'.join(str(part) for part in rest)}".strip()
+
+
+def _is_short(value: object) -> bool:
+    return isinstance(value, (str, int, float, bool)) and len(str(value)) <= 100
+
+
+async def _translated_problem(_request: Request, error: Exception) -> JSONResponse:
+    return as_problem(error).response()
+
+
+def _problem_content() -> dict[str, Any]:
+    return {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+
+
+def _document_problems(app: FastAPI) -> None:
+    """Describe problem documents in OpenAPI, in place of the framework's own 422."""
+    make = app.openapi
+
+    def openapi() -> dict[str, Any]:
+        fresh = app.openapi_schema is None
+        schema = make()
+        if fresh:
+            components = schema.setdefault("components", {}).setdefault("schemas", {})
+            components["Problem"] = document_schema()
+            for name in ("HTTPValidationError", "ValidationError"):
+                components.pop(name, None)
+            for path in schema["paths"].values():
+                for operation in path.values():
+                    invalid = operation.get("responses", {}).get("422")
+                    if invalid is not None:
+                        invalid["content"] = _problem_content()
+        return schema
+
+    app.openapi = openapi  # type: ignore[method-assign]  # FastAPI's documented way to extend it

@@ -1,0 +1,30 @@
+"""JSON has no NaN and no infinity; neither have our answers."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+
+def without_nan(value: Any) -> Any:
+    """Return a JSON-ready value in which every non-finite number is ``None``.
+
+    Parameters
+    ----------
+    value : object
+        Nested dicts, lists and tuples of plain values or numpy scalars.
+
+    Returns
+    -------
+    object
+        The same shape; tuples become lists, numpy scalars and arrays plain values.
+    """
+    if isinstance(value, dict):
+        return {str(key): without_nan(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [without_nan(item) for item in value]
+    if hasattr(value, "tolist"):  # numpy, without importing it here
+        return without_nan(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,190 @@
+"""The outermost layer of the API: what is refused before any route sees it.
+
+Host name, body size and content type are checked here; security headers are added to every
+answer; an error answer that is not a problem document yet becomes one; and an exception nobody
+caught becomes a problem with a reference into the log instead of a traceback.
+"""
+
+from __future__ import annotations
+
+import secrets
+import time
+from collections.abc import Callable, Sequence
+
+import structlog
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from impactd.api.problems import MEDIA_TYPE, ProblemError, from_status
+
+MAX_BODY_BYTES = 64 * 1024
+_METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+_SECURITY_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "x-frame-options": "DENY",
+    "content-security-policy": "default-src 'none'; frame-ancestors 'none'",
+    "referrer-policy": "no-referrer",
+    "cross-origin-resource-policy": "same-origin",
+    "cache-control": "no-store",
+}
+# Headers of a framework's error answer that still mean something on the problem.
+_KEPT = ("allow", "content-range", "retry-after", "www-authenticate")
+
+Observer = Callable[[Scope, int, float], None]
+_log = structlog.get_logger("impactd.api")
+
+
+def host_name(header: str) -> str:
+    """Return the host of a ``Host`` header without its port, in lower case.
+
+    Parameters
+    ----------
+    header : str
+        For example ``"localhost:8642"`` or ``"[::1]:8642"``.
+
+    Returns
+    -------
+    str
+        ``"localhost"``, ``"[::1]"``.
+    """
+    text = header.strip().lower()
+    if text.startswith("["):
+        return text.partition("]")[0] + "]"
+    return text.partition(":")[0]
+
+
+class Gate:
+    """ASGI layer around the whole application.
+
+    Parameters
+    ----------
+    app : ASGIApp
+        What lies behind.
+    allowed_hosts : sequence of str
+        Host names the daemon answers to, without port; against DNS rebinding.
+    observe : callable
+        Called with scope, status and seconds once per answered request.
+    max_body_bytes : int, optional
+        Largest request body. [byte]
+    """
+
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        allowed_hosts: Sequence[str],
+        observe: Observer,
+        max_body_bytes: int = MAX_BODY_BYTES,
+    ) -> None:
+        self._app = app
+        self._hosts = frozenset(name.lower() for name in allowed_hosts)
+        self._observe = observe
+        self._max_body_bytes = max_body_bytes
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        reply = _Reply(scope, send, self._observe)
+        try:
+            self._check(scope)
+            await self._app(scope, self._counted(receive), reply.send)
+        except ProblemError as problem:
+            await reply.problem(problem, receive)
+        except Exception:  # the last line of defence: the person gets a sentence, the log the rest
+            reference = secrets.token_hex(4)
+            _log.exception("request failed", reference=reference, path=scope["path"])
+            await reply.problem(
+                ProblemError(
+                    "internal",
+                    f"The daemon failed while it answered; reference {reference}.",
+                    reference=reference,
+                ),
+                receive,
+            )
+
+    def _check(self, scope: Scope) -> None:
+        headers = Headers(scope=scope)
+        hosts = headers.getlist("host")
+        if len(hosts) != 1 or host_name(hosts[0]) not in self._hosts:
+            name = ", ".join(hosts) or "(none)"
+            raise ProblemError("host-not-allowed", f"The request names the host {name!r}.")
+        length = headers.get("content-length", "0")
+        if not length.isascii() or not length.isdigit():
+            raise ProblemError("bad-request", f"Content-Length is {length!r}.")
+        if int(length) > self._max_body_bytes:
+            raise self._too_large(int(length))
+        has_body = int(length) > 0 or "transfer-encoding" in headers
+        if has_body and scope["method"] in _METHODS_WITH_BODY:
+            kind = headers.get("content-type", "").partition(";")[0].strip().lower()
+            if kind != "application/json":
+                raise ProblemError(
+                    "media-type", f"The body has the content type {kind or '(none)'!r}."
+                )
+
+    def _too_large(self, size: int) -> ProblemError:
+        return ProblemError(
+            "body-too-large",
+            f"The body has {size} bytes or more; at most {self._max_body_bytes} are read.",
+            headers={"Connection": "close"},
+            limit_bytes=self._max_body_bytes,
+        )
+
+    def _counted(self, receive: Receive) -> Receive:
+        """Count what really arrives: a chunked body has no length to check beforehand."""
+        total = 0
+
+        async def counted() -> Message:
+            nonlocal total
+            message = await receive()
+            total += len(message.get("body", b""))
+            if total > self._max_body_bytes:
+                raise self._too_large(total)
+            return message
+
+        return counted
+
+
+class _Reply:
+    """One answer on its way out."""
+
+    def __init__(self, scope: Scope, send: Send, observe: Observer) -> None:
+        self._scope = scope
+        self._send = send
+        self._observe = observe
+        self._began_s = time.perf_counter()
+        self._started = False
+        self._foreign: ProblemError | None = None
+
+    async def send(self, message: Message) -> None:
+        """Pass one ASGI message on, or replace a foreign error answer."""
+        if message["type"] == "http.response.start":
+            headers = MutableHeaders(raw=message["headers"])
+            if message["status"] >= 400 and headers.get("content-type") != MEDIA_TYPE:
+                kept = {name: headers[name] for name in _KEPT if name in headers}
+                self._foreign = from_status(message["status"], "The request was refused.", kept)
+                return
+            await self._start(message, headers)
+        elif self._foreign is not None:
+            if not message.get("more_body", False):
+                foreign, self._foreign = self._foreign, None
+                await foreign.response()(self._scope, _no_body, self.send)
+        else:
+            await self._send(message)
+
+    async def _start(self, message: Message, headers: MutableHeaders) -> None:
+        for name, value in _SECURITY_HEADERS.items():
+            headers.setdefault(name, value)
+        message["headers"] = headers.raw
+        self._started = True
+        self._observe(self._scope, message["status"], time.perf_counter() - self._began_s)
+        await self._send(message)
+
+    async def problem(self, problem: ProblemError, receive: Receive) -> None:
+        """Answer with a problem; nothing can be said any more once an answer has begun."""
+        if not self._started:
+            await problem.response()(self._scope, receive, self.send)
+
+
+async def _no_body() -> Message:
+    return {"type": "http.disconnect"}

@@ -1,0 +1,74 @@
+"""Calibrations of the load cell: asking for a run, its history, the one in force."""
+
+from __future__ import annotations
+
+from fastapi import APIRouter, Response
+
+from impactd.api.answers import calibration_answer, next_page
+from impactd.api.problems import ProblemError
+from impactd.api.routes.drops import required_key
+from impactd.api.schemas import (
+    Before,
+    CalibrationAnswer,
+    CalibrationBody,
+    CalibrationPage,
+    Key,
+    Limit,
+    Number,
+)
+from impactd.api.security import TheCaller, TheDaemon
+
+router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
+
+
+@router.post("", status_code=202)
+def request_calibration(
+    body: CalibrationBody,
+    response: Response,
+    daemon: TheDaemon,
+    caller: TheCaller,
+    key: Key = None,
+) -> CalibrationAnswer:
+    """Ask for a calibration run: a series of drops of reference spheres, then a joint fit.
+
+    The same slot never runs twice. Unattended runs are refused unless the rig is declared safe.
+    """
+    slot = body.slot or required_key(key, "run a series of drops")
+    plan = None if body.plan is None else [item.model_dump() for item in body.plan]
+    calibration = daemon.calibrations.request(
+        plan, slot=slot, owner=caller.name, unattended=body.unattended
+    )
+    response.headers["Location"] = f"/v1/calibrations/{calibration.number}"
+    return calibration_answer(calibration)
+
+
+@router.get("")
+def list_calibrations(
+    daemon: TheDaemon, limit: Limit = 50, before: Before = None
+) -> CalibrationPage:
+    """List calibrations, newest first."""
+    found = daemon.archive.calibrations.list(limit=limit, before=before)
+    numbers = [calibration.number for calibration in found]
+    return CalibrationPage(
+        items=[calibration_answer(calibration) for calibration in found],
+        next=next_page("/v1/calibrations", numbers, limit, {}),
+    )
+
+
+@router.get("/current")
+def current_calibration(daemon: TheDaemon) -> CalibrationAnswer:
+    """Show the calibration in force; `valid_until_utc` says when the next one is due."""
+    calibration = daemon.archive.calibrations.current()
+    if calibration is None:
+        raise ProblemError(
+            "not-found",
+            "The load cell has not been calibrated on this rig yet.",
+            remedy="Run `impactd calibrate`.",
+        )
+    return calibration_answer(calibration)
+
+
+@router.get("/{calibration_id}")
+def show_calibration(calibration_id: Number, daemon: TheDaemon) -> CalibrationAnswer:
+    """Show one calibration run."""
+    return calibration_answer(daemon.archive.calibrations.get(calibration_id))

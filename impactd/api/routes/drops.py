@@ -1,0 +1,107 @@
+"""Drops: asking for one, watching it, aborting it."""
+
+from __future__ import annotations
+
+import anyio
+from fastapi import APIRouter, Request, Response
+
+from impactd.api.answers import drop_answer, next_page
+from impactd.api.problems import ProblemError
+from impactd.api.schemas import Before, DropAnswer, DropBody, DropPage, Key, Limit, Number
+from impactd.api.security import Caller, Limits, TheCaller, TheDaemon
+from impactd.storage.drops import DropRequest
+
+router = APIRouter(prefix="/v1/drops", tags=["drops"])
+
+
+def required_key(key: str | None, what: str) -> str:
+    """Return the idempotency key.
+
+    Parameters
+    ----------
+    key : str or None
+        The header.
+    what : str
+        What would happen twice without it.
+
+    Returns
+    -------
+    str
+        The key.
+
+    Raises
+    ------
+    ProblemError
+        400 when there is none.
+    """
+    if not key:
+        raise ProblemError(
+            "idempotency-key-missing",
+            f"A repeated request without an Idempotency-Key could {what} twice.",
+        )
+    return key
+
+
+def owner_name(operator: str, caller: Caller) -> str:
+    """Return how a drop's owner is named to others: the person, and whose token was used."""
+    return operator if operator == caller.name else f"{operator} ({caller.name})"
+
+
+@router.post("", status_code=202)
+def request_drop(
+    body: DropBody,
+    response: Response,
+    daemon: TheDaemon,
+    caller: TheCaller,
+    key: Key = None,
+) -> DropAnswer:
+    """Ask for a drop.
+
+    202 and a `Location` as soon as the request is durable; the drop goes on by itself. The same
+    key and body again give the same drop. 409 names who holds the rig.
+    """
+    drop = daemon.service.request_drop(
+        DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator),
+        owner=owner_name(body.operator, caller),
+        idempotency_key=required_key(key, "drop a sphere"),
+    )
+    response.headers["Location"] = f"/v1/drops/{drop.number}"
+    return drop_answer(drop)
+
+
+@router.get("")
+def list_drops(daemon: TheDaemon, limit: Limit = 50, before: Before = None) -> DropPage:
+    """List drops, newest first."""
+    drops = daemon.archive.drops(limit=limit, before=before)
+    numbers = [drop.number for drop in drops]
+    return DropPage(
+        items=[drop_answer(drop) for drop in drops], next=next_page("/v1/drops", numbers, limit, {})
+    )
+
+
+@router.get("/{number}")
+def show_drop(number: Number, daemon: TheDaemon) -> DropAnswer:
+    """Show a drop: `stored` once its shot is safe on the disk, `analysed` once it is fitted."""
+    return drop_answer(daemon.archive.drop(number))
+
+
+@router.delete("/{number}")
+async def abort_drop(
+    number: Number, request: Request, daemon: TheDaemon, caller: TheCaller
+) -> DropAnswer:
+    """Abort a drop that is under way; 409 when it has ended."""
+    limits: Limits = request.app.state.limits
+
+    def abort() -> DropAnswer:
+        daemon.archive.drop(number)  # 404 before anything is touched
+        report = daemon.service.abort(by=caller.name, number=number)
+        if not report.aborted:
+            state = daemon.archive.drop(number).state
+            raise ProblemError(
+                "conflict",
+                f"Drop {number} is {state}; only a drop under way can be aborted.",
+                state=state,
+            )
+        return drop_answer(daemon.archive.drop(number))
+
+    return await anyio.to_thread.run_sync(abort, limiter=limits.abort)

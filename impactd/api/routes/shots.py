@@ -1,0 +1,140 @@
+"""Shots: lists, one, its file and its trace."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import FileResponse
+
+from impactd.api.answers import moment, next_page, shot_answer
+from impactd.api.decimate import MAX_POINTS, min_max_indices
+from impactd.api.problems import ProblemError
+from impactd.api.schemas import (
+    Before,
+    Limit,
+    Moment,
+    Number,
+    ShotAnswer,
+    ShotPage,
+    TraceAnswer,
+)
+from impactd.api.security import TheDaemon
+from impactd.storage.shot_about import QUANTITIES
+
+router = APIRouter(prefix="/v1/shots", tags=["shots"])
+_Filter = Annotated[str | None, Query(min_length=1, max_length=64)]
+
+
+@router.get("")
+def list_shots(
+    daemon: TheDaemon,
+    sphere: _Filter = None,
+    surface: _Filter = None,
+    since: Moment = None,
+    until: Moment = None,
+    limit: Limit = 50,
+    before: Before = None,
+) -> ShotPage:
+    """List shots, newest first, by pair and time."""
+    shots = daemon.archive.shots(
+        sphere=sphere,
+        surface=surface,
+        since=moment("since", since),
+        until=moment("until", until),
+        limit=limit,
+        before=before,
+    )
+    query = {"sphere": sphere, "surface": surface, "since": since, "until": until}
+    return ShotPage(
+        items=[shot_answer(shot) for shot in shots],
+        next=next_page("/v1/shots", [shot.number for shot in shots], limit, query),
+    )
+
+
+@router.api_route(
+    "/{number}.h5",
+    methods=["GET", "HEAD"],
+    response_class=FileResponse,
+    responses={200: {"content": {"application/x-hdf5": {}}}},
+)
+def download(number: Number, request: Request, daemon: TheDaemon) -> Response:
+    """Download a shot's NeXus HDF5 file; `ETag` is its SHA-256, `Range` is honoured."""
+    shot = daemon.archive.shot(number)
+    path = daemon.archive.shot_path(number)
+    _check(path, shot.sha256, number)
+    headers = {
+        "ETag": f'"{shot.sha256}"',
+        "Cache-Control": "private, no-cache, immutable",
+    }
+    known = [tag.strip().removeprefix("W/") for tag in _if_none_match(request).split(",")]
+    if headers["ETag"] in known or "*" in known:
+        return Response(status_code=304, headers=headers)
+    return FileResponse(
+        path, media_type="application/x-hdf5", filename=f"shot-{number:06d}.h5", headers=headers
+    )
+
+
+def _check(path: Path, sha256: str, number: int) -> None:
+    """Never hand out a damaged file under the name of a good one."""
+    if not path.is_file():
+        raise ProblemError("damaged", f"The file of shot {number} is missing.")
+    with path.open("rb") as file:
+        found = hashlib.file_digest(file, "sha256").hexdigest()
+    if found != sha256:
+        raise ProblemError(
+            "damaged",
+            f"The file of shot {number} has the SHA-256 {found}; {sha256} was stored.",
+        )
+
+
+def _if_none_match(request: Request) -> str:
+    return request.headers.get("if-none-match", "")
+
+
+@router.get("/{number}")
+def show_shot(number: Number, daemon: TheDaemon) -> ShotAnswer:
+    """Show a shot with its latest fits, and whether to use, check or repeat it."""
+    return shot_answer(daemon.archive.shot(number), daemon.archive.fits.for_shot(number))
+
+
+@router.get("/{number}/trace")
+def trace(
+    number: Number,
+    daemon: TheDaemon,
+    points: Annotated[int, Query(ge=2, le=MAX_POINTS)] = 2000,
+    start_s: Annotated[
+        float | None, Query(allow_inf_nan=False, description="First moment, from the trigger. [s]")
+    ] = None,
+    stop_s: Annotated[
+        float | None, Query(allow_inf_nan=False, description="Last moment, from the trigger. [s]")
+    ] = None,
+) -> TraceAnswer:
+    """Return a shot's signal for drawing; time is 0 at the trigger."""
+    recording = daemon.archive.read_shot(number).recording
+    signal, rate_hz = recording.signal, recording.sample_rate_hz
+    trigger = recording.trigger_index
+    first = 0 if start_s is None else round(start_s * rate_hz) + trigger
+    last = signal.size if stop_s is None else round(stop_s * rate_hz) + trigger + 1
+    first, last = max(first, 0), min(last, signal.size)
+    if first >= last:
+        raise ProblemError(
+            "invalid",
+            f"Shot {number} has no samples between {start_s} s and {stop_s} s; it lasts from "
+            f"{-trigger / rate_hz:g} s to {(signal.size - 1 - trigger) / rate_hz:g} s.",
+        )
+    part = signal[first:last]
+    kept = min_max_indices(part, points)
+    return TraceAnswer(
+        number=number,
+        quantity=recording.quantity,
+        unit=QUANTITIES[recording.quantity],
+        start_s=(first - trigger) / rate_hz,
+        stop_s=(last - 1 - trigger) / rate_hz,
+        samples=int(part.size),
+        decimated=bool(kept.size < part.size),
+        time_s=((kept + first - trigger) / rate_hz).tolist(),
+        signal=part[kept].tolist(),
+    )

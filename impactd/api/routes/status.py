@@ -1,0 +1,40 @@
+"""Status, abort and acknowledgement: the rig as a person sees it."""
+
+from __future__ import annotations
+
+import time
+
+import anyio
+from fastapi import APIRouter, Request
+
+from impactd.api.answers import plain
+from impactd.api.schemas import AbortAnswer, StatusAnswer
+from impactd.api.security import Limits, TheCaller, TheDaemon
+
+router = APIRouter(prefix="/v1", tags=["rig"])
+
+
+@router.get("/status")
+def status(daemon: TheDaemon) -> StatusAnswer:
+    """Say READY or NOT READY in one sentence, why, and what to do."""
+    return StatusAnswer(**plain(daemon.status()))
+
+
+@router.post("/abort")
+async def abort(request: Request, daemon: TheDaemon, caller: TheCaller) -> AbortAnswer:
+    """Abort whatever runs, at once; never queued behind other requests."""
+    limits: Limits = request.app.state.limits
+    began_s = time.perf_counter()
+    report = await anyio.to_thread.run_sync(
+        lambda: daemon.service.abort(by=caller.name), limiter=limits.abort
+    )
+    members = plain(report)
+    members["took_ms"] = 1e3 * (time.perf_counter() - began_s)
+    return AbortAnswer(**members)
+
+
+@router.post("/acknowledge")
+def acknowledge(daemon: TheDaemon, caller: TheCaller) -> StatusAnswer:
+    """Say that the rig was checked after a fault; without it the rig stays NOT READY."""
+    daemon.service.acknowledge_fault(by=caller.name)
+    return StatusAnswer(**plain(daemon.status()))

@@ -1,0 +1,299 @@
+"""What goes over the wire: one model per request and per answer, with examples for OpenAPI.
+
+Requests are strict: unknown members, text for numbers, NaN and infinity are refused.
+Numbers carry their unit in their name, SI throughout.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from fastapi import Header, Path, Query
+from pydantic import BaseModel, ConfigDict, Field
+
+_LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
+
+Number = Annotated[int, Path(ge=1, le=_LARGEST, description="A short number, from 1.")]
+Limit = Annotated[int, Query(ge=1, le=200, description="At most so many items.")]
+Before = Annotated[
+    int | None,
+    Query(ge=1, le=_LARGEST, description="Only numbers below this one; take `next` from a page."),
+]
+Moment = Annotated[
+    str | None,
+    Query(
+        max_length=40, description="ISO 8601; without a zone it is UTC.", examples=["2026-03-01"]
+    ),
+]
+Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f\x7f]+$")]
+Key = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=200,
+        description="A fresh random value per request; the same value on a repetition.",
+        examples=["6f1f0c5e-4c0e-4a8a-9c57-7d8f8d5f3c11"],
+    ),
+]
+
+
+class Request(BaseModel):
+    """A body: strict, and nothing unknown in it."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+
+class Answer(BaseModel):
+    """An answer; later versions may add members."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+class DropBody(Request):
+    """A drop somebody asks for."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "example": {
+                "sphere": "acetal",
+                "surface": "polycarbonate",
+                "drop_height_m": 0.047,
+                "operator": "ab",
+            }
+        }
+    )
+    sphere: Name = Field(description="Name in the materials file.")
+    surface: Name = Field(description="Name in the materials file.")
+    drop_height_m: float = Field(gt=0, le=5, description="Lowest point of the sphere above it. [m]")
+    operator: Name = Field(description="Who hangs the sphere.")
+
+
+class ProblemMember(Answer):
+    """Why something failed, as in an RFC 9457 document."""
+
+    type: str
+    title: str
+    status: int
+    detail: str
+    remedy: str
+
+
+class DropAnswer(Answer):
+    """A drop and how far it came."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "example": {
+                "number": 17,
+                "state": "analysed",
+                "shot": 17,
+                "problem": None,
+                "sphere": "acetal",
+                "surface": "polycarbonate",
+                "drop_height_m": 0.047,
+                "operator": "ab",
+                "owner": "ab (bench)",
+                "calibration": None,
+                "requested_utc": "2026-03-01T12:00:00.000000Z",
+                "updated_utc": "2026-03-01T12:00:01.700000Z",
+                "links": {"self": "/v1/drops/17", "shot": "/v1/shots/17"},
+            }
+        }
+    )
+    number: int
+    state: str = Field(
+        description="requested, arming, armed, released, capturing, storing, then one of stored, "
+        "analysed, failed, aborted, interrupted"
+    )
+    shot: int | None
+    problem: ProblemMember | None
+    sphere: str
+    surface: str
+    drop_height_m: float
+    operator: str
+    owner: str
+    calibration: int | None
+    requested_utc: str
+    updated_utc: str
+    links: dict[str, str | None]
+
+
+class FitAnswer(Answer):
+    """One result of the analysis."""
+
+    id: int
+    shot: int | None
+    model: str
+    calibration: int | None
+    created_utc: str
+    result: dict[str, Any]
+
+
+class ShotAnswer(Answer):
+    """A stored shot; the raw samples are in its file."""
+
+    number: int
+    sphere: str | None
+    surface: str | None
+    drop_height_m: float | None
+    operator: str
+    source: str
+    started_utc: str
+    stored_utc: str
+    quantity: str
+    sample_rate_hz: float
+    samples: int
+    trigger_index: int
+    peak: float
+    clipped: bool
+    sha256: str
+    size_bytes: int
+    links: dict[str, str | None]
+    fits: list[FitAnswer] | None = Field(None, description="The latest of each model.")
+    advice: Literal["use", "check", "repeat"] | None = None
+    reasons: list[str] | None = None
+
+
+class TraceAnswer(Answer):
+    """A trace thinned for drawing: each stretch is kept by its smallest and largest sample."""
+
+    number: int
+    quantity: str
+    unit: str
+    start_s: float = Field(description="First moment, from the trigger. [s]")
+    stop_s: float
+    samples: int = Field(description="Recorded samples between start and stop.")
+    decimated: bool
+    time_s: list[float]
+    signal: list[float]
+
+
+class FitBody(Request):
+    """Shots to fit again, together when there are several."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"shots": [17, 18], "model": "kv"}})
+    shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
+    model: Annotated[str, Field(min_length=1, max_length=200)] = "kv"
+
+
+class FitJobAnswer(Answer):
+    """A fit that was asked for."""
+
+    id: int
+    state: str = Field(description="queued, running, done or failed")
+    kind: str
+    subject: str
+    attempts: int
+    reason: str | None
+    created_utc: str
+    finished_utc: str | None
+    fits: list[FitAnswer]
+    result: dict[str, Any] | None
+    links: dict[str, str | None]
+
+
+class PlanItem(Request):
+    """Drops of one reference sphere on one reference surface."""
+
+    sphere: Name
+    surface: Name
+    drop_height_m: float = Field(gt=0, le=5, description="[m]")
+    repeats: int = Field(3, ge=1, le=100)
+
+
+class CalibrationBody(Request):
+    """A calibration run somebody, or the timer, asks for."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"example": {"slot": "2026-W09", "unattended": False, "plan": None}}
+    )
+    slot: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(
+        None, description="The same slot never runs twice. Without it the Idempotency-Key counts."
+    )
+    plan: list[PlanItem] | None = Field(
+        None, min_length=1, max_length=100, description="Without it, the plan of the settings."
+    )
+    unattended: bool = Field(False, description="Nobody stands by the rig.")
+
+
+class CalibrationAnswer(Answer):
+    """A calibration run of the load cell."""
+
+    number: int
+    state: str = Field(description="requested, running, fitting, done or failed")
+    slot: str | None
+    owner: str
+    plan: list[dict[str, Any]]
+    drops: list[int]
+    result: dict[str, Any] | None
+    problem: ProblemMember | None
+    requested_utc: str
+    finished_utc: str | None
+    valid_until_utc: str | None
+    links: dict[str, str | None]
+
+
+class DiagnosisBody(Request):
+    """Shots whose fit is to be explained."""
+
+    shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
+    base: Literal["kv", "hsd"] = "kv"
+
+
+class ActiveModelBody(Request):
+    """The model that new results are reported with."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"name": "kv"}})
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class AbortAnswer(Answer):
+    """What an abort found and did."""
+
+    aborted: bool
+    drop: int | None
+    sentence: str
+    took_ms: float
+
+
+class StatusAnswer(Answer):
+    """The one honest light."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "example": {
+                "ready": True,
+                "sentence": "READY: idle, calibrated, 120 GB free.",
+                "state": "IDLE",
+                "owner": None,
+                "drop": None,
+            }
+        }
+    )
+    ready: bool
+    sentence: str
+    state: str
+    owner: str | None
+    drop: int | None
+
+
+class DropPage(Answer):
+    """Drops, newest first."""
+
+    items: list[DropAnswer]
+    next: str | None = Field(description="Path of the next page, null on the last one.")
+
+
+class ShotPage(Answer):
+    """Shots, newest first."""
+
+    items: list[ShotAnswer]
+    next: str | None
+
+
+class CalibrationPage(Answer):
+    """Calibrations, newest first."""
+
+    items: list[CalibrationAnswer]
+    next: str | None

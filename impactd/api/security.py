@@ -1,0 +1,195 @@
+"""Who may do what: one table of every route and the scope it needs.
+
+A token is an opaque random string, stored hashed, with one of three scopes. A larger scope holds
+the smaller ones: ``read`` < ``operate`` < ``admin``. A route that is missing in `ROUTE_SCOPES` is
+refused to everybody, so that forgetting one is noticed and never open.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated
+
+import anyio
+from fastapi import Depends, Request, Security
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from impactd.api.problems import ProblemError
+from impactd.daemon import Daemon
+
+
+class Scope(IntEnum):
+    """What a token allows."""
+
+    READ = 1
+    OPERATE = 2
+    ADMIN = 3
+
+
+PUBLIC = "public"
+"""Anybody who reaches the port."""
+LOOPBACK = "loopback"
+"""Anybody on this machine; from elsewhere a token with scope ``read``."""
+
+ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
+    ("POST", "/v1/drops"): Scope.OPERATE,
+    ("GET", "/v1/drops"): Scope.READ,
+    ("GET", "/v1/drops/{number}"): Scope.READ,
+    ("DELETE", "/v1/drops/{number}"): Scope.OPERATE,
+    ("GET", "/v1/shots"): Scope.READ,
+    ("GET", "/v1/shots/{number}"): Scope.READ,
+    ("GET", "/v1/shots/{number}.h5"): Scope.READ,
+    ("HEAD", "/v1/shots/{number}.h5"): Scope.READ,
+    ("GET", "/v1/shots/{number}/trace"): Scope.READ,
+    ("POST", "/v1/fits"): Scope.OPERATE,
+    ("GET", "/v1/fits/{fit_id}"): Scope.READ,
+    ("GET", "/v1/moduli"): Scope.READ,
+    ("POST", "/v1/calibrations"): Scope.OPERATE,
+    ("GET", "/v1/calibrations"): Scope.READ,
+    ("GET", "/v1/calibrations/current"): Scope.READ,
+    ("GET", "/v1/calibrations/{calibration_id}"): Scope.READ,
+    ("POST", "/v1/diagnoses"): Scope.OPERATE,
+    ("GET", "/v1/diagnoses/{diagnosis_id}"): Scope.READ,
+    ("GET", "/v1/diagnoses/{diagnosis_id}/report.html"): Scope.READ,
+    ("GET", "/v1/effects"): Scope.READ,
+    ("GET", "/v1/models"): Scope.READ,
+    ("PUT", "/v1/models/active"): Scope.ADMIN,
+    ("GET", "/v1/status"): LOOPBACK,
+    ("POST", "/v1/abort"): Scope.OPERATE,
+    ("POST", "/v1/acknowledge"): Scope.OPERATE,
+    ("GET", "/v1/events"): Scope.READ,
+    ("GET", "/healthz"): PUBLIC,
+    ("GET", "/readyz"): PUBLIC,
+    ("GET", "/metrics"): LOOPBACK,
+    ("GET", "/openapi.json"): PUBLIC,
+}
+
+ABORT_ROUTES = frozenset({("POST", "/v1/abort"), ("DELETE", "/v1/drops/{number}")})
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Who is asking.
+
+    Attributes
+    ----------
+    name : str
+        The token's name, or ``"anonymous"``.
+    scope : Scope or None
+        ``None`` without a token.
+    """
+
+    name: str
+    scope: Scope | None
+
+
+class Limits:
+    """Threads set aside, so that an abort never waits behind slow downloads or full queues."""
+
+    def __init__(self) -> None:
+        self.abort = anyio.CapacityLimiter(8)
+        self.token = anyio.CapacityLimiter(8)
+
+
+_bearer = HTTPBearer(auto_error=False, description="A token of `impactd token create`.")
+
+
+async def the_daemon(request: Request) -> Daemon:
+    """Return the daemon behind this application.
+
+    Parameters
+    ----------
+    request : Request
+        Of any route.
+
+    Returns
+    -------
+    Daemon
+        As given to ``create_app``.
+    """
+    daemon: Daemon = request.app.state.daemon
+    return daemon
+
+
+async def authorize(
+    request: Request,
+    credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
+) -> Caller:
+    """Return who is asking, or refuse.
+
+    Parameters
+    ----------
+    request : Request
+        The request; its matched route is looked up in `ROUTE_SCOPES`.
+    credentials : HTTPAuthorizationCredentials or None
+        The bearer token.
+
+    Returns
+    -------
+    Caller
+        Somebody who may do this.
+
+    Raises
+    ------
+    ProblemError
+        401 without a valid token where one is needed, 403 when its scope is too small or the
+        route is missing in the table.
+    """
+    route = (request.method, request.scope["route"].path)
+    needed = ROUTE_SCOPES.get(route)
+    if needed is None:
+        raise ProblemError("scope-too-small", f"{route[0]} {route[1]} is open to nobody.")
+    if needed == PUBLIC or (needed == LOOPBACK and credentials is None and _is_local(request)):
+        return Caller("anonymous", None)
+    scope = needed if isinstance(needed, Scope) else Scope.READ
+    caller = await _caller(request, credentials, in_a_hurry=route in ABORT_ROUTES)
+    if caller.scope is None or caller.scope < scope:
+        held = caller.scope.name.lower() if caller.scope else "no"
+        raise ProblemError(
+            "scope-too-small",
+            f"The token {caller.name!r} has {held} scope; this needs {scope.name.lower()}.",
+            headers={
+                "WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{scope.name.lower()}"'
+            },
+            scope=scope.name.lower(),
+        )
+    return caller
+
+
+async def _caller(
+    request: Request, credentials: HTTPAuthorizationCredentials | None, *, in_a_hurry: bool
+) -> Caller:
+    if credentials is None:
+        raise ProblemError(
+            "token-missing",
+            "The request carries no bearer token.",
+            headers={"WWW-Authenticate": 'Bearer realm="impactd"'},
+        )
+    daemon: Daemon = request.app.state.daemon
+    limits: Limits = request.app.state.limits
+    limiter = limits.abort if in_a_hurry else limits.token
+    token = await anyio.to_thread.run_sync(
+        daemon.archive.tokens.check, credentials.credentials, limiter=limiter
+    )
+    if token is None:
+        raise ProblemError(
+            "token-invalid",
+            "The token is unknown, expired or revoked.",
+            headers={"WWW-Authenticate": 'Bearer error="invalid_token"'},
+        )
+    return Caller(token.name, Scope[token.scope.upper()])
+
+
+def _is_local(request: Request) -> bool:
+    if request.client is None:
+        return False
+    try:
+        return ipaddress.ip_address(request.client.host).is_loopback
+    except ValueError:
+        return False
+
+
+TheDaemon = Annotated[Daemon, Depends(the_daemon)]
+TheCaller = Annotated[Caller, Depends(authorize)]

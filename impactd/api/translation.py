@@ -1,0 +1,110 @@
+"""The one place where errors of the layers below become problem documents."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from analysis.errors import AnalysisError, UnknownModelError
+from drivers.errors import DriverError
+from impactd.acquisition.errors import (
+    BusyError,
+    DropHeightError,
+    NotReadyError,
+    RequestRefusedError,
+)
+from impactd.api.problems import ProblemError
+from impactd.materials import UnknownMaterialError
+from impactd.storage.errors import (
+    ArchiveError,
+    CampaignError,
+    CorruptShotError,
+    DropStateError,
+    IdempotencyConflictError,
+    NotFoundError,
+    StorageFullError,
+)
+
+Translate = Callable[[Any], ProblemError]
+
+
+def _busy(error: BusyError) -> ProblemError:
+    return ProblemError(
+        "busy", str(error), owner=error.owner, drop=error.number, headers={"Retry-After": "2"}
+    )
+
+
+def _not_ready(error: NotReadyError) -> ProblemError:
+    return ProblemError("not-ready", error.sentence, remedy=error.remedy)
+
+
+def _conflict(error: IdempotencyConflictError) -> ProblemError:
+    return ProblemError(
+        "idempotency-conflict", error.what, remedy=error.remedy, number=error.number
+    )
+
+
+def _full(error: StorageFullError) -> ProblemError:
+    return ProblemError(
+        "disk-full",
+        error.what,
+        remedy=error.remedy,
+        free_bytes=error.free_bytes,
+        needed_bytes=error.needed_bytes,
+    )
+
+
+def _said(slug: str) -> Translate:
+    """Return a translation for errors with `what`, `why` and `remedy`."""
+
+    def translate(error: ArchiveError | DriverError) -> ProblemError:
+        detail = " ".join(part for part in (error.what, error.why) if part)
+        return ProblemError(slug, detail, remedy=error.remedy)
+
+    return translate
+
+
+def _plain(slug: str) -> Translate:
+    def translate(error: Exception) -> ProblemError:
+        return ProblemError(slug, str(error))
+
+    return translate
+
+
+# A subclass stands before its base: the first match counts.
+TRANSLATIONS: dict[type[Exception], Translate] = {
+    BusyError: _busy,
+    NotReadyError: _not_ready,
+    DropHeightError: _plain("invalid"),
+    RequestRefusedError: _plain("conflict"),
+    UnknownMaterialError: _plain("unknown-material"),
+    NotFoundError: _said("not-found"),
+    StorageFullError: _full,
+    CorruptShotError: _said("damaged"),
+    DropStateError: _said("conflict"),
+    IdempotencyConflictError: _conflict,
+    CampaignError: _plain("invalid"),
+    ArchiveError: _said("storage"),
+    DriverError: _said("device"),
+    UnknownModelError: _plain("invalid"),
+    AnalysisError: _plain("invalid"),
+}
+
+
+def as_problem(error: Exception) -> ProblemError:
+    """Return the problem document of an error of the layers below.
+
+    Parameters
+    ----------
+    error : Exception
+        An instance of one of the keys of `TRANSLATIONS`.
+
+    Returns
+    -------
+    ProblemError
+        Ready to be answered.
+    """
+    for kind, translate in TRANSLATIONS.items():
+        if isinstance(error, kind):
+            return translate(error)
+    raise TypeError(f"no translation for {type(error).__name__}") from error

@@ -1,0 +1,80 @@
+"""``impactd``: the command line.
+
+Only names and options stand here and in ``impactd.console.*_commands``; what a command does is
+imported when it runs, so that ``--help`` never waits for numpy or a web framework.
+"""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+import os
+import sys
+from typing import Annotated
+
+import typer
+
+from impactd.console import (
+    analysis_commands,
+    archive_commands,
+    daemon_commands,
+    rig_commands,
+    token_commands,
+)
+
+app = typer.Typer(
+    name="impactd",
+    help="Run a sphere-drop impact rig: from a drop to an elastic modulus.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # drawing boxes costs a third of the half second `--help` may take
+    context_settings={"help_option_names": ["-h", "--help"]},
+)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from impactd import __version__
+
+        typer.echo(f"impactd {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def _root(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    ] = False,
+) -> None:
+    """Run a sphere-drop impact rig: from a drop to an elastic modulus."""
+
+
+daemon_commands.add_to(app)
+rig_commands.add_to(app)
+analysis_commands.add_to(app)
+archive_commands.add_to(app)
+app.add_typer(token_commands.app, name="token")
+
+
+def main() -> None:
+    """Run the command line; a failure is one sentence on stderr and exit code 1."""
+    try:
+        app(prog_name="impactd")
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except BrokenPipeError:
+        # The reader (`head`) has enough. Nothing may be written any more, not even at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(0)
+    except Exception as error:  # the person gets a sentence; developers ask for more
+        if os.environ.get("IMPACTD_TRACEBACK"):
+            raise
+        from impactd.console.failure import sentence
+
+        print(sentence(error), file=sys.stderr)
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()

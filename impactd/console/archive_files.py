@@ -1,0 +1,3 @@
+"""What import, export, verify and reindex do."""
+
+from __future__ import annotations

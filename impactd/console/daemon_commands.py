@@ -1,0 +1,68 @@
+"""Commands that run something here: serve, demo, bench, doctor."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from impactd.console.options import Config, Data, Json, settings_of
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add these commands."""
+    for command in (serve, demo, bench, doctor):
+        app.command()(command)
+
+
+def serve(
+    config: Config = None,
+    data: Data = None,
+    host: Annotated[str | None, typer.Option("--host", help="Address to listen on.")] = None,
+    port: Annotated[
+        int | None, typer.Option("--port", min=0, max=65535, help="TCP port; 0 takes a free one.")
+    ] = None,
+) -> None:
+    """Run the daemon until it is told to stop."""
+    settings = settings_of(config, data)
+    given = {name: value for name, value in (("host", host), ("port", port)) if value is not None}
+    server = settings.server.model_copy(update=given)
+    from impactd.server import serve as run
+
+    run(settings.model_copy(update={"server": server}))
+
+
+def demo(
+    seed: Annotated[int, typer.Option("--seed", help="Of everything drawn at random.")] = 1,
+    effect: Annotated[
+        str, typer.Option("--effect", help="An effect's id, random, or none.")
+    ] = "none",
+    out: Annotated[Path, typer.Option("--out", help="Where the results go.")] = Path(
+        "impactd-demo"
+    ),
+) -> None:
+    """Do the main job in one go on the simulated rig, through HTTP, USB and serial."""
+    from impactd.demo import run_demo
+
+    run_demo(seed=seed, effect=effect, out=out)
+
+
+def bench(
+    json_out: Annotated[
+        Path | None, typer.Option("--json", metavar="OUT", help="Write the figures here.")
+    ] = None,
+) -> None:
+    """Measure speed, each figure as a ratio within the same run."""
+    from impactd.bench import run
+
+    run(json_out)
+
+
+def doctor(config: Config = None, data: Data = None, as_json: Json = False) -> None:
+    """Check configuration, devices, permissions and disk, and say how to mend each."""
+    from impactd.console import doctor as console
+
+    console.run(config, data, as_json=as_json)

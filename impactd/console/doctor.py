@@ -1,0 +1,204 @@
+"""``impactd doctor``: what is well, what is not, and how to mend it."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from impactd.console.failure import Failure, sentence
+from impactd.console.options import settings_of
+from impactd.console.tables import print_json
+
+if TYPE_CHECKING:
+    from impactd.settings import Settings
+
+_SHOT_BYTES = 1_000_000
+"""A stored shot of 0.4 s at 1 MS/s, generously. [byte]"""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name : str
+        What was looked at.
+    well : bool
+        Whether it is as it should be.
+    said : str
+        What was found, with values and units.
+    mend : str
+        What to do; empty when all is well.
+    """
+
+    name: str
+    well: bool
+    said: str
+    mend: str = ""
+
+
+def run(config: Path | None, data: Path | None, *, as_json: bool) -> None:
+    """Look at everything a daemon needs and print what was found.
+
+    Parameters
+    ----------
+    config, data : Path or None
+        As given on the command line.
+    as_json : bool
+        Print the findings as JSON.
+
+    Raises
+    ------
+    Failure
+        If anything is not well.
+    """
+    found = []
+    for finding in examine(config, data):
+        found.append(finding)
+        if not as_json:
+            print(f"{'ok  ' if finding.well else 'BAD '} {finding.name}: {finding.said}")
+            if finding.mend:
+                print(f"     -> {finding.mend}")
+    if as_json:
+        print_json([asdict(finding) for finding in found])
+    bad = [finding.name for finding in found if not finding.well]
+    if bad:
+        raise Failure(f"{len(bad)} of {len(found)} checks failed: {', '.join(bad)}.")
+
+
+def examine(config: Path | None, data: Path | None) -> Iterator[Finding]:
+    """Yield one finding after the other; without settings nothing else can be looked at.
+
+    Parameters
+    ----------
+    config, data : Path or None
+        As given on the command line.
+
+    Yields
+    ------
+    Finding
+        In the order in which they should be mended.
+    """
+    yield _python()
+    try:
+        settings = settings_of(config, data)
+    except Exception as error:  # each check reports what it met, whatever it was
+        yield Finding("configuration", False, sentence(error), "Correct the named keys.")
+        return
+    kind = "simulated" if settings.simulated else "real"
+    yield Finding("configuration", True, f"rig {settings.rig.name!r} ({kind}) is described whole")
+    for name, check in _CHECKS.items():
+        try:
+            yield from check(settings)
+        except Exception as error:  # as above
+            remedy = getattr(error, "remedy", "") or "Read the sentence; then run this again."
+            yield Finding(name, False, sentence(error), remedy)
+
+
+def _python() -> Finding:
+    version = ".".join(str(part) for part in sys.version_info[:3])
+    return Finding("python", True, f"{version} at {sys.executable}")
+
+
+def _materials(settings: Settings) -> Iterator[Finding]:
+    from impactd.materials import load_materials
+
+    materials = load_materials(settings.materials.file)
+    said = f"{len(materials.spheres)} spheres, {len(materials.surfaces)} surfaces"
+    yield Finding("materials", True, f"{said} in {settings.materials.file}")
+
+
+def _directory(settings: Settings) -> Iterator[Finding]:
+    directory = settings.storage.directory
+    if not directory.exists():
+        parent = next(part for part in directory.absolute().parents if part.exists())
+        well = os.access(parent, os.W_OK)
+        mend = "" if well else f"Create {directory} and give it to the daemon's user."
+        yield Finding("data directory", well, f"{directory} is not there yet", mend)
+        return
+    well = os.access(directory, os.R_OK | os.W_OK | os.X_OK)
+    mend = "" if well else f"sudo chown -R {os.getuid()} {directory}, or run as its owner."
+    said = f"{directory} can{'' if well else 'not'} be written by user {os.getuid()}"
+    yield Finding("data directory", well, said, mend)
+
+
+def _disk(settings: Settings) -> Iterator[Finding]:
+    directory = settings.storage.directory.absolute()
+    place = directory if directory.exists() else next(p for p in directory.parents if p.exists())
+    free, reserve = shutil.disk_usage(place).free, settings.storage.reserve_bytes
+    shots = max(0, (free - reserve) // _SHOT_BYTES)
+    said = f"{free / 1e9:.1f} GB free, reserve {reserve / 1e9:.1f} GB, room for {shots} shots"
+    mend = "" if shots else "Free space, or lower storage.reserve_bytes."
+    yield Finding("disk", shots > 0, said, mend)
+
+
+def _tokens(settings: Settings) -> Iterator[Finding]:
+    from impactd.storage.archive import Archive
+    from impactd.storage.moment import utc_now
+
+    storage = settings.storage
+    with Archive.open(storage.directory, reserve_bytes=storage.reserve_bytes) as archive:
+        usable = [
+            token
+            for token in archive.tokens.list()
+            if token.allows("operate")
+            and token.revoked_utc is None
+            and (token.expires_utc is None or token.expires_utc > utc_now())
+        ]
+    mend = "" if usable else "impactd token create --scope operate --name YOU"
+    yield Finding("tokens", bool(usable), f"{len(usable)} valid with scope operate or more", mend)
+
+
+def _devices(settings: Settings) -> Iterator[Finding]:
+    """Open the devices; the valve goes to its safe state. A running daemon is asked instead."""
+    from impactd.data_lock import DataLock, DataLockedError
+
+    try:
+        lock = DataLock(settings.storage.directory)
+    except DataLockedError as error:
+        yield _daemon(str(error.holder.get("url") or ""))
+        return
+    with lock:
+        from drivers.errors import DriverError
+        from impactd.materials import load_materials
+        from impactd.rig import build_rig
+
+        rig = build_rig(settings, load_materials(settings.materials.file))
+        try:
+            for name, device in (("digitizer", rig.digitizer), ("valve", rig.valve)):
+                try:
+                    device.ensure_ready()
+                except DriverError as error:
+                    said = f"{error.what} {error.why}".strip()
+                    mend = error.remedy or "Check power and cable, then run this again."
+                    yield Finding(name, False, said, mend)
+                else:
+                    yield Finding(name, True, f"answers: {device.identity}")
+        finally:
+            rig.close()
+
+
+def _daemon(url: str) -> Finding:
+    from impactd.console.client import Client
+
+    with Client(url, timeout_s=5.0) as client:
+        status = client.get("/v1/status")
+    mend = "" if status["ready"] else "Do what the sentence says."
+    return Finding("daemon", bool(status["ready"]), f"runs at {url}: {status['sentence']}", mend)
+
+
+_CHECKS: dict[str, Callable[[Settings], Iterator[Finding]]] = {
+    "materials": _materials,
+    "data directory": _directory,
+    "disk": _disk,
+    "tokens": _tokens,
+    "devices": _devices,
+}

@@ -1,0 +1,91 @@
+"""``impactd drop``: ask, watch, tell."""
+
+from __future__ import annotations
+
+import getpass
+from typing import Any
+
+from impactd.console.client import Client, connect, fresh_key
+from impactd.console.failure import Failure
+from impactd.console.rig_commands import DROP_ENDED
+from impactd.console.tables import measured, print_json, progress
+
+
+def login_name() -> str:
+    """Return who is at the keyboard, ``unknown`` where the system cannot say."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "unknown"
+
+
+def run(
+    body: dict[str, Any], *, key: str | None, wait: bool, url: str | None, as_json: bool
+) -> None:
+    """Ask for a drop and print what became of it.
+
+    Parameters
+    ----------
+    body : dict
+        Of ``POST /v1/drops``.
+    key : str or None
+        Idempotency key; ``None`` takes a fresh one.
+    wait : bool
+        Whether to wait for the modulus.
+    url : str or None
+        The daemon.
+    as_json : bool
+        Print the answer, and the shot's with it.
+
+    Raises
+    ------
+    Failure
+        If the drop did not end with a stored shot.
+    """
+    with connect(url) as client:
+        drop = client.send("POST", "/v1/drops", body, key=key or fresh_key())
+        number = drop["number"]
+        if wait:
+            drop = _watch(client, number)
+        shot = client.get(f"/v1/shots/{drop['shot']}") if drop["shot"] else None
+    if as_json:
+        print_json({**drop, "result": shot})
+    elif not wait:
+        print(f"Drop {number} is {drop['state']}.")
+    elif shot:
+        print(_told(drop, shot))
+    if wait and not drop["shot"]:
+        problem = drop["problem"] or {"detail": f"It is {drop['state']}.", "remedy": ""}
+        raise Failure(f"drop {number}: {problem['detail']} {problem['remedy']}".strip())
+
+
+def _watch(client: Client, number: int) -> dict[str, Any]:
+    def ended(drop: dict[str, Any]) -> bool:
+        # A stored drop with a problem is one that could not be analysed: nothing more will come.
+        return drop["state"] in DROP_ENDED or (drop["state"] == "stored" and bool(drop["problem"]))
+
+    try:
+        drop = client.wait(
+            f"/v1/drops/{number}", ended, lambda state: progress(f"drop {number}: {state}")
+        )
+    except KeyboardInterrupt:
+        raise Failure(f"drop {number} goes on without you; `impactd abort` ends it.") from None
+    finally:
+        progress("", last=True)
+    return drop
+
+
+def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
+    lines = [
+        f"Shot {shot['number']}: {shot['sphere']} on {shot['surface']} from "
+        f"{shot['drop_height_m']:g} m, peak {shot['peak']:.3g}."
+    ]
+    for fit in shot["fits"] or []:
+        modulus = measured(fit["result"].get("reduced_modulus_Pa"), scale=1e-9)
+        lines.append(f"  {fit['model']}: reduced modulus {modulus} GPa")
+    if drop["problem"]:
+        lines.append(f"Not analysed: {drop['problem']['detail']}")
+    if shot["advice"]:
+        because = ", because " + ", ".join(shot["reasons"]) if shot["reasons"] else ""
+        lines.append(f"Advice: {shot['advice']}{because}.")
+    return "\n".join(lines)

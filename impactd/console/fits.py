@@ -1,0 +1,178 @@
+"""``impactd fit``: a campaign folder here, or stored shots by the daemon."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from impactd.console.client import connect, fresh_key
+from impactd.console.failure import Failure
+from impactd.console.tables import measured, print_json, progress, table
+
+
+def offline(path: Path, model: str, *, json_out: Path | None) -> None:
+    """Fit a campaign folder in this process and print what was found.
+
+    Parameters
+    ----------
+    path : Path
+        ``campaign.json`` or its folder.
+    model : str
+        ``hsd`` or ``kv``.
+    json_out : Path or None
+        Where the result goes as ``impactd-fit/1``; ``-`` prints it instead of the tables.
+
+    Raises
+    ------
+    Failure
+        If no shot could be fitted.
+    """
+    from analysis import fit_campaign
+    from impactd.storage.archive import software
+    from impactd.storage.campaign_folder import read_campaign
+
+    campaign = read_campaign(path)
+    result = fit_campaign(
+        campaign, model, progress=lambda what, share: progress(f"{what} {100 * share:.0f} %")
+    )
+    progress("", last=True)
+    document = {**result.to_json(), "software": software()}
+    _deliver(document, json_out)
+    if document["outcome"]["status"] == "not_evaluable":
+        raise Failure(f"{path}: {document['outcome']['message']}")
+
+
+def by_the_daemon(
+    numbers: list[int], model: str, *, json_out: Path | None, url: str | None
+) -> None:
+    """Have the daemon fit stored shots and print what was found.
+
+    Parameters
+    ----------
+    numbers : list of int
+        Shots.
+    model : str
+        ``hsd`` or ``kv``.
+    json_out : Path or None
+        Where the results go; ``-`` prints them.
+    url : str or None
+        The daemon.
+
+    Raises
+    ------
+    Failure
+        If the fit failed.
+    """
+    with connect(url) as client:
+        job = client.send("POST", "/v1/fits", {"shots": numbers, "model": model}, key=fresh_key())
+        job = client.wait(
+            f"/v1/fits/{job['id']}",
+            lambda answer: answer["state"] in ("done", "failed"),
+            lambda state: progress(f"fit {job['id']}: {state}"),
+        )
+        progress("", last=True)
+    if job["state"] == "failed":
+        raise Failure(f"fit {job['id']} of {job['subject']} failed: {job['reason']}")
+    for fit in job["fits"]:
+        _deliver(fit["result"], json_out)
+
+
+def _deliver(document: dict[str, Any], json_out: Path | None) -> None:
+    if json_out == Path("-"):
+        print_json(document)
+        return
+    if json_out is not None:
+        text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
+        json_out.write_text(text + "\n", encoding="utf-8")
+    print(report(document))
+
+
+def report(document: dict[str, Any]) -> str:
+    """Return a fit as the tables a person reads.
+
+    Parameters
+    ----------
+    document : dict
+        ``impactd-fit/1``.
+
+    Returns
+    -------
+    str
+        Pairs, materials, quality, and what was rejected.
+    """
+    parts = [f"Model {document['model']}: {_outcome(document)}"]
+    if document.get("pairs"):
+        parts.append(_pairs(document))
+    if document.get("moduli"):
+        parts.append(_moduli(document["moduli"]))
+    if "r2" in document:
+        heldout = document.get("heldout_rms_V")
+        parts.append(
+            f"R2 {document['r2']:.6f}, NRMSE {document.get('nrmse', 0):.2e}, "
+            f"chi2/dof {document['chi2_per_dof']:.3g}"
+            + (f", held-out rms {heldout:.3g}" if heldout else "")
+        )
+    for item in document.get("rejected") or []:
+        parts.append(f"Rejected: {item['name']} ({item['path']}): {item['reason']}")
+    return "\n\n".join(parts)
+
+
+def _outcome(document: dict[str, Any]) -> str:
+    outcome = document.get("outcome") or {}
+    return str(outcome.get("message", "")) if isinstance(outcome, dict) else str(outcome)
+
+
+def _pairs(document: dict[str, Any]) -> str:
+    rows = []
+    for name, pair in document["pairs"].items():
+        if "reduced_modulus_Pa" in pair:
+            value, unit = measured(pair["reduced_modulus_Pa"], scale=1e-9), "GPa (E*)"
+        else:
+            value, unit = measured(pair.get("stiffness_over_mass")), "N m^-1.5 kg^-1 (K/m)"
+        rows.append(
+            (name, document["model"], value, unit, pair["shots"], _worst_r2(document, name))
+        )
+    return table(("pair", "model", "value +- u", "unit", "shots", "lowest R2"), rows)
+
+
+def _worst_r2(document: dict[str, Any], pair: str) -> float | None:
+    """Return the lowest R2 of a pair's shots, where the shots say which pair they are."""
+    found = [
+        shot["r2"]
+        for shot in document.get("shots") or []
+        if pair == shot.get("pair", _pair_name(shot)) and shot.get("r2") is not None
+    ]
+    return min(found) if found else None
+
+
+def _pair_name(shot: dict[str, Any]) -> str:
+    return f"{shot.get('sphere')}/{shot.get('surface')}"
+
+
+def _moduli(moduli: dict[str, Any]) -> str:
+    rows = []
+    for name, modulus in moduli.items():
+        young, plane = modulus["youngs_modulus_Pa"], modulus["plane_strain_modulus_Pa"]
+        rows.append(
+            (
+                name,
+                modulus["status"],
+                measured(young, scale=1e-9),
+                _interval(young),
+                measured(plane, scale=1e-9),
+                modulus.get("reason") or "",
+            )
+        )
+    return table(
+        ("material", "status", "E/GPa", "95 % interval/GPa", "E/(1-nu^2)/GPa", "note"), rows
+    )
+
+
+def _interval(quantity: dict[str, Any] | None) -> str:
+    if not quantity or not quantity.get("interval95"):
+        return "-"
+    low, high = quantity["interval95"]
+    return f"{low * 1e-9:.4g} .. {high * 1e-9:.4g}"

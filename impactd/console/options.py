@@ -1,0 +1,71 @@
+"""Options that several commands share."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from impactd.settings import Settings
+    from impactd.storage.archive import Archive
+
+Url = Annotated[
+    str | None,
+    typer.Option(
+        "--url",
+        envvar="IMPACTD_URL",
+        help="Address of the daemon; the token comes from IMPACTD_TOKEN.",
+        show_default="http://127.0.0.1:8642",
+    ),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")]
+Config = Annotated[
+    Path | None,
+    typer.Option(
+        "--config", "-c", envvar="IMPACTD_CONFIG", help="The rig's settings, a TOML file."
+    ),
+]
+Data = Annotated[
+    Path | None, typer.Option("--data", help="Folder of the archive, instead of the settings'.")
+]
+
+
+def settings_of(config: Path | None, data: Path | None) -> Settings:
+    """Return the checked settings of a command.
+
+    Parameters
+    ----------
+    config, data : Path or None
+        As given on the command line.
+
+    Returns
+    -------
+    Settings
+        Of the file, with the data directory replaced.
+    """
+    from impactd.settings import load_settings
+
+    return load_settings(config, data=data)
+
+
+def open_archive(config: Path | None, data: Path | None) -> Archive:
+    """Return the archive of a command; beside a running daemon that is safe.
+
+    Parameters
+    ----------
+    config, data : Path or None
+        As given on the command line.
+
+    Returns
+    -------
+    Archive
+        Open; use it in a ``with`` block.
+    """
+    from impactd.storage.archive import Archive
+
+    settings = settings_of(config, data)
+    return Archive.open(settings.storage.directory, reserve_bytes=settings.storage.reserve_bytes)

@@ -1,0 +1,142 @@
+"""Commands that ask the daemon: status, drop, abort, calibrate, shots, moduli."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from impactd.console.options import Json, Url
+
+_Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
+_Until = Annotated[str | None, typer.Option("--until", help="First moment that is too late.")]
+DROP_ENDED = ("analysed", "failed", "aborted", "interrupted")
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add these commands."""
+    for command in (status, drop, abort, calibrate, shots, moduli):
+        app.command()(command)
+
+
+def status(url: Url = None, as_json: Json = False) -> None:
+    """Say READY or NOT READY, why, and what to do."""
+    from impactd.console.client import connect
+    from impactd.console.tables import print_json
+
+    with connect(url) as client:
+        answer = client.get("/v1/status")
+    if as_json:
+        print_json(answer)
+        return
+    print(answer["sentence"])
+    if answer["drop"]:
+        print(f"Drop {answer['drop']} of {answer['owner']}: {answer['state']}.")
+
+
+def drop(
+    sphere: Annotated[str, typer.Argument(help="Name in the materials file.")],
+    surface: Annotated[str, typer.Argument(help="Name in the materials file.")],
+    drop_height_m: Annotated[
+        float, typer.Argument(help="Lowest point of the sphere above the surface. [m]")
+    ],
+    operator: Annotated[
+        str | None, typer.Option("--operator", "-o", help="Who hangs the sphere; your login name.")
+    ] = None,
+    wait: Annotated[bool, typer.Option(help="Wait for the modulus.")] = True,
+    key: Annotated[
+        str | None, typer.Option("--key", help="Idempotency key; a repetition drops nothing.")
+    ] = None,
+    url: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Drop a sphere, and wait for its modulus."""
+    from impactd.console import drops
+
+    drops.run(
+        {
+            "sphere": sphere,
+            "surface": surface,
+            "drop_height_m": drop_height_m,
+            "operator": operator or drops.login_name(),
+        },
+        key=key,
+        wait=wait,
+        url=url,
+        as_json=as_json,
+    )
+
+
+def abort(url: Url = None, as_json: Json = False) -> None:
+    """Abort whatever the rig does, at once; the vacuum comes back on."""
+    from impactd.console.client import connect
+    from impactd.console.tables import print_json
+
+    with connect(url) as client:
+        answer = client.send("POST", "/v1/abort")
+    if as_json:
+        print_json(answer)
+    else:
+        print(answer["sentence"])
+
+
+def calibrate(
+    wait: Annotated[bool, typer.Option("--wait", help="Wait until it is done.")] = False,
+    slot: Annotated[
+        str | None,
+        typer.Option(
+            "--slot", help="The timer's slot: the same slot never runs twice. Means unattended."
+        ),
+    ] = None,
+    attended: Annotated[
+        bool | None,
+        typer.Option("--attended/--unattended", help="Whether somebody stands by the rig."),
+    ] = None,
+    url: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Calibrate the load cell with the reference spheres of the settings' plan."""
+    from impactd.console import calibrations
+
+    unattended = slot is not None if attended is None else not attended
+    calibrations.run(slot=slot, unattended=unattended, wait=wait, url=url, as_json=as_json)
+
+
+def shots(
+    number: Annotated[int | None, typer.Argument(help="Show this one; without it, list.")] = None,
+    sphere: Annotated[str | None, typer.Option("--sphere")] = None,
+    surface: Annotated[str | None, typer.Option("--surface")] = None,
+    since: _Since = None,
+    until: _Until = None,
+    limit: Annotated[int, typer.Option("--limit", min=1, help="At most so many.")] = 20,
+    url: Url = None,
+    as_json: Json = False,
+) -> None:
+    """List stored shots, newest first, or show one with its fits."""
+    from impactd.console import shots as console
+
+    if number is not None:
+        console.show(number, url=url, as_json=as_json)
+        return
+    filters: dict[str, Any] = {
+        "sphere": sphere,
+        "surface": surface,
+        "since": since,
+        "until": until,
+    }
+    console.list_shots(filters, limit=limit, url=url, as_json=as_json)
+
+
+def moduli(
+    specimen: Annotated[str | None, typer.Option("--specimen", help="Only this material.")] = None,
+    since: _Since = None,
+    until: _Until = None,
+    url: Url = None,
+    as_json: Json = False,
+) -> None:
+    """Show the fitted moduli with their uncertainties."""
+    from impactd.console import moduli as console
+
+    console.show({"specimen": specimen, "since": since, "until": until}, url=url, as_json=as_json)

@@ -1,0 +1,80 @@
+"""``impactd shots``: the list, and one shot."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from impactd.console.client import connect
+from impactd.console.tables import measured, print_json, table
+
+
+def list_shots(filters: dict[str, Any], *, limit: int, url: str | None, as_json: bool) -> None:
+    """Print stored shots, newest first."""
+    with connect(url) as client:
+        found = list(client.pages("/v1/shots", limit, **filters))
+    if as_json:
+        print_json(found)
+        return
+    if not found:
+        print("No shots.")
+        return
+    headings = ("shot", "when (UTC)", "sphere", "surface", "height/m", "peak", "operator", "note")
+    print(table(headings, [_row(shot) for shot in found]))
+
+
+def _row(shot: dict[str, Any]) -> tuple[Any, ...]:
+    return (
+        shot["number"],
+        shot["started_utc"][:19].replace("T", " "),
+        shot["sphere"],
+        shot["surface"],
+        shot["drop_height_m"],
+        float(f"{shot['peak']:.3g}"),
+        shot["operator"],
+        "clipped" if shot["clipped"] else "",
+    )
+
+
+def show(number: int, *, url: str | None, as_json: bool) -> None:
+    """Print one shot with its fits."""
+    with connect(url) as client:
+        shot = client.get(f"/v1/shots/{number}")
+    if as_json:
+        print_json(shot)
+        return
+    for name in (
+        "number",
+        "started_utc",
+        "sphere",
+        "surface",
+        "drop_height_m",
+        "operator",
+        "sample_rate_hz",
+        "samples",
+        "peak",
+        "clipped",
+        "sha256",
+    ):
+        print(f"{name:15} {shot[name]}")
+    fits = shot["fits"] or []
+    if fits:
+        print()
+        print(
+            table(
+                ("fit", "model", "reduced modulus/GPa", "R2", "flags"),
+                [_fit_row(fit) for fit in fits],
+            )
+        )
+    if shot["advice"]:
+        print(f"\nAdvice: {shot['advice']} ({', '.join(shot['reasons'] or []) or 'no flags'}).")
+
+
+def _fit_row(fit: dict[str, Any]) -> tuple[Any, ...]:
+    result = fit["result"]
+    return (
+        fit["id"],
+        fit["model"],
+        measured(result.get("reduced_modulus_Pa"), scale=1e-9),
+        result.get("r2"),
+        ", ".join(str(flag) for flag in result.get("flags") or []),
+    )

@@ -1,0 +1,90 @@
+"""Numbers and tables as people read them: plain text that also survives a pipe."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Sequence
+from typing import Any
+
+
+def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+    """Return rows under headings, in aligned columns.
+
+    Parameters
+    ----------
+    headings : sequence of str
+        One per column.
+    rows : sequence of sequences
+        Cells; numbers stand to the right.
+
+    Returns
+    -------
+    str
+        Lines without a trailing newline.
+    """
+    cells = [[_cell(value) for value in row] for row in rows]
+    right = [
+        bool(rows) and all(isinstance(row[i], (int, float, type(None))) for row in rows)
+        for i in range(len(headings))
+    ]
+    columns = list(zip(headings, *cells, strict=True))
+    widths = [max(len(cell) for cell in column) for column in columns]
+    lines = [list(headings), ["-" * width for width in widths], *cells]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if to_right else cell.ljust(width)
+            for cell, width, to_right in zip(line, widths, right, strict=True)
+        ).rstrip()
+        for line in lines
+    )
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "-"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return str(value)
+
+
+def measured(quantity: Any, *, scale: float = 1.0) -> str:
+    """Return a value with its standard uncertainty, to two digits of the uncertainty.
+
+    Parameters
+    ----------
+    quantity : dict or None
+        ``value`` and ``u``, as JSON carries them.
+    scale : float, optional
+        Factor on both, for another unit. [1]
+
+    Returns
+    -------
+    str
+        For example ``3.15 +- 0.12``; ``-`` for ``None``.
+    """
+    if not isinstance(quantity, dict) or quantity.get("value") is None:
+        return "-"
+    value = quantity["value"] * scale
+    u = (quantity.get("u") or 0.0) * scale
+    if not (math.isfinite(u) and u > 0):
+        return f"{value:.5g}"
+    digits = max(0, 1 - math.floor(math.log10(u)))
+    if digits > 6 or abs(value) >= 1e7:
+        return f"{value:.6g} +- {u:.2g}"
+    return f"{value:.{digits}f} +- {u:.{digits}f}"
+
+
+def print_json(value: Any) -> None:
+    """Print a value as JSON, indented on a terminal and in one line in a pipe."""
+    indent = 2 if sys.stdout.isatty() else None
+    print(json.dumps(value, indent=indent, allow_nan=False, ensure_ascii=False))
+
+
+def progress(line: str, *, last: bool = False) -> None:
+    """Show how far a long command is: on a terminal only, over the line before."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{'' if last else line}", end="", file=sys.stderr, flush=True)

@@ -1,0 +1,233 @@
+"""The daemon: every part put together once, started and stopped in the right order.
+
+::
+
+    settings -> materials -> rig (digitizer, valve)
+                             archive -> event bus
+    rig + archive            -> acquisition service -> calibration runner
+    archive                  -> job runner (worker processes)
+
+`impactd.server` puts the REST API in front of it.
+"""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import asdict
+from typing import Any
+
+import structlog
+
+from analysis.model.impact_model import model_named
+from impactd import __version__
+from impactd.acquisition.service import AcquisitionService
+from impactd.calibration_run import CalibrationRunner
+from impactd.data_lock import DataLock
+from impactd.events import EventBus
+from impactd.jobs.runner import JobRunner
+from impactd.materials import Materials, load_materials
+from impactd.rig import Rig, build_rig
+from impactd.sd_notify import notify, watchdog_interval_s
+from impactd.settings import Settings
+from impactd.storage.archive import Archive
+from impactd.storage.jobs import Job
+
+_log = structlog.get_logger("impactd.daemon")
+_STATUS_EVERY_S = 2.0
+
+
+class Daemon:
+    """Everything behind the REST API.
+
+    Parameters
+    ----------
+    settings : Settings
+        Checked whole.
+
+    Attributes
+    ----------
+    settings : Settings
+        As given.
+    archive : Archive
+        Shots, drops, fits, tokens.
+    rig : Rig
+        Digitizer and valve, real or simulated.
+    bus : EventBus
+        What happens.
+    service : AcquisitionService
+        Drops.
+    jobs : JobRunner
+        Fits.
+    calibrations : CalibrationRunner
+        Series of drops.
+
+    Raises
+    ------
+    DataLockedError
+        If another daemon serves the same data directory.
+    ArchiveError
+        If the archive cannot be opened.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.settings = settings
+        self.lock = DataLock(settings.storage.directory)
+        try:
+            self.materials: Materials = load_materials(settings.materials.file)
+            self.archive = Archive.open(
+                settings.storage.directory, reserve_bytes=settings.storage.reserve_bytes
+            )
+        except BaseException:
+            self.lock.release()
+            raise
+        self.bus = EventBus(self.archive.events)
+        try:
+            self.rig: Rig = build_rig(settings, self.materials)
+        except BaseException:
+            self.archive.close()
+            self.lock.release()
+            raise
+        publish = self.bus.publish
+        self.jobs = JobRunner(self.archive, settings, publish)
+        self.service = AcquisitionService(self.rig, self.archive, settings, self.materials, publish)
+        self.calibrations = CalibrationRunner(self.service, self.archive, settings)
+        self._heart = Heart(self)
+
+    def start(self) -> None:
+        """Start the worker, then the acquisition; interrupted drops are marked, never repeated."""
+        self.jobs.start()
+        self.service.start()
+
+    def stop(self) -> None:
+        """Make the valve safe first, then end everything else; safe to call twice."""
+        self._heart.stop()
+        steps = (self.service.stop, self.jobs.stop, self.rig.close, self.archive.close)
+        self.bus.close()
+        for step in steps:
+            try:
+                step()
+            except Exception:  # one part that cannot stop must not keep the others from stopping
+                _log.exception("could not stop", part=getattr(step, "__qualname__", str(step)))
+        self.lock.release()
+
+    def announce(self, url: str) -> None:
+        """Say that requests are answered from now on, to systemd and to other commands."""
+        self.lock.tell(url=url)
+        self._heart.start()
+
+    def status(self) -> dict[str, Any]:
+        """Return the one honest light and what is behind it.
+
+        Returns
+        -------
+        dict
+            ``ready``, ``sentence``, ``state``, ``owner``, ``drop``, checks, calibration, alarms.
+        """
+        status = asdict(self.service.status())
+        status["rig"] = {"name": self.rig.name, "simulated": self.rig.simulated}
+        status["jobs_waiting"] = self.archive.jobs.waiting()
+        status["active_model"] = self.archive.models.active()
+        status["version"] = __version__
+        return status
+
+    def liveness(self) -> dict[str, bool]:
+        """Return which parts answered lately; the watchdog is fed only while all do."""
+        return {"acquisition": self.service.alive(), "jobs": self.jobs.alive()}
+
+    def request_fit(self, shots: list[int], model: str, *, key: str | None) -> Job:
+        """Ask the worker for a fit.
+
+        Parameters
+        ----------
+        shots : list of int
+            Numbers; one is fitted by itself, several together.
+        model : str
+            E.g. ``kv``.
+        key : str or None
+            The client's idempotency key.
+
+        Returns
+        -------
+        Job
+            Queued, or the one of the same key.
+        """
+        raise NotImplementedError
+
+    def models(self) -> list[dict[str, str]]:
+        """Return the base models with a line about each."""
+        return [{"name": name, "about": about} for name, about in BASE_MODELS.items()]
+
+    def choose_model(self, name: str, *, by: str) -> None:
+        """Choose the model that new results are reported with.
+
+        Parameters
+        ----------
+        name : str
+            A base model.
+        by : str
+            Who chooses.
+
+        Raises
+        ------
+        UnknownModelError
+            If this version does not know it.
+        """
+        model_named(name)
+        self.archive.models.set_active(name)
+        self.bus.publish("model.chosen", {"name": name, "by": by})
+
+
+BASE_MODELS = {
+    "hsd": "Hertz contact on a rigid load cell: force is volts times a constant",
+    "kv": "Hertz contact on a Kelvin-Voigt load cell: crystal mass, stiffness and damping",
+}
+
+
+class Heart:
+    """Tells systemd how the daemon is.
+
+    The watchdog is fed only while acquisition loop, job runner and database answer: a daemon that
+    merely still answers HTTP is not alive. The status line is the sentence of the light.
+
+    Parameters
+    ----------
+    daemon : Daemon
+        Whose heart it is.
+    """
+
+    def __init__(self, daemon: Daemon) -> None:
+        self._daemon = daemon
+        self._end = threading.Event()
+        self._thread: threading.Thread | None = None
+
+    def start(self) -> None:
+        """Say READY=1 and go on from there in a thread."""
+        notify(READY="1", STATUS=self._sentence())
+        self._thread = threading.Thread(target=self._beat, name="heart", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Say STOPPING=1 and end."""
+        if self._thread is None or self._end.is_set():
+            return
+        notify(STOPPING="1", STATUS="Stopping: the valve is made safe.")
+        self._end.set()
+        self._thread.join(timeout=5.0)
+
+    def _sentence(self) -> str:
+        return self._daemon.service.status().sentence
+
+    def _beat(self) -> None:
+        interval_s = watchdog_interval_s()
+        pause_s = min(_STATUS_EVERY_S, interval_s / 2) if interval_s else _STATUS_EVERY_S
+        told = ""
+        while not self._end.wait(pause_s):
+            try:
+                sentence = self._sentence()
+                if all(self._daemon.liveness().values()):
+                    notify(WATCHDOG="1")
+                if sentence != told:
+                    notify(STATUS=sentence)
+                    told = sentence
+            except Exception:  # a heart that dies of a hiccup would kill the daemon
+                _log.exception("could not look at the daemon")

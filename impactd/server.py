@@ -1,0 +1,195 @@
+"""`impactd serve`: the daemon behind uvicorn, until a signal ends it.
+
+On SIGTERM the valve is made safe first; only then are connections closed.
+"""
+
+from __future__ import annotations
+
+import logging
+import signal
+import socket
+import sys
+from types import FrameType
+
+import anyio
+import structlog
+import uvicorn
+
+from impactd.api.app import create_app
+from impactd.daemon import Daemon
+from impactd.settings import Settings
+
+_GRACE_S = 3
+
+
+class AddressTakenError(Exception):
+    """Nobody can listen at the address.
+
+    Parameters
+    ----------
+    host : str
+        Address or name.
+    port : int
+        TCP port.
+    reason : str
+        What the system said.
+    """
+
+    def __init__(self, host: str, port: int, reason: str) -> None:
+        self.host = host
+        self.port = port
+        self.reason = reason
+        super().__init__(
+            f"Cannot listen on {host} port {port}: {reason}; give another --host or --port."
+        )
+
+
+class Server(uvicorn.Server):
+    """Uvicorn that stops the rig before the web.
+
+    Parameters
+    ----------
+    config : uvicorn.Config
+        With the application of `daemon`.
+    daemon : Daemon
+        Started; the caller stops it in the end.
+    """
+
+    def __init__(self, config: uvicorn.Config, daemon: Daemon) -> None:
+        super().__init__(config)
+        self._daemon = daemon
+        self.url = ""
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Bind, then announce the address."""
+        await super().startup(sockets)
+        if self.started:
+            self.url = _url(self.servers[0].sockets[0].getsockname())
+            await anyio.to_thread.run_sync(self._daemon.announce, self.url)
+            structlog.get_logger("impactd").info("listening", url=self.url)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        """End event streams too, which would otherwise never end."""
+        self._daemon.bus.close()
+        super().handle_exit(sig, frame)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Make the valve safe, then close connections."""
+        self._daemon.bus.close()
+        await anyio.to_thread.run_sync(self._daemon.service.stop)
+        await super().shutdown(sockets)
+
+
+def make_server(daemon: Daemon) -> Server:
+    """Return a server for a daemon, not yet started.
+
+    Parameters
+    ----------
+    daemon : Daemon
+        Its settings say host and port.
+
+    Returns
+    -------
+    Server
+        ``run()`` serves until a signal; ``url`` is known once ``started``.
+    """
+    server = daemon.settings.server
+    config = uvicorn.Config(
+        create_app(daemon),
+        host=server.host,
+        port=server.port,
+        lifespan="off",
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        date_header=True,
+        ws="none",
+        timeout_graceful_shutdown=_GRACE_S,
+    )
+    return Server(config, daemon)
+
+
+def serve(settings: Settings) -> None:
+    """Run the daemon until SIGTERM or SIGINT.
+
+    Parameters
+    ----------
+    settings : Settings
+        Checked whole.
+
+    Raises
+    ------
+    AddressTakenError
+        If nobody can listen at the address.
+    DataLockedError
+        If another daemon serves the data directory.
+    """
+    configure_log()
+    # uvicorn raises the signal again once it is done; ending on request is a success.
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, _ignore)
+    daemon = Daemon(settings)
+    try:
+        listener = listen(settings.server.host, settings.server.port)
+        daemon.start()
+        make_server(daemon).run(sockets=[listener])
+    finally:
+        daemon.stop()
+
+
+def listen(host: str, port: int) -> socket.socket:
+    """Return a bound socket, before any hardware is touched.
+
+    Parameters
+    ----------
+    host : str
+        Address or name.
+    port : int
+        0 takes a free one.
+
+    Returns
+    -------
+    socket.socket
+        Listening.
+
+    Raises
+    ------
+    AddressTakenError
+        If nobody can listen there.
+    """
+    try:
+        family, _, _, _, address = socket.getaddrinfo(
+            host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )[0]
+        return socket.create_server(address[:2], family=family, backlog=128)
+    except OSError as error:
+        raise AddressTakenError(host, port, error.strerror or str(error)) from error
+
+
+def configure_log() -> None:
+    """Log one line per happening to stderr: for a person on a terminal, logfmt for the journal."""
+    terminal = sys.stderr.isatty()
+    structlog.configure(
+        processors=[
+            structlog.processors.add_log_level,
+            structlog.processors.TimeStamper(fmt="iso", utc=True),
+            *([] if terminal else [structlog.processors.format_exc_info]),
+            structlog.dev.ConsoleRenderer()
+            if terminal
+            else structlog.processors.LogfmtRenderer(key_order=["timestamp", "level", "event"]),
+        ],
+        wrapper_class=structlog.make_filtering_bound_logger(logging.INFO),
+        logger_factory=structlog.WriteLoggerFactory(sys.stderr),
+    )
+    logging.basicConfig(
+        level=logging.WARNING, stream=sys.stderr, format="%(levelname)s %(message)s"
+    )
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Take the place of the default action, which is death."""
+
+
+def _url(address: tuple[object, ...]) -> str:
+    host, port = str(address[0]), address[1]
+    return f"http://[{host}]:{port}" if ":" in host else f"http://{host}:{port}"
