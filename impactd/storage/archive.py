@@ -424,16 +424,13 @@ class Archive:
             return number
 
     def _row(self, number: int, content: bytes, recording: Recording, about: ShotAbout) -> Shot:
-        signal = recording.signal
-        before = signal[: recording.trigger_index // 2]
-        baseline = float(np.median(before)) if before.size else 0.0
-        peak = float(signal[np.argmax(np.abs(signal - baseline))]) - baseline
         return Shot(
             number=number,
             file=f"{SHOTS_NAME}/{number:06d}.h5",
             sha256=hashlib.sha256(content).hexdigest(),
             size_bytes=len(content),
             source=about.source,
+            origin=about.origin,
             started_utc=about.started_utc,
             stored_utc=utc_now(),
             sphere=None if about.sphere is None else about.sphere.name,
@@ -444,7 +441,7 @@ class Archive:
             sample_rate_hz=recording.sample_rate_hz,
             samples=recording.samples.size,
             trigger_index=recording.trigger_index,
-            peak=peak,
+            peak=_peak(recording),
             clipped=recording.clipped,
         )
 
@@ -458,6 +455,15 @@ class Archive:
             if drop is not None:
                 self._drops.restore(drop)
         return shot
+
+
+def _peak(recording: Recording) -> float:
+    """Return the sample farthest from the baseline, baseline removed, in the signal's unit."""
+    samples = recording.samples
+    before = samples[: recording.trigger_index // 2]
+    baseline = float(np.median(before)) if before.size else 0.0
+    extremes = (float(samples.max()) - baseline, float(samples.min()) - baseline)
+    return max(extremes, key=abs) * recording.per_code
 
 
 def software() -> str:

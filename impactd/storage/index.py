@@ -44,13 +44,15 @@ _MIGRATIONS: tuple[str, ...] = (
 
     CREATE TABLE shots (
         number INTEGER PRIMARY KEY, file TEXT NOT NULL UNIQUE, sha256 TEXT NOT NULL,
-        size_bytes INTEGER NOT NULL, source TEXT NOT NULL, started_utc TEXT NOT NULL,
+        size_bytes INTEGER NOT NULL, source TEXT NOT NULL, origin TEXT NOT NULL,
+        started_utc TEXT NOT NULL,
         stored_utc TEXT NOT NULL, sphere TEXT, surface TEXT, drop_height_m REAL,
         operator TEXT NOT NULL, quantity TEXT NOT NULL, sample_rate_hz REAL NOT NULL,
         samples INTEGER NOT NULL, trigger_index INTEGER NOT NULL, peak REAL NOT NULL,
         clipped INTEGER NOT NULL) STRICT;
     CREATE INDEX shots_by_pair ON shots(surface, sphere);
     CREATE INDEX shots_by_time ON shots(started_utc);
+    CREATE UNIQUE INDEX shots_by_origin ON shots(origin) WHERE origin != '';
 
     CREATE TABLE jobs (
         id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT NOT NULL, subject TEXT NOT NULL,

@@ -127,7 +127,7 @@ class Fields:
         """Return what stands there, ``None`` when nothing does."""
         return self._values.get(key)
 
-    def keys(self) -> list[str]:
+    def names(self) -> list[str]:
         """Return all keys in their order."""
         return list(self._values)
 

@@ -24,7 +24,8 @@ from __future__ import annotations
 
 import io
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
+from functools import lru_cache
 from typing import Any
 
 import h5py
@@ -261,15 +262,8 @@ def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout)
     instrument = _group(entry, "instrument", "NXinstrument")
     _put(instrument, "name", str(about.configuration.get("rig", {}).get("name", "impact rig")))
     digitizer = _group(instrument, "digitizer", "NXdetector")
-    data = digitizer.create_dataset(
-        "data",
-        data=recording.samples,
-        chunks=(min(CHUNK_SAMPLES, recording.samples.size),),
-        fletcher32=True,
-        shuffle=True,
-        compression="gzip",
-        compression_opts=1,
-    )
+    data = _create_packed(digitizer, "data", recording.samples.shape, recording.samples.dtype)
+    data[:] = recording.samples
     is_code = recording.samples.dtype.kind in "iu"
     data.attrs["units"] = "counts" if is_code else recording.unit
     data.attrs["long_name"] = "converter code" if is_code else recording.quantity
@@ -303,29 +297,64 @@ def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout)
 
 
 def _write_views(entry: h5py.Group, number: int, recording: Recording) -> None:
-    period_s = 1.0 / recording.sample_rate_hz
-    time_s = (np.arange(recording.samples.size) - recording.trigger_index) * period_s
-    first, last = np.searchsorted(time_s, (-VIEW_BEFORE_S, VIEW_AFTER_S))
+    rate_hz, trigger = recording.sample_rate_hz, recording.trigger_index
+    first = max(0, trigger - round(VIEW_BEFORE_S * rate_hz))
+    view = replace(
+        recording, samples=recording.samples[first : trigger + round(VIEW_AFTER_S * rate_hz)]
+    )
     impact = _group(entry, "impact", "NXdata", signal="signal", axes=["time"])
     _put(impact, "title", f"Shot {number}: impact")
-    impact["signal"] = recording.signal[first:last]
+    impact["signal"] = view.signal
     impact["signal"].attrs.update(units=recording.unit, long_name=f"signal ({recording.unit})")
-    impact["time"] = time_s[first:last]
+    impact["time"] = _times(view.samples.size, rate_hz, trigger - first)
     impact["time"].attrs.update(units="s", long_name="time after the trigger (s)")
 
     record = _group(entry, "record", "NXdata", signal="data", axes=["time"])
     _put(record, "title", f"Shot {number}: whole record")
     record["data"] = h5py.SoftLink("/" + _DATA)
-    record.create_dataset(
-        "time",
-        data=time_s,
-        chunks=(min(CHUNK_SAMPLES, time_s.size),),
+    clock = (recording.samples.size, rate_hz, trigger)
+    _create_packed(record, "time", (clock[0],), np.dtype(np.float64))
+    for offset, packed in _packed_times(*clock):
+        record["time"].id.write_direct_chunk(offset, packed)
+    record["time"].attrs.update(units="s", long_name="time after the trigger (s)")
+
+
+def _times(samples: int, sample_rate_hz: float, trigger_index: int) -> NDArray[np.float64]:
+    return (np.arange(samples) - trigger_index) / sample_rate_hz
+
+
+def _create_packed(
+    group: h5py.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[Any]
+) -> h5py.Dataset:
+    # fletcher32 catches a flipped bit inside the data, which a contiguous data set never would.
+    return group.create_dataset(
+        name,
+        shape=shape,
+        dtype=dtype,
+        chunks=(min(CHUNK_SAMPLES, shape[0]),),
         shuffle=True,
         fletcher32=True,
         compression="gzip",
         compression_opts=1,
     )
-    record["time"].attrs.update(units="s", long_name="time after the trigger (s)")
+
+
+@lru_cache(maxsize=4)
+def _packed_times(
+    samples: int, sample_rate_hz: float, trigger_index: int
+) -> tuple[tuple[tuple[int, ...], bytes], ...]:
+    """Return the compressed chunks of a time axis.
+
+    All shots of a rig share one time axis, and packing it takes longer than all the rest of a file.
+    """
+    with h5py.File(io.BytesIO(), "w") as file:
+        times = _create_packed(file, "time", (samples,), np.dtype(np.float64))
+        times[:] = _times(samples, sample_rate_hz, trigger_index)
+        file.flush()
+        offsets = [
+            times.id.get_chunk_info(i).chunk_offset for i in range(times.id.get_num_chunks())
+        ]
+        return tuple((offset, times.id.read_direct_chunk(offset)[1]) for offset in offsets)
 
 
 def _write_process(

@@ -25,6 +25,8 @@ class Shot:
         [B]
     source : str
         ``drop`` or ``import``.
+    origin : str
+        For an import, file and hash of the samples; the same samples are not imported twice.
     started_utc, stored_utc : str
         When the recording was started, and when it was durable.
     sphere, surface : str or None
@@ -52,6 +54,7 @@ class Shot:
     sha256: str
     size_bytes: int
     source: str
+    origin: str
     started_utc: str
     stored_utc: str
     sphere: str | None
@@ -96,6 +99,11 @@ class ShotTable:
         if row is None:
             raise NotFoundError("shot", number)
         return _shot_of(tuple(row))
+
+    def by_origin(self, origin: str) -> Shot | None:
+        """Return the shot that was imported from there, ``None`` when none was."""
+        row = self._index.row("SELECT * FROM shots WHERE origin=?", (origin,))
+        return None if row is None else _shot_of(tuple(row))
 
     def find(
         self,

@@ -1,0 +1,208 @@
+"""Campaign folders (``impactd-campaign/1``): ``campaign.json`` and one file per shot beside it.
+
+What is wrong with the folder as a whole (format, materials, sensor) raises `CampaignError`; what is
+wrong with one shot puts that shot into ``campaign.rejected`` and the rest goes on. Both name file,
+JSON path and reason.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.campaign import Campaign, Rejected, Sphere, Surface
+from impactd.storage.campaign_shot import SHOT_KEYS, CampaignShot, read_campaign_shot, shot_to_json
+from impactd.storage.errors import ArchiveError, CampaignError
+from impactd.storage.json_fields import Fields, read_json
+from impactd.storage.materials_json import (
+    SENSOR_KEYS,
+    SPHERE_KEYS,
+    SURFACE_KEYS,
+    sensor_from_json,
+    sensor_to_json,
+    sphere_from_json,
+    sphere_to_json,
+    surface_from_json,
+    surface_to_json,
+)
+from impactd.storage.publish import publish
+from impactd.storage.sample_file import write_samples
+from impactd.storage.shot_about import Recording
+
+FORMAT = "impactd-campaign/1"
+JSON_NAME = "campaign.json"
+STANDARD_GRAVITY_M_PER_S2 = 9.80665
+CAMPAIGN_KEYS = (
+    "format",
+    "gravity_m_per_s2",
+    "release",
+    "sensor",
+    "spheres",
+    "surfaces",
+    "shots",
+)
+
+
+@dataclass(frozen=True)
+class CampaignFolder:
+    """A folder as read: the campaign, and the raw samples behind it.
+
+    Attributes
+    ----------
+    campaign : Campaign
+        As the analysis sees it.
+    shots : tuple of CampaignShot
+        The same shots in the same order.
+    """
+
+    campaign: Campaign
+    shots: tuple[CampaignShot, ...]
+
+
+def read_campaign(path: Path) -> Campaign:
+    """Return a campaign folder as the analysis sees it.
+
+    Parameters
+    ----------
+    path : Path
+        The folder or its ``campaign.json``.
+
+    Returns
+    -------
+    Campaign
+        With refused shots under ``rejected``.
+
+    Raises
+    ------
+    CampaignError
+        If the folder cannot be used as a whole, or none of its shots can.
+    """
+    return read_campaign_folder(path).campaign
+
+
+def read_campaign_folder(path: Path) -> CampaignFolder:
+    """Return a campaign folder with its raw samples; see `read_campaign`.
+
+    Parameters
+    ----------
+    path : Path
+        The folder or its ``campaign.json``.
+
+    Returns
+    -------
+    CampaignFolder
+        Campaign and raw samples.
+
+    Raises
+    ------
+    CampaignError
+        If the folder cannot be used as a whole, or none of its shots can.
+    """
+    file = path / JSON_NAME if path.is_dir() else path
+    root = Fields(read_json(file), file=str(file), known=CAMPAIGN_KEYS)
+    if root.text("format") != FORMAT:
+        root.refuse("format", f"is {root.value('format')!r}; this program reads {FORMAT!r}.")
+    gravity = root.number("gravity_m_per_s2", above=0.0, unit="m/s^2")
+    release = root.child("release", known=("speed_repeatability",))
+    header = Campaign(
+        shots=(),
+        spheres=_spheres(root),
+        surfaces=_surfaces(root),
+        sensor=sensor_from_json(root.child("sensor", known=SENSOR_KEYS)),
+        gravity_m_per_s2=STANDARD_GRAVITY_M_PER_S2 if gravity is None else gravity,
+        speed_repeatability=release.number("speed_repeatability", at_least=0.0, at_most=1.0),
+    )
+    return _with_shots(root, header, file)
+
+
+def _with_shots(root: Fields, header: Campaign, file: Path) -> CampaignFolder:
+    good: list[CampaignShot] = []
+    rejected: list[Rejected] = []
+    for position, value in enumerate(root.array("shots")):
+        at = f"$.shots[{position}]"
+        name = value.get("file") if isinstance(value, dict) else None
+        try:
+            fields = Fields(value, file=str(file), path=at, known=SHOT_KEYS)
+            good.append(read_campaign_shot(fields, header, file.parent))
+        except CampaignError as error:
+            rejected.append(Rejected(str(name or at), error.json_path, error.reason))
+    if not good:
+        first = f" The first: {rejected[0].path}: {rejected[0].reason}" if rejected else ""
+        root.refuse("shots", f"none of {len(rejected)} shots can be used.{first}")
+    campaign = Campaign(
+        shots=tuple(one.shot for one in good),
+        spheres=header.spheres,
+        surfaces=header.surfaces,
+        sensor=header.sensor,
+        gravity_m_per_s2=header.gravity_m_per_s2,
+        speed_repeatability=header.speed_repeatability,
+        rejected=tuple(rejected),
+    )
+    return CampaignFolder(campaign, tuple(good))
+
+
+def _spheres(root: Fields) -> dict[str, Sphere]:
+    group = root.child("spheres")
+    return {
+        name: sphere_from_json(name, group.child(name, known=SPHERE_KEYS)) for name in group.names()
+    }
+
+
+def _surfaces(root: Fields) -> dict[str, Surface]:
+    group = root.child("surfaces")
+    return {
+        name: surface_from_json(name, group.child(name, known=SURFACE_KEYS))
+        for name in group.names()
+    }
+
+
+def write_campaign(
+    folder: Path, campaign: Campaign, recordings: tuple[Recording, ...] = ()
+) -> Path:
+    """Write a campaign as a folder that `read_campaign` reads back.
+
+    Parameters
+    ----------
+    folder : Path
+        Created when absent; it must not hold a ``campaign.json`` yet.
+    campaign : Campaign
+        What to write. Rejected shots are not in it any more.
+    recordings : tuple of Recording, optional
+        The raw samples of its shots, in their order; without them the signals are written as
+        floats in their unit.
+
+    Returns
+    -------
+    Path
+        The ``campaign.json``.
+
+    Raises
+    ------
+    ArchiveError
+        If the folder holds a campaign already or cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArchiveError(f"{folder} cannot be made: {error.strerror}.") from error
+    if (folder / JSON_NAME).exists():
+        raise ArchiveError(f"{folder} holds a campaign already; choose another folder.")
+    shots = []
+    for position, shot in enumerate(campaign.shots):
+        recording = recordings[position] if recordings else None
+        name = f"shot{position:03d}.npy"
+        write_samples(folder / name, shot.signal if recording is None else recording.samples)
+        shots.append(shot_to_json(shot, name, recording))
+    root = {
+        "format": FORMAT,
+        "gravity_m_per_s2": campaign.gravity_m_per_s2,
+        "release": {"speed_repeatability": campaign.speed_repeatability},
+        "sensor": sensor_to_json(campaign.sensor),
+        "spheres": {name: sphere_to_json(one) for name, one in campaign.spheres.items()},
+        "surfaces": {name: surface_to_json(one) for name, one in campaign.surfaces.items()},
+        "shots": shots,
+    }
+    path = folder / JSON_NAME
+    publish(path, (json.dumps(root, allow_nan=False, indent=1) + "\n").encode())
+    return path

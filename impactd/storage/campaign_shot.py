@@ -1,0 +1,181 @@
+"""One shot of a campaign folder: every field validated, codes kept as they are.
+
+``volts_per_code`` is the step of the converter in the unit of the shot's ``quantity``. Integer
+samples need it; beside float samples, which are in their unit already, it only states the step.
+``sample_rate_u_Hz``, ``samples`` and ``volts_offset`` are this program's additions to the format.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Campaign, Shot
+from impactd.storage.clipping import is_clipped
+from impactd.storage.json_fields import Fields
+from impactd.storage.materials_json import quantity_to_json
+from impactd.storage.sample_file import SampleFileError, read_samples
+from impactd.storage.shot_about import QUANTITIES, VOLTAGE, Recording
+
+MIN_SAMPLES = 32
+RATE_TOLERANCE = 0.01
+SHOT_KEYS = (
+    "file",
+    "sample_rate_Hz",
+    "sample_rate_u_Hz",
+    "samples",
+    "volts_per_code",
+    "volts_offset",
+    "trigger_index",
+    "quantity",
+    "sphere",
+    "surface",
+    "drop_height_m",
+    "restitution",
+)
+
+
+@dataclass(frozen=True)
+class CampaignShot:
+    """One shot of a folder, with its samples as they stand in the file.
+
+    Attributes
+    ----------
+    shot : Shot
+        As the analysis sees it.
+    recording : Recording
+        As the archive keeps it.
+    """
+
+    shot: Shot
+    recording: Recording
+
+
+def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> CampaignShot:
+    """Return one shot of a folder.
+
+    Parameters
+    ----------
+    fields : Fields
+        Its object in ``shots``.
+    header : Campaign
+        The materials it may name.
+    folder : Path
+        Where its file lies.
+
+    Returns
+    -------
+    CampaignShot
+        As the analysis and as the archive see it.
+
+    Raises
+    ------
+    CampaignError
+        At the first field that cannot be used.
+    """
+    name = fields.text("file")
+    if name is None:
+        fields.refuse("file", "is missing.")
+    quantity = fields.text("quantity") or VOLTAGE
+    if quantity not in QUANTITIES:
+        fields.refuse("quantity", f"is {quantity!r}; it must be one of {', '.join(QUANTITIES)}.")
+    try:
+        samples, file_rate_hz = read_samples(folder, name, quantity)
+    except SampleFileError as error:
+        fields.refuse("file", f"{name!r} {error}")
+    rate_hz = _rate(fields, file_rate_hz)
+    per_code = fields.number("volts_per_code", above=0.0, unit="V")
+    offset = fields.number("volts_offset", unit="V") or 0.0
+    is_code = samples.dtype.kind in "iu"
+    if is_code and per_code is None:
+        fields.refuse("volts_per_code", f"is missing, and {name!r} holds integer codes.")
+    _refuse_unusable(fields, samples, name)
+    trigger = fields.whole("trigger_index")
+    if trigger is None:
+        fields.refuse("trigger_index", "is missing.")
+    if trigger >= samples.size:
+        fields.refuse("trigger_index", f"is {trigger}; {name!r} has {samples.size} samples only.")
+    recording = Recording(
+        samples=samples,
+        per_code=per_code if is_code and per_code is not None else 1.0,
+        offset=offset if is_code else 0.0,
+        quantity=quantity,
+        sample_rate_hz=rate_hz,
+        sample_rate_u_hz=fields.number("sample_rate_u_Hz", at_least=0.0, unit="Hz") or 0.0,
+        trigger_index=trigger,
+        clipped=is_clipped(samples, quantum=None if is_code else per_code),
+    )
+    shot = Shot(
+        name=name,
+        signal=recording.signal,
+        sample_rate_hz=rate_hz,
+        trigger_index=trigger,
+        quantity=quantity,
+        sphere=_member(fields, "sphere", header.spheres),
+        surface=_member(fields, "surface", header.surfaces),
+        drop_height_m=fields.number("drop_height_m", above=0.0, unit="m"),
+        restitution=fields.quantity("restitution", at_most=1.0),
+        quantum=per_code,
+        clipped=recording.clipped,
+    )
+    return CampaignShot(shot, recording)
+
+
+def _rate(fields: Fields, file_rate_hz: float | None) -> float:
+    stated = fields.number("sample_rate_Hz", above=0.0, unit="Hz")
+    if stated is None:
+        if file_rate_hz is None:
+            fields.refuse("sample_rate_Hz", "is missing.")
+        return file_rate_hz
+    if file_rate_hz is not None and not math.isclose(stated, file_rate_hz, rel_tol=RATE_TOLERANCE):
+        fields.refuse(
+            "sample_rate_Hz", f"is {stated:g} Hz; the file's time column says {file_rate_hz:g} Hz."
+        )
+    return stated
+
+
+def _refuse_unusable(fields: Fields, samples: NDArray[Any], name: str) -> None:
+    expected = fields.whole("samples")
+    if expected is not None and expected != samples.size:
+        fields.refuse("samples", f"is {expected}; {name!r} has {samples.size}.")
+    if samples.size < MIN_SAMPLES:
+        fields.refuse("file", f"{name!r} has {samples.size} samples; {MIN_SAMPLES} are needed.")
+    bad = np.flatnonzero(~np.isfinite(samples))
+    if bad.size:
+        fields.refuse("file", f"{name!r} holds NaN or infinity, first at sample {bad[0]}.")
+    if samples.min() == samples.max():
+        fields.refuse("file", f"{name!r} is flat: every sample is {samples[0]}.")
+
+
+def _member(fields: Fields, key: str, known: dict[str, Any]) -> str | None:
+    name = fields.text(key)
+    if name is not None and name not in known:
+        listed = ", ".join(sorted(known)) or "none"
+        fields.refuse(key, f"{name!r} is not described under {key}s (there: {listed}).")
+    return name
+
+
+def shot_to_json(shot: Shot, name: str, recording: Recording | None) -> dict[str, Any]:
+    """Return the object of a shot whose samples are in the file ``name``; unknown keys left out."""
+    is_code = recording is not None and recording.samples.dtype.kind in "iu"
+    found = {
+        "file": name,
+        "name": shot.name,
+        "sample_rate_Hz": shot.sample_rate_hz,
+        "sample_rate_u_Hz": recording.sample_rate_u_hz if recording is not None else None,
+        "samples": shot.signal.size,
+        "volts_per_code": recording.per_code if recording and is_code else shot.quantum,
+        "volts_offset": recording.offset if recording and is_code else None,
+        "trigger_index": shot.trigger_index,
+        "quantity": shot.quantity,
+        "sphere": shot.sphere,
+        "surface": shot.surface,
+        "drop_height_m": shot.drop_height_m,
+        "restitution": quantity_to_json(shot.restitution),
+    }
+    return {key: value for key, value in found.items() if value is not None}
