@@ -19,6 +19,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from drivers.digitizer import Record
+
 
 class DriverError(Exception):
     """A device did not do what it was asked.
@@ -73,7 +78,21 @@ class FirmwareError(DriverError):
 
 
 class RecordError(DriverError):
-    """A record must not be used."""
+    """A record must not be used.
+
+    Parameters
+    ----------
+    what, why, remedy : str
+        As in `DriverError`.
+    record : Record, optional
+        What was captured nevertheless: evidence to keep apart, never a shot.
+    """
+
+    def __init__(
+        self, what: str, *, why: str = "", remedy: str = "", record: Record | None = None
+    ) -> None:
+        super().__init__(what, why=why, remedy=remedy)
+        self.record = record
 
 
 class OverrunError(RecordError):

@@ -1,0 +1,101 @@
+"""The calibration table in the board's EEPROM.
+
+The table's layout was read from one Personal Daq/3001. That the seven ranges stand in the order
+of the gain code, and that a 3500 has the same table, is INFERRED: untested on a 3500.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.daq3500.link import Daq3500Link
+from drivers.daq3500.registers import RANGES_V, Request, gain_code
+
+_HEADER = bytes((0x40, 0x01, 0x00, 0x01))
+_SECTIONS = ((0x0000, 320), (0x0140, 320), (0x0280, 168))
+_LARGEST_COEFFICIENT = 0.1
+_CODES = 65536
+
+
+@dataclass(frozen=True)
+class RangeCalibration:
+    """How codes of one range become volts.
+
+    Attributes
+    ----------
+    volts_per_code, offset_v : float
+        ``volts = signed_code * volts_per_code + offset_v``. [V]
+    calibrated : bool
+        Whether the board's table is in them.
+    reason : str
+        Why it is not.
+    """
+
+    volts_per_code: float
+    offset_v: float
+    calibrated: bool
+    reason: str = ""
+
+
+def read_table(link: Daq3500Link) -> bytes:
+    """Return the EEPROM's calibration sections, 808 bytes.
+
+    Parameters
+    ----------
+    link : Daq3500Link
+        An open board.
+
+    Returns
+    -------
+    bytes
+        The three sections in order.
+    """
+    return b"".join(
+        link.read(Request.CALIBRATION, size, value=offset) for offset, size in _SECTIONS
+    )
+
+
+def range_calibration(table: bytes, range_v: float) -> RangeCalibration:
+    r"""Return the calibration of one range, or the nominal one with the reason.
+
+    .. math:: V = (1 + (g_+ + g_-)/2) V_{raw} + o
+
+    with g the table's two gain coefficients and o its offset.
+
+    Parameters
+    ----------
+    table : bytes
+        As returned by `read_table`.
+    range_v : float
+        Range, +/-. [V]
+
+    Returns
+    -------
+    RangeCalibration
+        Nominal and marked when the header is wrong or any coefficient is beyond 0.1:
+        a doubtful table corrects nothing.
+
+    Raises
+    ------
+    ConfigurationError
+        If the board has no such range.
+    """
+    nominal_v = 2.0 * range_v / _CODES
+    index = gain_code(range_v)
+    size = len(_HEADER) + 12 * len(RANGES_V)
+    if len(table) < size or table[: len(_HEADER)] != _HEADER:
+        found = table[: len(_HEADER)].hex(" ")
+        reason = f"its header reads {found or 'nothing'}, not {_HEADER.hex(' ')}"
+        return RangeCalibration(nominal_v, 0.0, calibrated=False, reason=reason)
+    values = struct.unpack_from(f"<{3 * len(RANGES_V)}f", table, len(_HEADER))
+    coefficients = np.array(values, dtype=np.float64).reshape(len(RANGES_V), 3)
+    # A NaN compares false, so it is caught by asking for what is good.
+    if not bool(np.all(np.abs(coefficients) <= _LARGEST_COEFFICIENT)):
+        worst = coefficients.flat[int(np.argmax(np.nan_to_num(np.abs(coefficients), nan=np.inf)))]
+        reason = f"a coefficient of {worst:.4g} is beyond {_LARGEST_COEFFICIENT}"
+        return RangeCalibration(nominal_v, 0.0, calibrated=False, reason=reason)
+    gain = 1.0 + 0.5 * (coefficients[index, 0] + coefficients[index, 1])
+    return RangeCalibration(float(gain * nominal_v), float(coefficients[index, 2]), calibrated=True)

@@ -1,0 +1,239 @@
+"""From a plug in a socket to a board that passed its tests."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import usb.backend.libusb1
+import usb.core
+import usb.util
+
+from drivers.daq3500.calibration import RangeCalibration, range_calibration, read_table
+from drivers.daq3500.firmware import Image, fpga_loaded, load_fpga, load_fx2, read_image
+from drivers.daq3500.link import Daq3500Link
+from drivers.daq3500.registers import (
+    DIGITAL_MARKS,
+    MINIMUM_FIRMWARE_VERSION,
+    UTILITY_OPEN,
+    Register,
+    Request,
+)
+from drivers.daq3500.settings import Daq3500Settings
+from drivers.digitizer import DigitizerIdentity
+from drivers.errors import (
+    ConfigurationError,
+    DeviceNotFoundError,
+    FirmwareError,
+    SelfTestError,
+)
+from drivers.usb_errors import no_libusb, translated
+
+MODEL = "Omega OMB-DAQ-3500"
+NOTE = "untested on a 3500"
+REENUMERATION_LIMIT_S = 10.0
+_POLL_S = 0.05
+
+
+@dataclass(frozen=True)
+class OpenedBoard:
+    """A board that answered, was loaded and tested.
+
+    Attributes
+    ----------
+    link : Daq3500Link
+        The way to it.
+    identity : DigitizerIdentity
+        Who it is.
+    calibration : RangeCalibration
+        Of the configured range.
+    """
+
+    link: Daq3500Link
+    identity: DigitizerIdentity
+    calibration: RangeCalibration
+
+
+def open_board(settings: Daq3500Settings, backend: Any) -> OpenedBoard:
+    """Find the board, load what is missing, test it and read its calibration.
+
+    Parameters
+    ----------
+    settings : Daq3500Settings
+        Which board and which files.
+    backend : usb.backend.IBackend or None
+        ``None`` for libusb 1.0.
+
+    Returns
+    -------
+    OpenedBoard
+        Claimed and idle.
+
+    Raises
+    ------
+    DriverError
+        Any of its kinds; the board is given back then.
+    """
+    backend = backend or usb.backend.libusb1.get_backend()
+    if backend is None:
+        raise no_libusb()
+    firmware = _load_firmware_if_missing(settings, backend)
+    link = Daq3500Link(_await_loaded(settings, backend, just_loaded=firmware is not None))
+    try:
+        link.claim()
+        version = _firmware_version(link)
+        fpga = _load_fpga_if_missing(link, settings)
+        self_test(link)
+        calibration = range_calibration(read_table(link), settings.range_v)
+        identity = DigitizerIdentity(
+            model=MODEL,
+            serial_number=_serial_number(link.device) or "not stated",
+            firmware_version=f"{version >> 8:x}.{version & 0xFF:02x}",
+            firmware_sha256=firmware.sha256 if firmware else None,
+            fpga_sha256=fpga.sha256 if fpga else None,
+            note=_note(calibration),
+        )
+    except BaseException:
+        link.dispose()
+        raise
+    return OpenedBoard(link, identity, calibration)
+
+
+def self_test(link: Daq3500Link) -> None:
+    """Write patterns to the mark register and read them back.
+
+    Parameters
+    ----------
+    link : Daq3500Link
+        The loaded board.
+
+    Raises
+    ------
+    SelfTestError
+        With the pattern that came back wrong.
+    """
+    for mark in DIGITAL_MARKS:
+        link.write_register(Register.DIGITAL_MARK, mark)
+        answer = link.read_register(Register.DIGITAL_MARK)
+        if answer != mark:
+            raise SelfTestError(
+                f"The self-test wrote {mark:#06x} and read back {answer:#06x}.",
+                why="The FPGA image does not belong to this board, or this board speaks "
+                "another protocol.",
+                remedy="Do not use it for measurements. Check fpga_file and the product ids.",
+            )
+    link.write_register(Register.UTILITY, UTILITY_OPEN)
+    link.read_register(Register.UTILITY)
+
+
+def _note(calibration: RangeCalibration) -> str:
+    if calibration.calibrated:
+        return NOTE
+    return f"{NOTE}; uncalibrated: the table in the board was rejected, {calibration.reason}"
+
+
+def _find(settings: Daq3500Settings, backend: Any, product_id: int) -> list[Any]:
+    with translated("looking for the digitizer"):
+        return list(
+            usb.core.find(
+                find_all=True,
+                backend=backend,
+                idVendor=settings.vendor_id,
+                idProduct=product_id,
+            )
+        )
+
+
+def _serial_number(device: Any) -> str | None:
+    """Return the serial number; NOT KNOWN whether a 3500 states one."""
+    if not device.iSerialNumber:
+        return None
+    with translated("reading the serial number"):
+        try:
+            text = usb.util.get_string(device, device.iSerialNumber)
+        except ValueError:  # pyusb's word for "no language", mostly missing permission
+            return None
+    return None if text is None else str(text)
+
+
+def _choose(settings: Daq3500Settings, devices: list[Any]) -> Any:
+    if settings.serial_number is not None:
+        devices = [d for d in devices if _serial_number(d) == settings.serial_number]
+    if len(devices) > 1:
+        raise ConfigurationError(
+            f"{len(devices)} digitizers answer to the same ids.",
+            remedy="Set serial_number in the digitizer section of the settings.",
+        )
+    return devices[0] if devices else None
+
+
+def _load_firmware_if_missing(settings: Daq3500Settings, backend: Any) -> Image | None:
+    if _choose(settings, _find(settings, backend, settings.product_id_loaded)) is not None:
+        return None
+    unloaded = _find(settings, backend, settings.product_id_unloaded)
+    if not unloaded:
+        raise _not_found(settings)
+    if len(unloaded) > 1:
+        raise ConfigurationError(
+            f"{len(unloaded)} digitizers wait for their firmware and look the same.",
+            remedy="Connect one at a time until each is loaded.",
+        )
+    image = read_image(settings.firmware_file, "firmware_file")
+    # Ask for both files now: a board with half its firmware helps nobody.
+    read_image(settings.fpga_file, "fpga_file")
+    link = Daq3500Link(unloaded[0])
+    try:
+        load_fx2(link, image)
+    finally:
+        link.dispose()
+    return image
+
+
+def _await_loaded(settings: Daq3500Settings, backend: Any, *, just_loaded: bool) -> Any:
+    deadline_s = time.monotonic() + (REENUMERATION_LIMIT_S if just_loaded else 0.0)
+    while True:
+        device = _choose(settings, _find(settings, backend, settings.product_id_loaded))
+        if device is not None:
+            return device
+        if time.monotonic() >= deadline_s:
+            break
+        time.sleep(_POLL_S)
+    if not just_loaded:
+        raise _not_found(settings)
+    raise FirmwareError(
+        f"The board did not come back as {settings.vendor_id:04x}:"
+        f"{settings.product_id_loaded:04x} within {REENUMERATION_LIMIT_S:.0f} s of its firmware.",
+        why="The firmware belongs to another board, or product_id_loaded is wrong.",
+        remedy="Look with lsusb which ids it has now.",
+    )
+
+
+def _not_found(settings: Daq3500Settings) -> DeviceNotFoundError:
+    chosen = f" with serial number {settings.serial_number}" if settings.serial_number else ""
+    return DeviceNotFoundError(
+        f"No digitizer {settings.vendor_id:04x}:{settings.product_id_loaded:04x} (loaded) or "
+        f"{settings.vendor_id:04x}:{settings.product_id_unloaded:04x} (unloaded){chosen} "
+        "is on the bus.",
+        why="It is unplugged, without 12 V, or has other ids.",
+        remedy="Connect 12 V first, then USB; compare the ids with lsusb.",
+    )
+
+
+def _firmware_version(link: Daq3500Link) -> int:
+    version = int.from_bytes(link.read(Request.FIRMWARE_VERSION, 2), "little")
+    if version < MINIMUM_FIRMWARE_VERSION:
+        raise FirmwareError(
+            f"The board's firmware states version {version:#06x}, at least "
+            f"{MINIMUM_FIRMWARE_VERSION:#06x} is needed.",
+            remedy="Use a newer firmware_file.",
+        )
+    return version
+
+
+def _load_fpga_if_missing(link: Daq3500Link, settings: Daq3500Settings) -> Image | None:
+    if fpga_loaded(link):
+        return None
+    image = read_image(settings.fpga_file, "fpga_file")
+    load_fpga(link, image)
+    return image

@@ -1,0 +1,237 @@
+"""Test sources to put at the simulated board's input instead of a whole rig."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+COUNT_PERIOD = 59999
+"""A prime below the largest code: no block size divides it, and codes above it never occur."""
+
+_ENDLESS = 1 << 62
+
+
+@dataclass
+class UsbFaultSwitches:
+    """Faults of the USB device alone, all off; the rig's own set has these and more.
+
+    Attributes
+    ----------
+    unplug_usb_at_s : float or None
+        Rig time of unplugging. [s]
+    usb_unplugged, stall_endpoint, short_read : bool
+        Present faults.
+    overrun_at_sample, drop_block_at_sample, double_block_at_sample : int or None
+        Position in the stream at which a block is lost (with or without the status bit) or
+        sent twice. [1]
+    """
+
+    unplug_usb_at_s: float | None = None
+    usb_unplugged: bool = False
+    stall_endpoint: bool = False
+    overrun_at_sample: int | None = None
+    short_read: bool = False
+    drop_block_at_sample: int | None = None
+    double_block_at_sample: int | None = None
+
+
+class PlainClock:
+    """Rig time that runs at a fixed speed.
+
+    Parameters
+    ----------
+    speed : float
+        Rig seconds per real second; infinite means that samples are due as fast as they are
+        read, and that time itself runs in real time.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.speed = speed
+        self._start_s = time.monotonic()
+
+    def now_s(self) -> float:
+        """Return rig time. [s]"""
+        factor = self.speed if math.isfinite(self.speed) else 1.0
+        return (time.monotonic() - self._start_s) * factor
+
+
+class _PacedSource:
+    """Counts the samples that are due.
+
+    Parameters
+    ----------
+    speed : float
+        See `PlainClock`.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        self.clock = PlainClock(speed)
+        self.faults = UsbFaultSwitches()
+        self.streams_started = 0
+        self.streaming = False
+        self._rate_hz = 0.0
+        self._start_s = 0.0
+
+    def start_stream(self, sample_rate_hz: float, range_v: float) -> None:
+        """Begin to convert; sample 0 is now.
+
+        Parameters
+        ----------
+        sample_rate_hz : float
+            Rate. [Hz]
+        range_v : float
+            Range, +/-. [V]
+        """
+        del range_v  # codes are what these sources make
+        self._rate_hz = sample_rate_hz
+        self._start_s = self.clock.now_s()
+        self.streams_started += 1
+        self.streaming = True
+
+    def stop_stream(self) -> None:
+        """End the conversion."""
+        self.streaming = False
+
+    def samples_due(self) -> int:
+        """Return how many samples were converted so far."""
+        if not math.isfinite(self.clock.speed):
+            return _ENDLESS
+        return int((self.clock.now_s() - self._start_s) * self._rate_hz)
+
+
+class CountingSource(_PacedSource):
+    """Sample n has the code n modulo `COUNT_PERIOD`: whoever counts sees each loss.
+
+    Parameters
+    ----------
+    speed : float
+        See `PlainClock`.
+    """
+
+    def __init__(self, speed: float = 1.0) -> None:
+        super().__init__(speed)
+        self._ramp = (np.arange(8 * COUNT_PERIOD) % COUNT_PERIOD).astype(np.uint16)
+
+    def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
+        """Return the codes of samples ``[start, start + count)``.
+
+        Parameters
+        ----------
+        start : int
+            First sample. [1]
+        count : int
+            How many. [1]
+
+        Returns
+        -------
+        ndarray of uint16, shape (count,)
+            The count.
+        """
+        phase = start % COUNT_PERIOD
+        if phase + count <= self._ramp.size:
+            return self._ramp[phase : phase + count]
+        return (np.arange(start, start + count) % COUNT_PERIOD).astype(np.uint16)
+
+
+class PulseSource(_PacedSource):
+    """Noise around a baseline, and half-sine pulses on demand.
+
+    Parameters
+    ----------
+    speed : float
+        See `PlainClock`.
+    seed : int, optional
+        Of the noise.
+    noise_codes : float, optional
+        Its standard deviation. [1]
+    baseline_code : int, optional
+        Idle input, offset binary.
+    """
+
+    WIDTH_SAMPLES = 100
+
+    def __init__(
+        self,
+        speed: float = 1.0,
+        *,
+        seed: int = 1,
+        noise_codes: float = 3.0,
+        baseline_code: int = 32800,
+    ) -> None:
+        super().__init__(speed)
+        noise = np.random.default_rng(seed).normal(baseline_code, noise_codes, 1 << 18)
+        self._noise = np.rint(noise).astype(np.uint16)
+        self._lock = threading.Lock()
+        self._pulse: tuple[int, int] | None = None
+        self._read_to = 0
+        shape = np.sin(np.pi * np.arange(self.WIDTH_SAMPLES) / self.WIDTH_SAMPLES)
+        self._shape = shape
+
+    def start_stream(self, sample_rate_hz: float, range_v: float) -> None:
+        """Begin to convert; sample 0 is now.
+
+        Parameters
+        ----------
+        sample_rate_hz : float
+            Rate. [Hz]
+        range_v : float
+            Range, +/-. [V]
+        """
+        with self._lock:
+            self._read_to = 0
+            self._pulse = None
+        super().start_stream(sample_rate_hz, range_v)
+
+    def fire(self, peak_codes: int = 8000, after_samples: int = 2000) -> int:
+        """Put a pulse behind what was read already.
+
+        Parameters
+        ----------
+        peak_codes : int, optional
+            Height above the baseline; negative for a falling pulse.
+        after_samples : int, optional
+            Distance from the newest sample. [1]
+
+        Returns
+        -------
+        int
+            Position of its first sample in the stream. [1]
+        """
+        with self._lock:
+            at = max(self._read_to, 0) + after_samples
+            self._pulse = (at, peak_codes)
+            return at
+
+    def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
+        """Return the codes of samples ``[start, start + count)``.
+
+        Parameters
+        ----------
+        start : int
+            First sample. [1]
+        count : int
+            How many. [1]
+
+        Returns
+        -------
+        ndarray of uint16, shape (count,)
+            Noise, and the pulse if it lies there.
+        """
+        codes = np.take(self._noise, range(start, start + count), mode="wrap")
+        with self._lock:
+            self._read_to = max(self._read_to, start + count)
+            pulse = self._pulse
+        if pulse is not None:
+            at, peak_codes = pulse
+            first, last = max(at, start), min(at + self.WIDTH_SAMPLES, start + count)
+            if first < last:
+                part = self._shape[first - at : last - at] * peak_codes
+                codes[first - start : last - start] += (
+                    np.rint(part).astype(np.int64).astype(np.uint16)
+                )
+        return codes

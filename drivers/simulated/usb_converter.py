@@ -1,0 +1,244 @@
+"""The simulated board's converter: pacing, results FIFO, faults, its own gain errors."""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.simulated.usb_eeprom import RANGES_V, BoardErrors
+
+PACKET_SAMPLES = 256
+_ENDPOINT_SAMPLES = 4 * PACKET_SAMPLES
+_LONGEST_SLEEP_S = 0.02
+
+MORE_THAN_ONE, VALID, OVERRUN, SCANNING = 0x0001, 0x0002, 0x0004, 0x0008
+
+
+class SourceClock(Protocol):
+    """What the device needs of the rig's clock."""
+
+    @property
+    def speed(self) -> float:
+        """Rig seconds per real second; infinite for as fast as the host reads."""
+
+    def now_s(self) -> float:
+        """Return rig time. [s]"""
+
+
+class UsbFaults(Protocol):
+    """Faults the device can be told to have."""
+
+    unplug_usb_at_s: float | None
+    usb_unplugged: bool
+    stall_endpoint: bool
+    overrun_at_sample: int | None
+    short_read: bool
+    drop_block_at_sample: int | None
+    double_block_at_sample: int | None
+
+
+class SignalSource(Protocol):
+    """What is at the device's input: the simulated world, or a test source."""
+
+    @property
+    def clock(self) -> SourceClock:
+        """The rig's clock."""
+
+    @property
+    def faults(self) -> UsbFaults:
+        """The rig's faults."""
+
+    def start_stream(self, sample_rate_hz: float, range_v: float) -> None:
+        """Begin to convert; sample 0 is now."""
+
+    def stop_stream(self) -> None:
+        """End the conversion."""
+
+    def samples_due(self) -> int:
+        """Return how many samples were converted so far."""
+
+    def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
+        """Return offset-binary codes of the true volts."""
+
+
+class SimulatedConverter:
+    """Converts what the source shows and hands it out in packets.
+
+    Parameters
+    ----------
+    source : SignalSource
+        What is at the input.
+    errors : BoardErrors
+        What this board gets wrong.
+    fifo_samples : int or None
+        Depth of the results FIFO; ``None`` for endless, as the real depth is NOT KNOWN. [1]
+
+    Notes
+    -----
+    Packets left in the endpoint's buffers survive a stop, so a host that does not drain finds
+    old samples at the head of its next run. That the real board does the same is INFERRED.
+    """
+
+    def __init__(
+        self, source: SignalSource, errors: BoardErrors, fifo_samples: int | None = None
+    ) -> None:
+        self._source = source
+        self._errors = errors
+        self._fifo_samples = fifo_samples
+        self._lock = threading.RLock()
+        self._running = False
+        self._overrun = False
+        self._rate_hz = 1.0
+        self._table: NDArray[np.uint16] | None = None
+        self._next = 0
+        self._left_over = np.empty(0, dtype=np.uint16)
+        self.worst_backlog_samples = 0
+
+    @property
+    def status(self) -> int:
+        """The status word."""
+        with self._lock:
+            status = OVERRUN if self._overrun else 0
+            if self._running:
+                status |= SCANNING
+                due = self._due()
+                status |= (VALID if due else 0) | (MORE_THAN_ONE if due > 1 else 0)
+            return status
+
+    @property
+    def running(self) -> bool:
+        """Whether the pacer runs."""
+        return self._running
+
+    def start(self, rate_hz: float, range_index: int) -> None:
+        """Start the pacer.
+
+        Parameters
+        ----------
+        rate_hz : float
+            Nominal rate. [Hz]
+        range_index : int
+            Gain code of the scan list's entry.
+        """
+        with self._lock:
+            self._table = self._errors.distortion(range_index)
+            self._rate_hz = rate_hz
+            self._next = 0
+            self.worst_backlog_samples = 0
+            self._source.start_stream(rate_hz, RANGES_V[range_index])
+            self._running = True
+
+    def stop(self) -> None:
+        """Stop the pacer; a few packets stay in the endpoint's buffers."""
+        with self._lock:
+            if not self._running:
+                return
+            packets = min(self._due(), _ENDPOINT_SAMPLES) // PACKET_SAMPLES
+            self._left_over = self._fetch(packets * PACKET_SAMPLES)
+            self._running = False
+            self._source.stop_stream()
+
+    def reset_results(self) -> None:
+        """Empty the results FIFO and clear its overrun."""
+        with self._lock:
+            self._overrun = False
+            if self._running:
+                self._next += self._due()
+
+    def read_into(
+        self, out: NDArray[np.uint16], timeout_s: float, check: Callable[[], None]
+    ) -> int:
+        """Fill a host's buffer as a bulk read does.
+
+        Parameters
+        ----------
+        out : ndarray of uint16, shape (n,)
+            The buffer.
+        timeout_s : float
+            Longest wait. [s]
+        check : callable
+            Called often; raises when the device is gone or stalled.
+
+        Returns
+        -------
+        int
+            Samples written: all, or the whole packets there were when time was up. [1]
+        """
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            check()
+            with self._lock:
+                count = self._ready(out.size, late=time.monotonic() >= deadline_s)
+                if count is not None:
+                    self._hand_out(out[:count])
+                    return count
+                missing = out.size - (self._due() if self._running else 0)
+                flow_hz = self._rate_hz * self._source.clock.speed if self._running else 0.0
+            pause_s = missing / flow_hz if flow_hz else _LONGEST_SLEEP_S
+            left_s = deadline_s - time.monotonic()
+            time.sleep(max(0.0, min(pause_s, left_s, _LONGEST_SLEEP_S)))
+
+    def _ready(self, wanted: int, *, late: bool) -> int | None:
+        if self._left_over.size:
+            return min(wanted, self._left_over.size)
+        due = self._due() if self._running else 0
+        if due < wanted:
+            return min(wanted, due // PACKET_SAMPLES * PACKET_SAMPLES) if late else None
+        if math.isfinite(self._source.clock.speed):
+            self.worst_backlog_samples = max(self.worst_backlog_samples, due)
+        if self._fifo_samples is not None and due > self._fifo_samples:
+            self._overrun = True
+            self._next += due - self._fifo_samples
+        # A short packet ends a transfer early; the rest comes with the next one.
+        return wanted // 2 if self._source.faults.short_read and wanted > 1 else wanted
+
+    def _hand_out(self, out: NDArray[np.uint16]) -> None:
+        if self._left_over.size:
+            out[:] = self._left_over[: out.size]
+            self._left_over = self._left_over[out.size :]
+            return
+        out[:] = self._fetch(out.size)
+
+    def _due(self) -> int:
+        return max(0, self._source.samples_due() - self._next)
+
+    def _fetch(self, count: int) -> NDArray[np.uint16]:
+        jump = self._take_fault(count)
+        if jump is None:
+            codes = self._source.read_codes(self._next, count)
+            self._next += count
+        else:
+            at, shift = jump
+            head = at - self._next
+            after = at + shift
+            codes = np.concatenate(
+                [
+                    self._source.read_codes(self._next, head),
+                    self._source.read_codes(after, count - head),
+                ]
+            )
+            self._next = after + count - head
+        return codes if self._table is None else np.take(self._table, codes, mode="clip")
+
+    def _take_fault(self, count: int) -> tuple[int, int] | None:
+        """Return where the stream jumps inside the next samples, and how far; each once."""
+        faults = self._source.faults
+        for name, shift in (
+            ("overrun_at_sample", PACKET_SAMPLES),
+            ("drop_block_at_sample", PACKET_SAMPLES),
+            ("double_block_at_sample", -PACKET_SAMPLES),
+        ):
+            at = getattr(faults, name)
+            if at is None or at >= self._next + count or count == 0:
+                continue
+            setattr(faults, name, None)
+            self._overrun = self._overrun or name == "overrun_at_sample"
+            at = max(at, self._next)
+            return at, max(shift, -at)
+        return None

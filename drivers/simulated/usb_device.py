@@ -1,0 +1,368 @@
+"""A simulated board behind pyusb's backend interface: the real driver cannot tell.
+
+It encodes our reading of the protocol, written from the facts and not from the driver's code.
+That the driver passes against it shows self-consistency, not that a 3500 works.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import usb.backend
+import usb.core
+
+from drivers.simulated import usb_descriptors as descriptors
+from drivers.simulated.usb_converter import SignalSource, SimulatedConverter
+from drivers.simulated.usb_eeprom import BoardErrors
+
+_CPUCS = 0xE600
+_PACER_CLOCK_HZ = 48.0e6
+_SAMPLES_ENDPOINT = 0x82
+_FIRMWARE_VERSION = 0x0102
+_FPGA_BLOCK_BYTES = 2048
+_CONFIG_OVERRUN_WITHOUT_LIST = 0x0020
+
+
+def _gone() -> Any:
+    return usb.core.USBError("No such device (it may have been disconnected)", -4, 19)
+
+
+def _stall() -> Any:
+    return usb.core.USBError("Pipe error", -9, 32)
+
+
+def _timeout() -> Any:
+    return usb.core.USBTimeoutError("Operation timed out", -7, 110)
+
+
+@dataclass
+class _Plugged:
+    """The board as it appeared on the bus once; a new one after each enumeration."""
+
+    address: int
+    loaded: bool
+    claimed_by: _Handle | None = None
+
+
+@dataclass(eq=False)
+class _Handle:
+    """One opening of the board."""
+
+    plugged: _Plugged
+
+
+@dataclass
+class _Registers:
+    """What was written to the registers, as far as it matters."""
+
+    words: dict[int, int] = field(default_factory=dict)
+    scan_list: list[int] = field(default_factory=list)
+    list_running: bool = False
+    dma_on: bool = False
+    endpoint_on: bool = False
+
+
+class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
+    """A board on a bus of its own.
+
+    Parameters
+    ----------
+    source : SignalSource
+        The simulated world, or a test source.
+    loaded : bool, optional
+        Whether it wakes up with firmware and FPGA loaded.
+    serial_number : str, optional
+        What it states.
+    errors : BoardErrors, optional
+        Its gains and offsets, stated in its EEPROM.
+    eeprom : bytes, optional
+        Another content than that, e.g. a damaged one.
+    reenumeration_s : float, optional
+        Absence from the bus after its firmware is loaded. [s]
+    fifo_samples : int, optional
+        Depth of its results FIFO, endless by default: NOT KNOWN. [1]
+    """
+
+    def __init__(
+        self,
+        source: SignalSource,
+        *,
+        loaded: bool = True,
+        serial_number: str = "SIM-0001",
+        errors: BoardErrors | None = None,
+        eeprom: bytes | None = None,
+        reenumeration_s: float = 0.2,
+        fifo_samples: int | None = None,
+    ) -> None:
+        self._source = source
+        self._serial_number = serial_number
+        self._errors = errors or BoardErrors()
+        self._eeprom = self._errors.eeprom() if eeprom is None else eeprom
+        self._reenumeration_s = reenumeration_s
+        self._lock = threading.RLock()
+        self._plugged = _Plugged(address=2, loaded=loaded)
+        self._absent_until_s = -math.inf
+        self._was_unplugged = False
+        self._in_reset = False
+        self._ram: dict[int, int] = {}
+        self._fpga = bytearray()
+        self._fpga_loaded = loaded
+        self._fpga_ended = False
+        self._registers = _Registers()
+        self.converter = SimulatedConverter(source, self._errors, fifo_samples)
+
+    @property
+    def ram(self) -> dict[int, int]:
+        """Bytes loaded into the USB chip, by address."""
+        return dict(self._ram)
+
+    @property
+    def fpga_sha256(self) -> str:
+        """Hash of the bit stream that arrived."""
+        return hashlib.sha256(self._fpga).hexdigest()
+
+    # What pyusb asks about the bus.
+
+    def enumerate_devices(self) -> Iterator[_Plugged]:
+        """Return the board while it is on the bus."""
+        with self._lock:
+            absent = self._unplugged() or time.monotonic() < self._absent_until_s
+            return iter([] if absent else [self._plugged])
+
+    def get_device_descriptor(self, dev: _Plugged) -> Any:
+        """Return the device descriptor."""
+        product = descriptors.PRODUCT_LOADED if dev.loaded else descriptors.PRODUCT_UNLOADED
+        return descriptors.device_descriptor(product, address=dev.address, loaded=dev.loaded)
+
+    def get_configuration_descriptor(self, dev: _Plugged, config: int) -> Any:
+        """Return the configuration descriptor."""
+        if config:
+            raise IndexError("one configuration")
+        return descriptors.configuration_descriptor()
+
+    def get_interface_descriptor(self, dev: _Plugged, intf: int, alt: int, config: int) -> Any:
+        """Return the interface descriptor."""
+        if intf or alt or config:
+            raise IndexError("one interface with one setting")
+        return descriptors.interface_descriptor(loaded=dev.loaded)
+
+    def get_endpoint_descriptor(
+        self, dev: _Plugged, ep: int, intf: int, alt: int, config: int
+    ) -> Any:
+        """Return an endpoint's descriptor."""
+        return descriptors.endpoint_descriptor(ep)
+
+    def open_device(self, dev: _Plugged) -> _Handle:
+        """Open the board."""
+        handle = _Handle(dev)
+        self._check_present(handle)
+        return handle
+
+    def close_device(self, dev_handle: _Handle) -> None:
+        """Close it, which also releases what was claimed."""
+        self.release_interface(dev_handle, 0)
+
+    def set_configuration(self, dev_handle: _Handle, config_value: int) -> None:
+        """Accept the only configuration."""
+        self._check_present(dev_handle)
+
+    def get_configuration(self, dev_handle: _Handle) -> int:
+        """Return the only configuration."""
+        self._check_present(dev_handle)
+        return 1
+
+    def claim_interface(self, dev_handle: _Handle, intf: int) -> None:
+        """Claim it for one handle."""
+        with self._lock:
+            self._check_present(dev_handle)
+            owner = dev_handle.plugged.claimed_by
+            if owner is not None and owner is not dev_handle:
+                raise usb.core.USBError("Resource busy", -6, 16)
+            dev_handle.plugged.claimed_by = dev_handle
+
+    def release_interface(self, dev_handle: _Handle, intf: int) -> None:
+        """Release it; pyusb's finaliser does so twice."""
+        with self._lock:
+            if dev_handle.plugged.claimed_by is dev_handle:
+                dev_handle.plugged.claimed_by = None
+
+    def clear_halt(self, dev_handle: _Handle, ep: int) -> None:
+        """Accept."""
+        self._check_present(dev_handle)
+
+    # Transfers.
+
+    def bulk_read(self, dev_handle: _Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:
+        """Return samples as they are due."""
+
+        def check() -> None:
+            self._check_present(dev_handle)
+            if self._source.faults.stall_endpoint:
+                raise _stall()
+
+        check()
+        out = np.frombuffer(buff, dtype="<u2")
+        if ep != _SAMPLES_ENDPOINT:
+            out = out[:0]
+        count = 0
+        if out.size:
+            count = self.converter.read_into(out, timeout / 1000.0, check)
+        if count == 0:
+            raise _timeout()
+        return 2 * count
+
+    def ctrl_transfer(  # noqa: PLR0917 - pyusb's signature
+        self,
+        dev_handle: _Handle,
+        bmRequestType: int,
+        bRequest: int,
+        wValue: int,
+        wIndex: int,
+        data: Any,
+        timeout: int,
+    ) -> int:
+        """Answer a standard or vendor request."""
+        with self._lock:
+            self._check_present(dev_handle)
+            if bmRequestType & 0x80:
+                answer = self._answer(bmRequestType, bRequest, wValue, wIndex, len(data))
+                answer = answer[: len(data)]
+                memoryview(data).cast("B")[: len(answer)] = answer
+                return len(answer)
+            self._obey(bRequest, wValue, wIndex, data.tobytes())
+            return len(data)
+
+    def _answer(self, kind: int, request: int, value: int, index: int, length: int) -> bytes:
+        if kind == 0x80 and request == 0x06:
+            return self._string(value)
+        loaded = self._plugged.loaded
+        if loaded and request == 0xB0:
+            return _FIRMWARE_VERSION.to_bytes(2, "little")
+        if loaded and request == 0xB2:
+            return b"\x01" if self._fpga_loaded else b"\x00"
+        if loaded and request == 0xB4:
+            return self._read_register(index).to_bytes(2, "little")
+        if loaded and request == 0xB8:
+            return self._eeprom[value : value + length]
+        raise _stall()
+
+    def _string(self, value: int) -> bytes:
+        if value == 0x0300:
+            return bytes((4, 3, 0x09, 0x04))
+        if value == 0x0300 | descriptors.SERIAL_STRING_INDEX and self._plugged.loaded:
+            text = self._serial_number.encode("utf-16-le")
+            return bytes((len(text) + 2, 3)) + text
+        raise _stall()
+
+    def _obey(self, request: int, value: int, index: int, data: bytes) -> None:
+        if request == 0xA0:
+            self._write_ram(value, data)
+        elif not self._plugged.loaded:
+            raise _stall()
+        elif request == 0xB2:
+            self._fpga, self._fpga_ended, self._fpga_loaded = bytearray(), False, False
+        elif request == 0xB3:
+            self._take_fpga_block(data)
+        elif request == 0xB4:
+            self._write_register(index, value)
+        elif request == 0xBB:
+            self._registers.endpoint_on = (value, index) == (1, 2)
+        else:
+            raise _stall()
+
+    def _write_ram(self, address: int, data: bytes) -> None:
+        if address == _CPUCS:
+            released = self._in_reset and data == b"\x00" and bool(self._ram)
+            self._in_reset = data == b"\x01"
+            if released:
+                self._reenumerate()
+            return
+        if not self._in_reset:
+            raise _stall()
+        self._ram.update(enumerate(data, start=address))
+
+    def _reenumerate(self) -> None:
+        self._plugged = _Plugged(self._plugged.address + 1, loaded=True)
+        self._fpga_loaded = False
+        self._absent_until_s = time.monotonic() + self._reenumeration_s
+
+    def _take_fpga_block(self, data: bytes) -> None:
+        if self._fpga_ended or len(data) > _FPGA_BLOCK_BYTES:
+            raise _stall()
+        self._fpga += data
+        self._fpga_ended = len(data) < _FPGA_BLOCK_BYTES
+        self._fpga_loaded = True
+
+    # Registers.
+
+    def _read_register(self, register: int) -> int:
+        if not self._fpga_loaded:
+            return 0xFFFF
+        if register == 0x00:
+            empty = 0 if self._registers.scan_list else _CONFIG_OVERRUN_WITHOUT_LIST
+            return self.converter.status | empty
+        return self._registers.words.get(register, 0)
+
+    def _write_register(self, register: int, value: int) -> None:
+        registers = self._registers
+        if not self._fpga_loaded:
+            return
+        if register == 0x00:
+            self._control(value)
+        elif register == 0x01:
+            registers.scan_list.append(value)
+        elif register == 0x58:
+            registers.dma_on = value == 0x0011
+        else:
+            registers.words[register] = value
+
+    def _control(self, value: int) -> None:
+        registers = self._registers
+        if value < 0x0010:
+            if value & 0x0002:
+                self.converter.reset_results()
+            if value & 0x0004:
+                registers.scan_list.clear()
+        elif value in {0x0010, 0x0011}:
+            registers.list_running = value == 0x0011
+        elif value == 0x0030:
+            self.converter.stop()
+        elif value == 0x0031:
+            self._start()
+
+    def _start(self) -> None:
+        """Start the pacer; without list, transfer or endpoint nothing would come out."""
+        registers = self._registers
+        complete = len(registers.scan_list) == 2
+        if not (complete and registers.list_running and registers.dma_on and registers.endpoint_on):
+            return
+        entry = registers.scan_list[0] | registers.scan_list[1] << 16
+        words = registers.words
+        divisor = words.get(2, 0) | words.get(3, 0) << 16 | words.get(5, 0) << 32
+        self.converter.start(_PACER_CLOCK_HZ / (divisor + 1), entry >> 24 & 0x0F)
+
+    # Faults.
+
+    def _unplugged(self) -> bool:
+        faults = self._source.faults
+        at_s = faults.unplug_usb_at_s
+        out = faults.usb_unplugged or (at_s is not None and self._source.clock.now_s() >= at_s)
+        if out and not self._was_unplugged:
+            self.converter.stop()
+        if self._was_unplugged and not out:
+            # Plugged in again: a new address; the 12 V supply kept firmware and FPGA.
+            self._plugged = _Plugged(self._plugged.address + 1, self._plugged.loaded)
+        self._was_unplugged = out
+        return out
+
+    def _check_present(self, handle: _Handle) -> None:
+        with self._lock:
+            if self._unplugged() or handle.plugged is not self._plugged:
+                raise _gone()

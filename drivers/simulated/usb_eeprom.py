@@ -1,0 +1,66 @@
+"""The simulated board's own errors, and the EEPROM that states them.
+
+Written from the format alone, not from the driver's code: a misreading there must show here.
+"""
+
+from __future__ import annotations
+
+import struct
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+RANGES_V = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
+EEPROM_BYTES = 808
+
+
+@dataclass(frozen=True)
+class BoardErrors:
+    """What each range's table entry says: true volts = gain * raw volts + offset.
+
+    Attributes
+    ----------
+    gain_plus, gain_minus : tuple of float
+        Gain minus one for either sign, per range. [1]
+    offset_v : tuple of float
+        Per range. [V]
+    """
+
+    gain_plus: tuple[float, ...] = (8.1e-4, -5.3e-4, 4.4e-4, 1.2e-3, -9.0e-4, 1.7e-3, 2.1e-3)
+    gain_minus: tuple[float, ...] = (7.7e-4, -4.9e-4, 4.0e-4, 1.0e-3, -1.1e-3, 1.5e-3, 2.3e-3)
+    offset_v: tuple[float, ...] = (2.4e-3, -1.1e-3, 3.0e-4, 2.0e-4, -1.5e-4, 8e-5, -6e-5)
+
+    def eeprom(self) -> bytes:
+        """Return the EEPROM's 808 bytes; those behind the table are blank."""
+        table = bytes.fromhex("40010001")
+        for row in zip(self.gain_plus, self.gain_minus, self.offset_v, strict=True):
+            table += struct.pack("<fff", *row)
+        return table.ljust(EEPROM_BYTES, b"\xff")
+
+    def distortion(self, range_index: int) -> NDArray[np.uint16] | None:
+        """Return the table from the code of the true volts to the code that is converted.
+
+        Parameters
+        ----------
+        range_index : int
+            Position in `RANGES_V`.
+
+        Returns
+        -------
+        ndarray of uint16, shape (65536,), or None
+            ``None`` for a perfect range.
+        """
+        gain = 1.0 + (self.gain_plus[range_index] + self.gain_minus[range_index]) / 2.0
+        offset_v = self.offset_v[range_index]
+        if gain == 1.0 and offset_v == 0.0:
+            return None
+        step_v = 2.0 * RANGES_V[range_index] / 65536.0
+        true_v = (np.arange(65536) - 32768) * step_v
+        raw = np.rint((true_v - offset_v) / gain / step_v) + 32768
+        table: NDArray[np.uint16] = np.clip(raw, 0, 65535).astype(np.uint16)
+        return table
+
+
+PERFECT = BoardErrors((0.0,) * 7, (0.0,) * 7, (0.0,) * 7)
+"""A board whose codes are the true ones: for counting samples."""

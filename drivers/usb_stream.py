@@ -1,0 +1,318 @@
+"""The 1 MS/s path from a bulk endpoint into a ring buffer, on a thread of its own.
+
+Three narrow seams meet here: a `BulkSource` fills byte buffers (synchronous today; queued
+asynchronous transfers can replace it without touching anything else), a `StreamingBoard` knows
+how a converter is started and stopped, a `BlockConsumer` looks at each block (a trigger, a plain
+collector).
+"""
+
+from __future__ import annotations
+
+import array
+import enum
+import threading
+import time
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+import usb.core
+from numpy.typing import NDArray
+
+from drivers.errors import AbortedError, DeviceTimeoutError, DriverError, ProtocolError
+from drivers.ring_buffer import RingBuffer
+from drivers.usb_errors import translated
+
+READ_TIMEOUT_S = 0.1
+SILENCE_LIMIT_S = 0.2
+"""No sample for so long is a fault; with the read time-out it is seen within 250 ms."""
+
+
+class BulkSource(Protocol):
+    """Fills buffers with the bytes of one endpoint, in order."""
+
+    def queue(self) -> None:
+        """Prepare for data; called before the converter starts."""
+
+    def read_into(self, buffer: array.array[int]) -> int:
+        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out."""
+
+    def cancel(self) -> None:
+        """Give up what is queued; called after the converter has stopped."""
+
+
+class StreamingBoard(Protocol):
+    """A board whose converter can be started and stopped."""
+
+    def start_acquiring(self) -> int:
+        """Start the converter and return the status word."""
+
+    def acquisition_status(self) -> int:
+        """Return the status word."""
+
+    def stop_acquiring(self) -> None:
+        """Stop the converter and drain the endpoint."""
+
+
+class Progress(enum.Enum):
+    """What a block meant to its consumer."""
+
+    NOTHING = enum.auto()
+    CHANGED = enum.auto()
+    DONE = enum.auto()
+
+
+class BlockConsumer(Protocol):
+    """Looks at each block after it was stored."""
+
+    def take(self, block: NDArray[np.uint16], first: int, ring: RingBuffer) -> Progress:
+        """Look at the block at position `first`, which is in the ring already."""
+
+
+Observer = Callable[[RingBuffer, int, int], None]
+"""Called in the stream's thread with the ring, the first position and the count of a block."""
+
+
+class SynchronousBulkSource:
+    """One blocking pyusb read after the other.
+
+    Parameters
+    ----------
+    device : usb.core.Device
+        Opened and claimed device.
+    endpoint : int
+        Address of the bulk IN endpoint.
+    timeout_s : float, optional
+        Longest a read may block. [s]
+
+    Notes
+    -----
+    libusb returns what it has when time is up and reports a time-out at zero bytes only.
+    Between two reads nothing is queued: a board whose FIFO is shorter than that gap overruns
+    (FIFO depth of the 3500: NOT KNOWN).
+    """
+
+    def __init__(self, device: Any, endpoint: int, timeout_s: float = READ_TIMEOUT_S) -> None:
+        self._device = device
+        self._endpoint = endpoint
+        self._timeout_ms = max(1, round(timeout_s * 1000))
+
+    def queue(self) -> None:
+        """Do nothing: a synchronous read cannot be queued."""
+
+    def read_into(self, buffer: array.array[int]) -> int:
+        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out.
+
+        Parameters
+        ----------
+        buffer : array of unsigned bytes
+            Its length is the most that is read.
+
+        Returns
+        -------
+        int
+            Bytes received.
+        """
+        with translated(f"reading samples from endpoint {self._endpoint:#04x}"):
+            try:
+                return int(self._device.read(self._endpoint, buffer, self._timeout_ms))
+            except usb.core.USBTimeoutError:
+                return 0
+
+    def cancel(self) -> None:
+        """Do nothing: nothing is queued."""
+
+
+class SampleStream:
+    """One run of the converter: start, read, hand to the consumer, stop.
+
+    The thread sends every command of the run itself, so the order on the wire never depends on
+    who waits for what. Errors are kept for the thread that waits.
+
+    Parameters
+    ----------
+    source : BulkSource
+        Where the bytes come from.
+    board : StreamingBoard
+        What to start and stop.
+    ring : RingBuffer
+        Where the samples go; cleared at the start.
+    consumer : BlockConsumer
+        Who decides when the run is over.
+    transfer_bytes : int
+        Size of one read, a multiple of 512. [B]
+    observe : callable, optional
+        Sees each block inside the ring; for counting and live displays.
+    """
+
+    def __init__(
+        self,
+        source: BulkSource,
+        board: StreamingBoard,
+        ring: RingBuffer,
+        consumer: BlockConsumer,
+        *,
+        transfer_bytes: int,
+        observe: Observer | None = None,
+    ) -> None:
+        self._source = source
+        self._board = board
+        self._ring = ring
+        self._consumer = consumer
+        self._buffer = array.array("B", bytes(transfer_bytes))
+        self._samples: NDArray[np.uint16] = np.frombuffer(self._buffer, dtype="<u2")
+        self._observe = observe
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="sample-stream", daemon=True)
+        self._error: Exception | None = None
+        self._finished = False
+        self._status_words: list[int] = []
+        self.changed = threading.Condition()
+
+    @property
+    def finished(self) -> bool:
+        """Whether the converter is stopped and the endpoint drained."""
+        return self._finished
+
+    @property
+    def error(self) -> Exception | None:
+        """What ended the run early, if anything did."""
+        return self._error
+
+    @property
+    def stop_requested(self) -> bool:
+        """Whether somebody asked for an end."""
+        return self._stop.is_set()
+
+    @property
+    def status_words(self) -> tuple[int, ...]:
+        """Acquisition status at start and end, as far as they were read."""
+        return tuple(self._status_words)
+
+    def start(self) -> None:
+        """Start the thread, which starts the converter."""
+        self._thread.start()
+
+    def request_stop(self) -> None:
+        """Ask for an end; returns at once."""
+        self._stop.set()
+
+    def join(self, timeout_s: float) -> bool:
+        """Wait for the end of the run.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait. [s]
+
+        Returns
+        -------
+        bool
+            Whether the run is over.
+        """
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def wait_until(
+        self,
+        condition: Callable[[], bool],
+        timeout_s: float,
+        abort: threading.Event | None = None,
+        poll_s: float = 0.005,
+    ) -> bool:
+        """Wait until a condition holds.
+
+        Parameters
+        ----------
+        condition : callable
+            Checked after every change and every `poll_s`.
+        timeout_s : float
+            Longest wait. [s]
+        abort : threading.Event, optional
+            Ends the wait when set.
+        poll_s : float, optional
+            Longest time until a set `abort` is seen. [s]
+
+        Returns
+        -------
+        bool
+            Whether the condition holds; ``False`` when time is up.
+
+        Raises
+        ------
+        AbortedError
+            If `abort` was set, or the run was stopped before the condition held.
+        Exception
+            Whatever ended the run.
+        """
+        deadline_s = time.monotonic() + timeout_s
+        with self.changed:
+            while not condition():
+                if self._error is not None:
+                    raise self._error
+                if abort is not None and abort.is_set():
+                    raise AbortedError("The wait for the digitizer was aborted.")
+                if self._finished:
+                    raise AbortedError("The digitizer was stopped while a record was awaited.")
+                remaining_s = deadline_s - time.monotonic()
+                if remaining_s <= 0:
+                    return False
+                self.changed.wait(min(remaining_s, poll_s))
+        return True
+
+    def _run(self) -> None:
+        try:
+            self._ring.clear()
+            self._source.queue()
+            self._status_words.append(self._board.start_acquiring())
+            self._pump()
+            self._status_words.append(self._board.acquisition_status())
+        except Exception as error:
+            self._error = error  # raised again in the thread that waits
+        finally:
+            self._end()
+
+    def _end(self) -> None:
+        try:
+            self._board.stop_acquiring()
+            self._source.cancel()
+        except DriverError as error:
+            # The first error explains the end; a lost board cannot be stopped either.
+            self._error = self._error or error
+        finally:
+            with self.changed:
+                self._finished = True
+                self.changed.notify_all()
+
+    def _pump(self) -> None:
+        last_data_s = time.monotonic()
+        while not self._stop.is_set():
+            received = self._source.read_into(self._buffer)
+            if received == 0:
+                silent_s = time.monotonic() - last_data_s
+                if silent_s >= SILENCE_LIMIT_S:
+                    raise DeviceTimeoutError(
+                        f"No sample arrived for {silent_s:.2f} s while streaming.",
+                        why="The converter stopped or the board's firmware hangs.",
+                        remedy="Switch the digitizer's 12 V supply off and on.",
+                    )
+                continue
+            last_data_s = time.monotonic()
+            if received % 2:
+                raise ProtocolError(
+                    f"A transfer ended inside a sample ({received} bytes).",
+                    why="Bytes were lost; every later sample would be wrong.",
+                    remedy="Check the cable, then repeat the drop.",
+                )
+            if self._take(self._samples[: received // 2]):
+                return
+
+    def _take(self, block: NDArray[np.uint16]) -> bool:
+        first = self._ring.append(block)
+        if self._observe is not None:
+            self._observe(self._ring, first, block.size)
+        progress = self._consumer.take(block, first, self._ring)
+        if progress is not Progress.NOTHING:
+            with self.changed:
+                self.changed.notify_all()
+        return progress is Progress.DONE
