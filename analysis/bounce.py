@@ -1,0 +1,230 @@
+r"""Restitution from the bounce: the sphere lands again after a flight that tells its rebound speed.
+
+.. math:: v_r = g T / 2, \quad \epsilon_r = v_r / v_0
+
+T runs from lift-off to the next touch-down. The cell delays both landings alike, so only the
+contact's own duration has to be taken off the time between two onsets.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Quantity
+
+BLOCK_S = 64e-6
+"""The record is looked at in blocks about as long as a period of the crystal."""
+QUIET_BEFORE_S = 1e-3
+"""An onset stands out from so much record before it; rings have died down by then or are falling."""
+STEP_UP = 3.0
+"""An onset is so many times larger than what was there before it."""
+SHORTEST_FLIGHT_S = 2e-3
+SMALLEST_SHARE = 0.01
+"""Of the first impact's height; v^1.2 makes this a rebound at 2 % of the impact speed."""
+LARGEST_RATIO = 1.05
+"""A ratio above this is no rebound: a landing was missed or the impact speed is wrong."""
+AIR_RELATIVE_U = 5e-4
+"""Buoyancy and drag on a polymer sphere of some millimetres at 1 m/s, neither corrected."""
+CONTACT_RELATIVE_U = 0.3
+"""How well the pulse's width at 5 % stands for the contact's duration behind a ringing crystal."""
+
+_EDGE = 0.05
+
+
+@dataclass(frozen=True)
+class Landing:
+    """One impact of a bouncing sphere.
+
+    Attributes
+    ----------
+    onset_index : int
+        First sample of the pulse above 5 % of its height.
+    height : float
+        Largest excursion from the level before it. [unit of the signal]
+    width_samples : int
+        Samples from onset until the pulse is below 5 % again.
+    """
+
+    onset_index: int
+    height: float
+    width_samples: int
+
+
+def _block_ranges(signal: NDArray[np.float64], block: int) -> NDArray[np.float64]:
+    """Return largest minus smallest sample of each whole block; hum does not move within one."""
+    whole = signal[: signal.size // block * block].reshape(-1, block)
+    return np.asarray(whole.max(axis=1) - whole.min(axis=1))
+
+
+def _candidates(ranges: NDArray[np.float64], before: int, floor: float) -> list[int]:
+    """Return blocks that rise above the floor and above what was there just before."""
+    found = []
+    for i in np.flatnonzero(ranges > floor):
+        # the block before the loud one may hold the pulse's foot, so it does not count
+        earlier = ranges[max(0, i - before) : max(0, i - 1)]
+        if earlier.size and ranges[i] < STEP_UP * float(earlier.max()):
+            continue
+        found.append(int(i))
+    return found
+
+
+def _landing(
+    signal: NDArray[np.float64], start: int, stop: int, rate: float, polarity: int
+) -> Landing | None:
+    """Return the pulse whose onset lies in [start, stop), None for a spike of one sample."""
+    quiet = signal[max(0, start - round(QUIET_BEFORE_S * rate)) : max(start, 1)]
+    level = float(np.median(quiet))
+    near = polarity * (signal[start:stop] - level)
+    peak = int(np.argmax(near))
+    height = float(near[peak])
+    if height <= 0 or np.count_nonzero(near > 0.5 * height) < 2:
+        return None
+    noise = float(np.std(quiet)) if quiet.size > 1 else 0.0
+    edge = max(_EDGE * height, min(3.0 * noise, 0.5 * height))
+    onset, end = peak, peak
+    while onset > 0 and near[onset - 1] > edge:
+        onset -= 1
+    while end + 1 < near.size and near[end + 1] > edge:
+        end += 1
+    return Landing(start + onset, height, end - onset + 1)
+
+
+def _first_polarity(signal: NDArray[np.float64], trigger: int, reach: int) -> int:
+    level = float(np.median(signal[max(0, trigger - 20 * reach) : max(1, trigger - reach)]))
+    near = signal[max(0, trigger - reach) : trigger + 8 * reach] - level
+    return 1 if near.max() >= -near.min() else -1
+
+
+def landings(
+    signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int
+) -> tuple[Landing, ...]:
+    """Return all impacts of a record, the triggering one first.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The record, any unit, either polarity.
+    sample_rate_hz : float
+        [Hz]
+    trigger_index : int
+        Sample near the first touch.
+
+    Returns
+    -------
+    tuple of Landing
+        In order of time; empty when nothing happens at the trigger.
+
+    Notes
+    -----
+    Source: own. An impact is a block whose range exceeds twice the quiet blocks' and three times
+    that of the millisecond before it, so a falling ring, hum and drift are none. Validation:
+    synthetic records with ring, hum, 1/f noise and spikes in ``tests/analysis/test_bounce.py``.
+    """
+    block = max(8, round(BLOCK_S * sample_rate_hz))
+    if signal.size < 2 * block or not 0 <= trigger_index < signal.size:
+        return ()
+    polarity = _first_polarity(signal, trigger_index, block)
+    first = _landing(
+        signal,
+        max(0, trigger_index - 2 * block),
+        min(signal.size, trigger_index + 8 * block),
+        sample_rate_hz,
+        polarity,
+    )
+    if first is None:
+        return ()
+    ranges = _block_ranges(signal, block)
+    # nine tenths of a record are quiet; a ring of two milliseconds follows each landing
+    floor = max(1.8 * float(np.quantile(ranges, 0.8)), SMALLEST_SHARE * first.height)
+    before = max(3, round(QUIET_BEFORE_S * sample_rate_hz / block))
+    found = [first]
+    shortest = SHORTEST_FLIGHT_S * sample_rate_hz
+    for i in _candidates(ranges, before, floor):
+        start, stop = max(0, (i - 1) * block), min(signal.size, (i + 3) * block)
+        if start - found[-1].onset_index < shortest:
+            continue
+        landing = _landing(signal, start, stop, sample_rate_hz, polarity)
+        if landing is not None and landing.height >= SMALLEST_SHARE * first.height:
+            found.append(landing)
+    return tuple(found)
+
+
+def bounce_indices(
+    signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int
+) -> tuple[int, ...]:
+    """Return the onset sample of every impact of a record, the triggering one first.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The record.
+    sample_rate_hz : float
+        [Hz]
+    trigger_index : int
+        Sample near the first touch.
+
+    Returns
+    -------
+    tuple of int
+        Usable as trigger indices: each later one is a shot at a lower speed.
+    """
+    return tuple(x.onset_index for x in landings(signal, sample_rate_hz, trigger_index))
+
+
+def restitution_from_bounce(
+    signal: NDArray[np.float64],
+    sample_rate_hz: float,
+    trigger_index: int,
+    *,
+    impact_speed_m_per_s: float,
+    gravity_m_per_s2: float,
+    impact_speed_u_m_per_s: float = 0.0,
+) -> Quantity | None:
+    r"""Return the rebound speed over the impact speed from the time to the second landing.
+
+    .. math:: \epsilon_r = g T / (2 v_0)
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The record, any unit.
+    sample_rate_hz : float
+        Calibrated sample rate. [Hz]
+    trigger_index : int
+        Sample near the first touch.
+    impact_speed_m_per_s, impact_speed_u_m_per_s : float
+        Speed at the first touch, > 0, and its standard uncertainty. [m/s]
+    gravity_m_per_s2 : float
+        Local gravity, > 0. [m/s^2]
+
+    Returns
+    -------
+    Quantity or None
+        Ratio with standard uncertainty: timing, contact duration, air and impact speed. None when
+        the record is too short, nothing lands, or what lands cannot be the rebound (it would be
+        faster than the impact, or hits much harder than so short a flight allows).
+
+    Notes
+    -----
+    Source: ballistic flight between two contacts. Validation: ``tests/analysis/test_bounce.py``.
+    """
+    found = landings(signal, sample_rate_hz, trigger_index)
+    if len(found) < 2 or not impact_speed_m_per_s > 0:
+        return None
+    first, second = found[0], found[1]
+    contact_s = first.width_samples / sample_rate_hz
+    flight_s = (second.onset_index - first.onset_index) / sample_rate_hz - contact_s
+    ratio = gravity_m_per_s2 * flight_s / (2 * impact_speed_m_per_s)
+    # peak force goes like v^1.2 for a slow contact and like v for a short one
+    by_height = (second.height / first.height) ** (1 / 1.2)
+    if not 0 < ratio <= LARGEST_RATIO or by_height > 2.5 * ratio + 0.05:
+        return None
+    timing_s = math.hypot(CONTACT_RELATIVE_U * contact_s, 1.0 / sample_rate_hz)
+    relative = math.hypot(
+        timing_s / flight_s, AIR_RELATIVE_U, impact_speed_u_m_per_s / impact_speed_m_per_s
+    )
+    return Quantity(ratio, ratio * relative)
