@@ -44,6 +44,6 @@ def test_a_benchmark_that_cannot_run_does_not_hide_the_others(
 
 @pytest.mark.parametrize("impact", IMPACTS, ids=lambda impact: impact.name)
 def test_both_solvers_compute_the_same_trace(impact) -> None:  # type: ignore[no-untyped-def]
-    """The compiled trace follows the independent reference to 1e-5 of its peak (the goal is 1e-6)."""
+    """The compiled trace follows the reference to 1e-5 of its peak; the goal is 1e-6."""
     assert compiled_trace(impact).shape == (SAMPLES,)
     assert relative_error(impact) < 1e-5
