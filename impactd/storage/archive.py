@@ -3,28 +3,28 @@
 ::
 
     DIRECTORY/
-      index.sqlite      tables; can be rebuilt from the files
-      last-number       highest number ever given out, so that a rebuilt index repeats none
-      shots/000017.h5   one file per shot
-      partial/          evidence of records that failed; never listed as shots
+      index.sqlite                 tables; can be rebuilt from the files
+      last-number                  highest number ever given out, so that none is given out again
+      lock                         held by every process that has the archive open
+      shots/000017.h5              one file per shot
+      partial/000018.h5            evidence of records that failed; never listed as shots
+      calibrations/000001.json     results of calibrations, for a rebuilt index
 """
 
 from __future__ import annotations
 
-import hashlib
+import os
 import shutil
-import sqlite3
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from pathlib import Path
-
-import numpy as np
 
 from drivers.digitizer import Record
 from impactd.storage.calibrations import Calibration, CalibrationTable
 from impactd.storage.drops import ACTIVE_STATES, FINAL_STATES, Drop, DropRequest, DropTable
 from impactd.storage.errors import (
     ArchiveError,
+    CampaignError,
     CorruptShotError,
     DropStateError,
     IdempotencyConflictError,
@@ -32,15 +32,20 @@ from impactd.storage.errors import (
     StorageFullError,
 )
 from impactd.storage.events import Event, EventTable
+from impactd.storage.exchange import ImportReport, export_shots, import_folder
 from impactd.storage.fits import Fit, FitTable
 from impactd.storage.index import Index
+from impactd.storage.integrity import ReindexReport, VerifyFinding, rebuild_index, verify_archive
 from impactd.storage.jobs import Job, JobTable
+from impactd.storage.lock import lock_archive
 from impactd.storage.models import ModelTable
 from impactd.storage.moment import utc_now
+from impactd.storage.numbers import LAST_NUMBER_NAME, NumberSequence
 from impactd.storage.problem import Problem
-from impactd.storage.publish import publish
+from impactd.storage.recovery import end_interrupted
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
-from impactd.storage.shot_file import build_shot_file, read_shot_file, recording_of
+from impactd.storage.shot_file import recording_of
+from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME, ShotStore
 from impactd.storage.shots import Shot, ShotTable
 from impactd.storage.tokens import SCOPES, Token, TokenTable
 
@@ -51,6 +56,7 @@ __all__ = [
     "Archive",
     "ArchiveError",
     "Calibration",
+    "CampaignError",
     "CorruptShotError",
     "Drop",
     "DropRequest",
@@ -58,21 +64,22 @@ __all__ = [
     "Event",
     "Fit",
     "IdempotencyConflictError",
+    "ImportReport",
     "Job",
     "NotFoundError",
     "Problem",
     "Recording",
+    "ReindexReport",
     "Shot",
     "ShotAbout",
     "StorageFullError",
     "StoredShot",
     "Token",
+    "VerifyFinding",
 ]
 
 INDEX_NAME = "index.sqlite"
-LAST_NUMBER_NAME = "last-number"
-SHOTS_NAME = "shots"
-PARTIAL_NAME = "partial"
+CALIBRATIONS_NAME = "calibrations"
 
 
 class Archive:
@@ -86,6 +93,8 @@ class Archive:
         Where it lives.
     index : Index
         Its open index.
+    lock : int
+        Descriptor of the lock file, held while the archive is open.
     reserve_bytes : int
         What must stay free on the disk before a new drop may begin. [B]
 
@@ -95,15 +104,18 @@ class Archive:
         One table each; see their files.
     """
 
-    def __init__(self, directory: Path, index: Index, *, reserve_bytes: int) -> None:
+    def __init__(self, directory: Path, index: Index, *, lock: int, reserve_bytes: int) -> None:
         self.directory = directory
         self.reserve_bytes = reserve_bytes
+        self._lock: int | None = lock
         self._index = index
+        self._store = ShotStore(directory)
+        self._numbers = NumberSequence(index, directory)
         self._drops = DropTable(index)
         self._shots = ShotTable(index)
         self.jobs = JobTable(index)
         self.fits = FitTable(index)
-        self.calibrations = CalibrationTable(index)
+        self.calibrations = CalibrationTable(index, directory / CALIBRATIONS_NAME)
         self.events = EventTable(index)
         self.tokens = TokenTable(index)
         self.models = ModelTable(index)
@@ -129,16 +141,19 @@ class Archive:
         ArchiveError
             If the directory or its index cannot be used.
         """
-        try:
-            for name in ("", SHOTS_NAME, PARTIAL_NAME):
-                (directory / name).mkdir(mode=0o750, parents=True, exist_ok=True)
-            index = Index(directory / INDEX_NAME)
-        except (OSError, sqlite3.OperationalError) as error:
+        _make_folders(directory)
+        path = directory / INDEX_NAME
+        if not path.exists() and (directory / LAST_NUMBER_NAME).exists():
             raise ArchiveError(
-                f"The archive {directory} cannot be opened: {error}.",
-                remedy="Check storage.directory, its owner and its mode.",
-            ) from error
-        archive = cls(directory, index, reserve_bytes=reserve_bytes)
+                f"The index {path} is gone, and the archive is not new.",
+                remedy="Run `impactd reindex`: it rebuilds the index from the shot files.",
+            )
+        lock = lock_archive(directory, alone=False)
+        try:
+            archive = cls(directory, Index(path), lock=lock, reserve_bytes=reserve_bytes)
+        except BaseException:
+            os.close(lock)
+            raise
         try:
             archive.jobs.requeue_abandoned()
         except BaseException:
@@ -146,9 +161,28 @@ class Archive:
             raise
         return archive
 
+    @classmethod
+    def reindex(cls, directory: Path) -> ReindexReport:
+        """Rebuild the index from the files; see `integrity.rebuild_index`.
+
+        Raises
+        ------
+        ArchiveError
+            If another process has the archive open.
+        """
+        _make_folders(directory)
+        lock = lock_archive(directory, alone=True)
+        try:
+            return rebuild_index(directory / INDEX_NAME, ShotStore(directory))
+        finally:
+            os.close(lock)
+
     def close(self) -> None:
-        """Give the index back; nothing is lost without it."""
+        """Give index and lock back; nothing is lost without it."""
         self._index.close()
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None
 
     def __enter__(self) -> Archive:
         return self
@@ -159,12 +193,12 @@ class Archive:
     # Space
 
     def free_bytes(self) -> int:
-        """Return what the disk still offers above the reserve; negative inside the reserve. [B]"""
-        return shutil.disk_usage(self.directory).free - self.reserve_bytes
+        """Return what the disk still offers, the reserve included. [B]"""
+        return shutil.disk_usage(self.directory).free
 
     def check_space(self) -> None:
         """Raise StorageFullError when the reserve would be touched; ask before arming."""
-        free = shutil.disk_usage(self.directory).free
+        free = self.free_bytes()
         if free < self.reserve_bytes:
             raise StorageFullError(
                 str(self.directory), free_bytes=free, needed_bytes=self.reserve_bytes
@@ -211,7 +245,7 @@ class Archive:
                 if old is not None:
                     return old, False
             drop = self._drops.begin(
-                self._next_number(),
+                self._numbers.draw(),
                 request,
                 owner=owner,
                 idempotency_key=idempotency_key,
@@ -250,32 +284,7 @@ class Archive:
         list of Drop
             The drops that were under way, as they are now.
         """
-        for draft in self.directory.glob("*/.*.draft"):
-            draft.unlink(missing_ok=True)
-        return [self._end_of_interrupted(drop) for drop in self._drops.active()]
-
-    def _end_of_interrupted(self, drop: Drop) -> Drop:
-        path = self._file(drop.number)
-        if path.exists():
-            try:
-                self._adopt(path)
-            except CorruptShotError as error:
-                detail = str(error)
-            else:
-                return self._drops.get(drop.number)
-        else:
-            detail = f"The daemon ended while drop {drop.number} was {drop.state}."
-        return self._drops.set_state(
-            drop.number,
-            "interrupted",
-            Problem(
-                type="interrupted",
-                title="Drop interrupted",
-                status=500,
-                detail=detail,
-                remedy="Check the rig, hang the sphere and ask for a new drop.",
-            ),
-        )
+        return end_interrupted(self._index, self._store)
 
     # Shots
 
@@ -308,11 +317,9 @@ class Archive:
         drop = self._drops.get(number)
         if drop.state in FINAL_STATES:
             raise DropStateError(number, drop.state, "stored")
-        recording = recording_of(record)
+        # The file remembers its drop as it will be once the file is there.
         stored = replace(drop, state="stored", shot=number, updated_utc=utc_now())
-        content = build_shot_file(number, recording, about, stored)
-        publish(self._file(number), content)
-        shot = self._row(number, content, recording, about)
+        shot = self._store.publish(number, recording_of(record), about, stored)
         with self._index.transaction():
             self._shots.add(shot)
             self._drops.set_state(number, "stored")
@@ -320,11 +327,8 @@ class Archive:
 
     def store_import(self, recording: Recording, about: ShotAbout) -> Shot:
         """Store a recording made elsewhere under the next number, durably."""
-        with self._index.transaction():
-            number = self._next_number()
-        content = build_shot_file(number, recording, about, None)
-        publish(self._file(number), content)
-        shot = self._row(number, content, recording, about)
+        number = self._numbers.draw()
+        shot = self._store.publish(number, recording, about, None)
         self._shots.add(shot)
         return shot
 
@@ -348,10 +352,8 @@ class Archive:
             The file, below ``partial/``.
         """
         noted = replace(about, notes=(*about.notes, f"NOT A SHOT: {reason}"))
-        content = build_shot_file(number, recording_of(record), noted, self._drops.get(number))
-        path = self.directory / PARTIAL_NAME / f"{number:06d}.h5"
-        publish(path, content, replace=True)
-        return path
+        drop = self._drops.get(number)
+        return self._store.publish_partial(number, recording_of(record), noted, drop)
 
     def shot(self, number: int) -> Shot:
         """Return one row; raise NotFoundError."""
@@ -396,76 +398,29 @@ class Archive:
         CorruptShotError
             If the file is missing, or its SHA-256 is not the one that was stored.
         """
-        shot = self._shots.get(number)
-        path = self.directory / shot.file
-        try:
-            content = path.read_bytes()
-        except OSError as error:
-            raise CorruptShotError(str(path), f"it cannot be read ({error.strerror})") from error
-        found = hashlib.sha256(content).hexdigest()
-        if found != shot.sha256:
-            raise CorruptShotError(
-                str(path), f"its SHA-256 is {found[:12]}..., the index says {shot.sha256[:12]}..."
-            )
-        _, recording, about, drop = read_shot_file(content, str(path))
-        return StoredShot(shot, recording, about, drop)
+        return self._store.read(self._shots.get(number))
 
-    # Inside
+    # In and out
 
-    def _file(self, number: int) -> Path:
-        return self.directory / SHOTS_NAME / f"{number:06d}.h5"
+    def import_campaign(self, path: Path) -> ImportReport:
+        """Take a campaign folder in; the same samples are taken once. See `import_folder`."""
+        return import_folder(path, known=self._shots.by_origin, store=self.store_import)
 
-    def _next_number(self) -> int:
-        """Draw a number; the caller's transaction makes the row, the file outlives the index."""
-        with self._index.transaction():
-            number = 1 + self._index.number("SELECT last FROM sequence WHERE name='drop'")
-            publish(self.directory / LAST_NUMBER_NAME, f"{number}\n".encode(), replace=True)
-            self._index.write("UPDATE sequence SET last=? WHERE name='drop'", (number,))
-            return number
+    def export(self, numbers: Sequence[int], form: str, out: Path) -> list[Path]:
+        """Write shots as ``csv``, ``npz`` or ``campaign`` into a directory; see `export_shots`."""
+        return export_shots([self.read_shot(number) for number in numbers], form, out)
 
-    def _row(self, number: int, content: bytes, recording: Recording, about: ShotAbout) -> Shot:
-        return Shot(
-            number=number,
-            file=f"{SHOTS_NAME}/{number:06d}.h5",
-            sha256=hashlib.sha256(content).hexdigest(),
-            size_bytes=len(content),
-            source=about.source,
-            origin=about.origin,
-            started_utc=about.started_utc,
-            stored_utc=utc_now(),
-            sphere=None if about.sphere is None else about.sphere.name,
-            surface=None if about.surface is None else about.surface.name,
-            drop_height_m=about.drop_height_m,
-            operator=about.operator,
-            quantity=recording.quantity,
-            sample_rate_hz=recording.sample_rate_hz,
-            samples=recording.samples.size,
-            trigger_index=recording.trigger_index,
-            peak=_peak(recording),
-            clipped=recording.clipped,
-        )
-
-    def _adopt(self, path: Path) -> Shot:
-        """Take a published file into the index, with its drop."""
-        content = path.read_bytes()
-        number, recording, about, drop = read_shot_file(content, str(path))
-        shot = self._row(number, content, recording, about)
-        with self._index.transaction():
-            self._shots.add(shot)
-            if drop is not None:
-                self._drops.restore(drop)
-        return shot
+    def verify(self) -> Iterator[VerifyFinding]:
+        """Check the index and every shot file; see `verify_archive`."""
+        return verify_archive(self._index, self._store)
 
 
-def _peak(recording: Recording) -> float:
-    """Return the sample farthest from the baseline, baseline removed, in the signal's unit."""
-    samples = recording.samples
-    before = samples[: recording.trigger_index // 2]
-    baseline = float(np.median(before)) if before.size else 0.0
-    extremes = (float(samples.max()) - baseline, float(samples.min()) - baseline)
-    return max(extremes, key=abs) * recording.per_code
-
-
-def software() -> str:
-    """Return program and version, as it goes into every file and result."""
-    return f"impactd {version('impactd')}"
+def _make_folders(directory: Path) -> None:
+    try:
+        for name in ("", SHOTS_NAME, PARTIAL_NAME, CALIBRATIONS_NAME):
+            (directory / name).mkdir(mode=0o750, parents=True, exist_ok=True)
+    except OSError as error:
+        raise ArchiveError(
+            f"The archive {directory} cannot be made: {error.strerror}.",
+            remedy="Check storage.directory, its owner and its mode.",
+        ) from error

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 from impactd.storage.errors import IdempotencyConflictError, NotFoundError
 from impactd.storage.index import Index, as_text
 from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
+from impactd.storage.publish import publish
 
 _SELECT = (
     "SELECT calibrations.*, (SELECT json_group_array(number) FROM "
@@ -67,10 +69,13 @@ class CalibrationTable:
     ----------
     index : Index
         Where it lives.
+    directory : Path
+        Results are kept here too, one JSON file each, so that they outlive a lost index.
     """
 
-    def __init__(self, index: Index) -> None:
+    def __init__(self, index: Index, directory: Path) -> None:
         self._index = index
+        self._directory = directory
 
     def begin(
         self, slot: str | None, plan: list[dict[str, Any]], owner: str
@@ -118,12 +123,42 @@ class CalibrationTable:
         self._index.write("UPDATE drops SET calibration=? WHERE number=?", (number, drop))
 
     def finish(self, number: int, result: dict[str, Any], valid_until_utc: str) -> Calibration:
-        """Write the result of a calibration."""
-        return self._update(
-            number,
-            "state='done', result=?, problem=NULL, valid_until_utc=?, finished_utc=?",
-            (as_text(result), valid_until_utc, utc_now()),
-        )
+        """Write the result of a calibration, into the index and into a file beside it."""
+        with self._index.transaction():
+            done = self._update(
+                number,
+                "state='done', result=?, problem=NULL, valid_until_utc=?, finished_utc=?",
+                (as_text(result), valid_until_utc, utc_now()),
+            )
+            path = self._directory / f"{number:06d}.json"
+            publish(path, as_text(asdict(done)).encode(), replace=True)
+        return done
+
+    def restore(self) -> int:
+        """Take the results that the index lacks from their files; return how many."""
+        taken = 0
+        for path in sorted(self._directory.glob("*.json")):
+            kept = json.loads(path.read_text())
+            row = self._index.row(
+                "SELECT state FROM calibrations WHERE number=?", (kept["number"],)
+            )
+            if row is not None and row["state"] == "done":
+                continue
+            self._index.write(
+                "INSERT OR REPLACE INTO calibrations VALUES (?, ?, ?, ?, 'done', ?, NULL, ?, ?, ?)",
+                (
+                    kept["number"],
+                    kept["slot"],
+                    as_text(kept["plan"]),
+                    kept["owner"],
+                    as_text(kept["result"]),
+                    kept["requested_utc"],
+                    kept["finished_utc"],
+                    kept["valid_until_utc"],
+                ),
+            )
+            taken += 1
+        return taken
 
     def fail(self, number: int, problem: Problem) -> Calibration:
         """Write why a calibration failed."""

@@ -1,0 +1,95 @@
+"""All that a shot file says beside its samples, as one JSON value, both ways."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Any
+
+from numpy.typing import NDArray
+
+from analysis.campaign import Quantity
+from drivers.digitizer import DigitizerIdentity, TriggerSettings
+from impactd.storage.drops import Drop, DropRequest
+from impactd.storage.errors import CorruptShotError
+from impactd.storage.json_fields import Fields
+from impactd.storage.materials_json import (
+    quantity_to_json,
+    sensor_from_json,
+    sensor_to_json,
+    sphere_from_json,
+    sphere_to_json,
+    surface_from_json,
+    surface_to_json,
+)
+from impactd.storage.shot_about import Recording, ShotAbout
+
+FORMAT = "impactd-shot/1"
+
+
+def circumstances(
+    number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+) -> dict[str, Any]:
+    """Return everything a shot file says beside its samples, JSON-ready."""
+    named = {key: getattr(about, key) for key in ShotAbout.__dataclass_fields__}
+    if about.sphere is not None:
+        named["sphere"] = {"name": about.sphere.name, **sphere_to_json(about.sphere)}
+    if about.surface is not None:
+        named["surface"] = {"name": about.surface.name, **surface_to_json(about.surface)}
+    if about.sensor is not None:
+        named["sensor"] = sensor_to_json(about.sensor)
+    if about.digitizer is not None:
+        named["digitizer"] = asdict(about.digitizer)
+    if about.trigger is not None:
+        named["trigger"] = asdict(about.trigger)
+    named["restitution"] = quantity_to_json(about.restitution)
+    kept = {
+        key: getattr(recording, key) for key in Recording.__dataclass_fields__ if key != "samples"
+    }
+    return {
+        "format": FORMAT,
+        "number": number,
+        "recording": kept,
+        "about": named,
+        "drop": None if drop is None else {**asdict(drop), "problem": None},
+    }
+
+
+def decoded(
+    facts: dict[str, Any], samples: NDArray[Any], path: str
+) -> tuple[Recording, ShotAbout, Drop | None]:
+    """Return what `circumstances` encoded, with the samples put back.
+
+    Raises
+    ------
+    CorruptShotError
+        If it is another format.
+    """
+    if facts["format"] != FORMAT:
+        raise CorruptShotError(path, f"its format is {facts['format']!r}, not {FORMAT!r}")
+    recording = facts["recording"]
+    recording["status_words"] = tuple(recording["status_words"])
+    drop = facts["drop"]
+    if drop is not None:
+        drop["request"] = DropRequest(**drop["request"])
+        drop = Drop(**drop)
+    return Recording(samples=samples, **recording), _about_of(facts["about"], path), drop
+
+
+def _about_of(about: dict[str, Any], path: str) -> ShotAbout:
+    def fields(key: str) -> Fields:
+        return Fields(about[key], file=path, path=f"$.about.{key}")
+
+    if about["sphere"] is not None:
+        about["sphere"] = sphere_from_json(about["sphere"]["name"], fields("sphere"))
+    if about["surface"] is not None:
+        about["surface"] = surface_from_json(about["surface"]["name"], fields("surface"))
+    if about["sensor"] is not None:
+        about["sensor"] = sensor_from_json(fields("sensor"))
+    if about["digitizer"] is not None:
+        about["digitizer"] = DigitizerIdentity(**about["digitizer"])
+    if about["trigger"] is not None:
+        about["trigger"] = TriggerSettings(**about["trigger"])
+    if about["restitution"] is not None:
+        about["restitution"] = Quantity(**about["restitution"])
+    about["notes"] = tuple(about["notes"])
+    return ShotAbout(**about)

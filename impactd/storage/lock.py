@@ -1,0 +1,50 @@
+"""The lock of an archive: shared by all who use it, taken alone by whoever rebuilds its index."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from pathlib import Path
+
+from impactd.storage.errors import ArchiveError
+
+LOCK_NAME = "lock"
+
+
+def lock_archive(directory: Path, *, alone: bool) -> int:
+    """Lock an archive's directory.
+
+    Parameters
+    ----------
+    directory : Path
+        The archive; exists.
+    alone : bool
+        Whether nobody else may have it open.
+
+    Returns
+    -------
+    int
+        A descriptor; closing it gives the lock back, and so does the end of the process.
+
+    Raises
+    ------
+    ArchiveError
+        If another process holds a lock that excludes this one.
+    """
+    try:
+        descriptor = os.open(directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+    except OSError as error:
+        raise ArchiveError(
+            f"The archive {directory} cannot be opened: {error.strerror}.",
+            remedy="Check storage.directory, its owner and its mode.",
+        ) from error
+    try:
+        fcntl.flock(descriptor, (fcntl.LOCK_EX if alone else fcntl.LOCK_SH) | fcntl.LOCK_NB)
+    except OSError as error:
+        os.close(descriptor)
+        raise ArchiveError(
+            f"The archive {directory} is in use by another process.",
+            why="A daemon runs on it, or its index is being rebuilt.",
+            remedy="Stop the daemon, or wait, and try again.",
+        ) from error
+    return descriptor

@@ -1,0 +1,54 @@
+"""The one sequence that drops and shots draw their numbers from: short, from 1, never repeated."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from impactd.storage.index import Index
+from impactd.storage.publish import publish
+
+LAST_NUMBER_NAME = "last-number"
+
+
+class NumberSequence:
+    """The sequence, in the index and in a file of its own.
+
+    The file outlives a lost index: numbers of drops that left no shot are not given out again.
+
+    Parameters
+    ----------
+    index : Index
+        Holds the sequence.
+    directory : Path
+        The archive.
+    """
+
+    def __init__(self, index: Index, directory: Path) -> None:
+        self._index = index
+        self._path = directory / LAST_NUMBER_NAME
+
+    def draw(self) -> int:
+        """Return the next number, durably taken; joins the caller's transaction."""
+        with self._index.transaction():
+            number = 1 + max(self.last(), self.last_in_file())
+            publish(self._path, f"{number}\n".encode(), replace=True)
+            self._index.write("UPDATE sequence SET last=? WHERE name='drop'", (number,))
+            return number
+
+    def raise_to(self, number: int) -> None:
+        """Let the sequence go on after a number, if it is not beyond it already."""
+        with self._index.transaction():
+            last = max(number, self.last(), self.last_in_file())
+            publish(self._path, f"{last}\n".encode(), replace=True)
+            self._index.write("UPDATE sequence SET last=? WHERE name='drop'", (last,))
+
+    def last(self) -> int:
+        """Return the last number the index gave out, 0 before the first."""
+        return self._index.number("SELECT last FROM sequence WHERE name='drop'")
+
+    def last_in_file(self) -> int:
+        """Return the last number the file remembers, 0 where it is absent or unreadable."""
+        try:
+            return int(self._path.read_text())
+        except (OSError, ValueError):
+            return 0

@@ -1,0 +1,156 @@
+"""The shot files of an archive: published once, checked on every read."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from impactd.storage.drops import Drop
+from impactd.storage.errors import CorruptShotError
+from impactd.storage.moment import utc_now
+from impactd.storage.publish import publish
+from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
+from impactd.storage.shot_file import build_shot_file, read_shot_file
+from impactd.storage.shots import Shot
+
+SHOTS_NAME = "shots"
+PARTIAL_NAME = "partial"
+
+
+@dataclass(frozen=True)
+class FoundShot:
+    """A shot file as found on disk, whatever the index says.
+
+    Attributes
+    ----------
+    row : Shot
+        The row it deserves.
+    drop : Drop or None
+        The drop it remembers.
+    """
+
+    row: Shot
+    drop: Drop | None
+
+
+class ShotStore:
+    """The shot files of an archive.
+
+    Parameters
+    ----------
+    directory : Path
+        The archive.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    def path(self, number: int) -> Path:
+        """Return where the file of a number is, or would be."""
+        return self.directory / SHOTS_NAME / f"{number:06d}.h5"
+
+    def partial_path(self, number: int) -> Path:
+        """Return where the evidence of a failed record is, or would be."""
+        return self.directory / PARTIAL_NAME / f"{number:06d}.h5"
+
+    def paths(self) -> list[Path]:
+        """Return all shot files in the order of their numbers."""
+        return sorted((self.directory / SHOTS_NAME).glob("*.h5"))
+
+    def drafts(self) -> list[Path]:
+        """Return what a killed writer left behind."""
+        return sorted(self.directory.glob("**/.*.draft"))
+
+    def highest_number(self) -> int:
+        """Return the highest number any file carries, shots and evidence alike."""
+        stems = [path.stem for path in self.directory.glob("*/*.h5")]
+        return max((int(stem) for stem in stems if stem.isdigit()), default=0)
+
+    def publish(
+        self, number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+    ) -> Shot:
+        """Write the file of a shot, durably, and return its row."""
+        content = build_shot_file(number, recording, about, drop)
+        publish(self.path(number), content)
+        return _row(number, content, recording, about)
+
+    def publish_partial(
+        self, number: int, recording: Recording, about: ShotAbout, drop: Drop
+    ) -> Path:
+        """Write evidence of a record that must not be used, durably."""
+        path = self.partial_path(number)
+        publish(path, build_shot_file(number, recording, about, drop), replace=True)
+        return path
+
+    def read(self, shot: Shot) -> StoredShot:
+        """Return a shot from its file.
+
+        Raises
+        ------
+        CorruptShotError
+            If the file is missing, or its SHA-256 is not the one that was stored.
+        """
+        path = self.directory / shot.file
+        content = _content(path)
+        found = hashlib.sha256(content).hexdigest()
+        if found != shot.sha256:
+            raise CorruptShotError(
+                str(path), f"its SHA-256 is {found[:12]}..., the index says {shot.sha256[:12]}..."
+            )
+        _, recording, about, drop = read_shot_file(content, str(path))
+        return StoredShot(shot, recording, about, drop)
+
+    def find(self, path: Path) -> FoundShot:
+        """Return what a shot file says of itself; for rebuilding the index.
+
+        Raises
+        ------
+        CorruptShotError
+            If it is no shot file, or carries another number than its name.
+        """
+        content = _content(path)
+        number, recording, about, drop = read_shot_file(content, str(path))
+        if path != self.path(number):
+            raise CorruptShotError(str(path), f"it holds shot {number}")
+        return FoundShot(_row(number, content, recording, about), drop)
+
+
+def _content(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise CorruptShotError(str(path), f"it cannot be read ({error.strerror})") from error
+
+
+def _row(number: int, content: bytes, recording: Recording, about: ShotAbout) -> Shot:
+    return Shot(
+        number=number,
+        file=f"{SHOTS_NAME}/{number:06d}.h5",
+        sha256=hashlib.sha256(content).hexdigest(),
+        size_bytes=len(content),
+        source=about.source,
+        origin=about.origin,
+        started_utc=about.started_utc,
+        stored_utc=utc_now(),
+        sphere=None if about.sphere is None else about.sphere.name,
+        surface=None if about.surface is None else about.surface.name,
+        drop_height_m=about.drop_height_m,
+        operator=about.operator,
+        quantity=recording.quantity,
+        sample_rate_hz=recording.sample_rate_hz,
+        samples=recording.samples.size,
+        trigger_index=recording.trigger_index,
+        peak=_peak(recording),
+        clipped=recording.clipped,
+    )
+
+
+def _peak(recording: Recording) -> float:
+    samples = recording.samples
+    before = samples[: recording.trigger_index // 2]
+    baseline = float(np.median(before)) if before.size else 0.0
+    extremes = (float(samples.max()) - baseline, float(samples.min()) - baseline)
+    return max(extremes, key=abs) * recording.per_code
