@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -16,23 +15,14 @@ from drivers.daq3500.sequences import Daq3500Converter
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.daq3500.status import check_status
 from drivers.digitizer import DigitizerIdentity, Record, TriggerSettings
-from drivers.errors import (
-    AbortedError,
-    ConfigurationError,
-    DeviceBusyError,
-    DeviceLostError,
-    DeviceTimeoutError,
-    DriverError,
-    TriggerTimeoutError,
-)
+from drivers.errors import DriverError
 from drivers.ring_buffer import RingBuffer
-from drivers.triggered_capture import Collector, TriggeredCapture
-from drivers.usb_stream import Observer, SampleStream, SynchronousBulkSource
+from drivers.stream_session import StreamSession
+from drivers.triggered_capture import TriggeredCapture
+from drivers.usb_stream import Observer, SynchronousBulkSource
 from drivers.wire_log import CapturingBackend
 
 _WARM_UP_SAMPLES = 8192
-_START_LIMIT_S = 2.0
-_STOP_LIMIT_S = 2.0
 
 
 class Daq3500:
@@ -61,20 +51,17 @@ class Daq3500:
         observe: Observer | None = None,
     ) -> None:
         self._settings = settings
-        self._log: CapturingBackend | None = None
-        if settings.wire_log_file is not None:
-            self._log = CapturingBackend(
-                settings.wire_log_file, backend, keep_data=settings.wire_log_data
-            )
-            backend = self._log
         self._backend = backend
-        self._observe = observe
+        self._log: CapturingBackend | None = None
         self._ring = RingBuffer(settings.ring_samples)
-        self._opening = threading.RLock()
-        self._switching = threading.Lock()
+        self._session = StreamSession(
+            self._ring,
+            sample_rate_hz=settings.sample_rate_hz,
+            transfer_bytes=settings.transfer_bytes,
+            observe=observe,
+        )
+        self._opening = threading.Lock()
         self._board: OpenedBoard | None = None
-        self._run: SampleStream | None = None
-        self._capture: TriggeredCapture | None = None
 
     @property
     def identity(self) -> DigitizerIdentity:
@@ -95,7 +82,7 @@ class Daq3500:
     def ensure_ready(self) -> None:
         """Find, load, test and calibrate the board; do nothing when that was done.
 
-        A board that was lost is looked for again.
+        A board that was lost, hung or stalled is looked for and opened again.
 
         Raises
         ------
@@ -103,12 +90,16 @@ class Daq3500:
             Any of its kinds, with what to do.
         """
         with self._opening:
-            self._forget_lost_board()
+            broken = self._session.broken
+            if broken:
+                with suppress(DriverError):
+                    self._session.stop()
+                self._give_back()
             if self._board is not None:
                 return
-            self._board = open_board(self._settings, self._backend)
+            self._board = open_board(self._settings, self._usb(), clear_halt=broken)
             try:
-                # The first conversions after power-up are discarded, as the notes say.
+                # The first conversions after opening are discarded.
                 self._collect(_WARM_UP_SAMPLES)
             except BaseException:
                 self._give_back()
@@ -134,9 +125,8 @@ class Daq3500:
         OverrunError
             If samples were lost.
         """
-        codes = self._collect(samples)
         calibration = self._ready_board().calibration
-        volts = _signed(codes).astype(np.float64) * calibration.volts_per_code
+        volts = _signed(self._collect(samples)) * np.float64(calibration.volts_per_code)
         return np.asarray(volts + calibration.offset_v, dtype=np.float64)
 
     def arm(self, trigger: TriggerSettings) -> None:
@@ -156,12 +146,8 @@ class Daq3500:
         AbortedError
             If another thread stopped the digitizer meanwhile.
         """
-        capture = TriggeredCapture(trigger, self._ready_board().calibration.volts_per_code)
-        self._check_fits(max(trigger.record_samples, capture.fill_samples))
-        run = self._start(capture, capture)
-        with self._stopped_on_error():
-            rate_hz = self._settings.sample_rate_hz
-            _wait_or_fail(run, lambda: capture.armed, capture.fill_samples, rate_hz)
+        board = self._ready_board()
+        self._session.arm(*self._parts(board), trigger, board.calibration.volts_per_code)
 
     def wait_trigger(self, timeout_s: float, abort: threading.Event) -> int:
         """Return the host clock at the trigger, before the record is full.
@@ -183,11 +169,7 @@ class Daq3500:
         TriggerTimeoutError, AbortedError, DriverError
             The converter is stopped then.
         """
-        run, capture = self._awaited()
-        with self._stopped_on_error():
-            self._wait_trigger(run, capture, timeout_s, abort)
-        assert capture.trigger_monotonic_ns is not None
-        return capture.trigger_monotonic_ns
+        return self._session.wait_trigger(timeout_s, abort)
 
     def wait_record(self, timeout_s: float, abort: threading.Event) -> Record:
         """Return the record.
@@ -209,20 +191,9 @@ class Daq3500:
         TriggerTimeoutError, OverrunError, RecordError, AbortedError, DriverError
             The converter is stopped then. An `OverrunError` carries the damaged record.
         """
-        run, capture = self._awaited()
-        with self._stopped_on_error():
-            self._wait_trigger(run, capture, timeout_s, abort)
-            # Not "complete" but "finished": the status words are read after the last sample.
-            _wait_or_fail(
-                run,
-                lambda: run.finished and capture.complete,
-                capture.record_samples,
-                self._settings.sample_rate_hz,
-                abort,
-            )
-        self.ensure_stopped()
-        record = self._record(run, capture)
-        check_status(record.status_words, record)
+        capture, status_words = self._session.wait_capture(timeout_s, abort)
+        record = self._record(capture, status_words)
+        check_status(status_words, record)
         return record
 
     def ensure_stopped(self) -> None:
@@ -233,49 +204,45 @@ class Daq3500:
         DeviceTimeoutError
             If the stream's thread does not end, which no transfer time-out allows.
         """
-        with self._switching:
-            run = self._run
-        if run is None:
-            return
-        run.request_stop()
-        if not run.join(_STOP_LIMIT_S):
-            raise DeviceTimeoutError(
-                f"The stream did not end within {_STOP_LIMIT_S:.0f} s.",
-                why="A USB transfer hangs in the kernel.",
-                remedy="Unplug the digitizer.",
-            )
-        with self._switching:
-            if self._run is run:
-                self._run = None
-                self._capture = None
-        if isinstance(run.error, DeviceLostError):
-            self._forget_lost_board(lost=True)
+        self._session.stop()
 
     def close(self) -> None:
         """Stop and give the board back; waiting threads get an `AbortedError`."""
         try:
-            self.ensure_stopped()
+            self._session.stop()
         finally:
             with self._opening:
                 self._give_back()
             if self._log is not None:
                 self._log.close()
 
+    def _usb(self) -> Any:
+        path = self._settings.wire_log_file
+        if path is not None and self._log is None:
+            keep_data = self._settings.wire_log_data
+            self._log = CapturingBackend(path, self._backend, keep_data=keep_data)
+        return self._log or self._backend
+
     def _ready_board(self) -> OpenedBoard:
         board = self._board
         if board is None:
             raise DriverError(
                 "The digitizer is not ready.",
-                why="It was not opened, was closed or was lost.",
+                why="It was not opened, or was closed.",
                 remedy="Call ensure_ready first.",
             )
         return board
 
-    def _forget_lost_board(self, *, lost: bool = False) -> None:
-        with self._opening:
-            run = self._run
-            if lost or (run is not None and isinstance(run.error, DeviceLostError)):
-                self._give_back()
+    def _parts(self, board: OpenedBoard) -> tuple[SynchronousBulkSource, Daq3500Converter]:
+        return (
+            SynchronousBulkSource(board.link.device, ENDPOINT_IN),
+            Daq3500Converter(board.link, self._settings),
+        )
+
+    def _collect(self, samples: int) -> NDArray[np.uint16]:
+        codes, status_words = self._session.collect(*self._parts(self._ready_board()), samples)
+        check_status(status_words)
+        return codes
 
     def _give_back(self) -> None:
         board, self._board = self._board, None
@@ -283,86 +250,7 @@ class Daq3500:
             with suppress(DriverError):  # it may be gone, which is as good as closed
                 board.link.dispose()
 
-    def _check_fits(self, samples: int) -> None:
-        # The newest transfer may reach beyond the record's end; keep room for two.
-        spare = self._settings.transfer_bytes
-        if not 0 < samples <= self._ring.capacity_samples - spare:
-            raise ConfigurationError(
-                f"{samples} samples do not fit the ring of {self._ring.capacity_samples} "
-                f"(two transfers, {spare} samples, are kept free).",
-                remedy="Raise ring_seconds or shorten the record.",
-            )
-
-    def _start(
-        self, consumer: Collector | TriggeredCapture, capture: TriggeredCapture | None
-    ) -> SampleStream:
-        board = self._ready_board()
-        with self._switching:
-            if self._run is not None and not self._run.finished:
-                raise DeviceBusyError(
-                    "The digitizer is armed already.",
-                    why="Another part of this program waits for a record.",
-                    remedy="Wait for its end or abort it.",
-                )
-            self._run = SampleStream(
-                SynchronousBulkSource(board.link.device, ENDPOINT_IN),
-                Daq3500Converter(board.link, self._settings),
-                self._ring,
-                consumer,
-                transfer_bytes=self._settings.transfer_bytes,
-                observe=self._observe,
-            )
-            self._capture = capture
-            self._run.start()
-            return self._run
-
-    def _collect(self, samples: int) -> NDArray[np.uint16]:
-        self._check_fits(samples)
-        collector = Collector(samples)
-        run = self._start(collector, None)
-        with self._stopped_on_error():
-            _wait_or_fail(run, lambda: run.finished, samples, self._settings.sample_rate_hz)
-            if collector.codes is None:
-                raise AbortedError("The digitizer was stopped while its input was sampled.")
-        self.ensure_stopped()
-        check_status(run.status_words)
-        return collector.codes
-
-    def _awaited(self) -> tuple[SampleStream, TriggeredCapture]:
-        with self._switching:
-            run, capture = self._run, self._capture
-        if run is None or capture is None:
-            raise AbortedError(
-                "No record is awaited.",
-                why="The digitizer was not armed, or was stopped since.",
-                remedy="Arm it first.",
-            )
-        return run, capture
-
-    def _wait_trigger(
-        self,
-        run: SampleStream,
-        capture: TriggeredCapture,
-        timeout_s: float,
-        abort: threading.Event,
-    ) -> None:
-        if not run.wait_until(lambda: capture.triggered, timeout_s, abort):
-            raise TriggerTimeoutError(
-                f"No impact was seen within {timeout_s:g} s.",
-                why="The sphere did not fall, missed the coupon, or the trigger level is too high.",
-                remedy="Look at the rig; then check the trigger level against the last shots.",
-            )
-
-    @contextmanager
-    def _stopped_on_error(self) -> Iterator[None]:
-        try:
-            yield
-        except BaseException:
-            with suppress(DriverError):  # the first error explains the end
-                self.ensure_stopped()
-            raise
-
-    def _record(self, run: SampleStream, capture: TriggeredCapture) -> Record:
+    def _record(self, capture: TriggeredCapture, status_words: tuple[int, ...]) -> Record:
         assert capture.codes is not None
         assert capture.trigger_position is not None
         assert capture.trigger_monotonic_ns is not None
@@ -378,7 +266,7 @@ class Daq3500:
             trigger_index=capture.trigger_position - capture.first_position,
             first_sample_index=capture.first_position,
             trigger_monotonic_ns=capture.trigger_monotonic_ns,
-            status_words=run.status_words,
+            status_words=status_words,
             samples_streamed=self._ring.written,
         )
 
@@ -386,22 +274,3 @@ class Daq3500:
 def _signed(codes: NDArray[np.uint16]) -> NDArray[np.int16]:
     """Return offset-binary codes as signed ones."""
     return (codes ^ np.uint16(0x8000)).view(np.int16)
-
-
-def _wait_or_fail(
-    run: SampleStream,
-    condition: Callable[[], bool],
-    samples: int,
-    rate_hz: float,
-    abort: threading.Event | None = None,
-) -> None:
-    """Wait twice as long as the samples should take, and a margin."""
-    limit_s = _START_LIMIT_S + 2.0 * samples / rate_hz
-    if not run.wait_until(condition, limit_s, abort):
-        raise DeviceTimeoutError(
-            f"{samples} samples did not arrive within {limit_s:.1f} s.",
-            why="The board streams slower than configured.",
-            remedy="Check pacer_divisor and sample_rate_hz.",
-        )
-    if run.finished and run.error is not None:
-        raise run.error

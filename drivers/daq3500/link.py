@@ -63,6 +63,11 @@ class Daq3500Link:
         with translated("closing the board"):
             usb.util.dispose_resources(self.device)
 
+    def clear_halt(self) -> None:
+        """Clear a stall of the sample endpoint."""
+        with translated("clearing a stall"):
+            self.device.clear_halt(ENDPOINT_IN)
+
     def write(self, request: Request, data: bytes = b"", *, value: int = 0, index: int = 0) -> None:
         """Send a vendor request.
 

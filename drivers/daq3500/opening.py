@@ -55,7 +55,7 @@ class OpenedBoard:
     calibration: RangeCalibration
 
 
-def open_board(settings: Daq3500Settings, backend: Any) -> OpenedBoard:
+def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = False) -> OpenedBoard:
     """Find the board, load what is missing, test it and read its calibration.
 
     Parameters
@@ -64,6 +64,8 @@ def open_board(settings: Daq3500Settings, backend: Any) -> OpenedBoard:
         Which board and which files.
     backend : usb.backend.IBackend or None
         ``None`` for libusb 1.0.
+    clear_halt : bool, optional
+        Whether the last run broke, so that the endpoint may be stalled.
 
     Returns
     -------
@@ -82,6 +84,8 @@ def open_board(settings: Daq3500Settings, backend: Any) -> OpenedBoard:
     link = Daq3500Link(_await_loaded(settings, backend, just_loaded=firmware is not None))
     try:
         link.claim()
+        if clear_halt:
+            link.clear_halt()
         version = _firmware_version(link)
         fpga = _load_fpga_if_missing(link, settings)
         self_test(link)

@@ -23,7 +23,7 @@ from drivers.simulated.usb_eeprom import PERFECT
 
 NOMINAL_RATE_HZ = 1.0e6
 _NEVER = TriggerSettings(
-    level_v=5.0, hysteresis_v=1.0, pre_trigger_samples=20_000, record_samples=400_000
+    level_v=15.5, hysteresis_v=1.0, pre_trigger_samples=20_000, record_samples=400_000
 )
 
 

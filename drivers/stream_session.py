@@ -1,0 +1,309 @@
+"""One run at a time on a streaming board: collect, arm, wait, stop, from any thread.
+
+What every streaming digitizer of this house does the same way; a board adds its source of bytes
+and its start and stop sequences.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.digitizer import TriggerSettings
+from drivers.errors import (
+    AbortedError,
+    ConfigurationError,
+    DeviceBusyError,
+    DeviceLostError,
+    DeviceTimeoutError,
+    DriverError,
+    ProtocolError,
+    TriggerTimeoutError,
+)
+from drivers.ring_buffer import RingBuffer
+from drivers.triggered_capture import Collector, TriggeredCapture
+from drivers.usb_stream import BulkSource, Observer, SampleStream, StreamingBoard
+
+_START_LIMIT_S = 2.0
+_STOP_LIMIT_S = 2.0
+_BREAKING = (DeviceLostError, DeviceTimeoutError, ProtocolError)
+
+
+class StreamSession:
+    """Runs of one board, never two at once.
+
+    Parameters
+    ----------
+    ring : RingBuffer
+        Where samples go.
+    sample_rate_hz : float
+        For limits of time. [Hz]
+    transfer_bytes : int
+        Size of one read. [B]
+    observe : callable, optional
+        Sees each block inside the ring: ``(ring, first, count)``.
+    """
+
+    def __init__(
+        self,
+        ring: RingBuffer,
+        *,
+        sample_rate_hz: float,
+        transfer_bytes: int,
+        observe: Observer | None = None,
+    ) -> None:
+        self._ring = ring
+        self._sample_rate_hz = sample_rate_hz
+        self._transfer_bytes = transfer_bytes
+        self._observe = observe
+        self._switching = threading.Lock()
+        self._run: SampleStream | None = None
+        self._capture: TriggeredCapture | None = None
+        self._broken = False
+
+    @property
+    def broken(self) -> bool:
+        """Whether the last run ended in a way that calls for opening the board again."""
+        run = self._run
+        return self._broken or (run is not None and isinstance(run.error, _BREAKING))
+
+    def collect(
+        self, source: BulkSource, board: StreamingBoard, samples: int
+    ) -> tuple[NDArray[np.uint16], tuple[int, ...]]:
+        """Run until so many samples are there.
+
+        Parameters
+        ----------
+        source : BulkSource
+            Where bytes come from.
+        board : StreamingBoard
+            What to start and stop.
+        samples : int
+            How many. [1]
+
+        Returns
+        -------
+        tuple
+            Offset-binary codes, shape (samples,), and the status words.
+
+        Raises
+        ------
+        DriverError
+            Whatever ended the run early.
+        """
+        self._check_fits(samples)
+        collector = Collector(samples)
+        run = self._start(source, board, collector, None)
+        with self._stopped_on_error():
+            self._await(run, lambda: run.finished, samples)
+            if collector.codes is None:
+                raise AbortedError("The digitizer was stopped while its input was sampled.")
+        self.stop()
+        return collector.codes, run.status_words
+
+    def arm(
+        self,
+        source: BulkSource,
+        board: StreamingBoard,
+        trigger: TriggerSettings,
+        volts_per_code: float,
+    ) -> None:
+        """Start a run that ends with one record, and wait until an impact would be seen.
+
+        Parameters
+        ----------
+        source : BulkSource
+            Where bytes come from.
+        board : StreamingBoard
+            What to start and stop.
+        trigger : TriggerSettings
+            When the record begins and how long it is.
+        volts_per_code : float
+            Size of a code. [V]
+
+        Raises
+        ------
+        DriverError
+            Whatever ended the run early.
+        """
+        capture = TriggeredCapture(trigger, volts_per_code)
+        self._check_fits(max(trigger.record_samples, capture.fill_samples))
+        run = self._start(source, board, capture, capture)
+        with self._stopped_on_error():
+            self._await(run, lambda: capture.armed, capture.fill_samples)
+
+    def wait_trigger(self, timeout_s: float, abort: threading.Event) -> int:
+        """Return the host clock at the trigger.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait. [s]
+        abort : threading.Event
+            Ends the wait when set.
+
+        Returns
+        -------
+        int
+            Monotonic clock. [ns]
+
+        Raises
+        ------
+        DriverError
+            Whatever ended the wait; the run is stopped then.
+        """
+        run, capture = self._awaited()
+        with self._stopped_on_error():
+            self._await_trigger(run, capture, timeout_s, abort)
+        assert capture.trigger_monotonic_ns is not None
+        return capture.trigger_monotonic_ns
+
+    def wait_capture(
+        self, timeout_s: float, abort: threading.Event
+    ) -> tuple[TriggeredCapture, tuple[int, ...]]:
+        """Wait for the trigger and the rest of the record.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait for the trigger. [s]
+        abort : threading.Event
+            Ends the wait when set.
+
+        Returns
+        -------
+        tuple
+            The complete capture and the status words.
+
+        Raises
+        ------
+        DriverError
+            Whatever ended the wait; the run is stopped then.
+        """
+        run, capture = self._awaited()
+        with self._stopped_on_error():
+            self._await_trigger(run, capture, timeout_s, abort)
+            # Not "complete" but "finished": the status words are read after the last sample.
+            self._await(
+                run, lambda: run.finished and capture.complete, capture.record_samples, abort
+            )
+        self.stop()
+        return capture, run.status_words
+
+    def stop(self) -> None:
+        """End the present run, if any, and wait for its end.
+
+        Raises
+        ------
+        DeviceTimeoutError
+            If the stream's thread does not end, which no transfer time-out allows.
+        """
+        with self._switching:
+            run = self._run
+        if run is None:
+            return
+        run.request_stop()
+        if not run.join(_STOP_LIMIT_S):
+            raise DeviceTimeoutError(
+                f"The stream did not end within {_STOP_LIMIT_S:.0f} s.",
+                why="A USB transfer hangs in the kernel.",
+                remedy="Unplug the digitizer.",
+            )
+        with self._switching:
+            if self._run is run:
+                self._broken = isinstance(run.error, _BREAKING)
+                self._run = None
+                self._capture = None
+
+    def _start(
+        self,
+        source: BulkSource,
+        board: StreamingBoard,
+        consumer: Collector | TriggeredCapture,
+        capture: TriggeredCapture | None,
+    ) -> SampleStream:
+        with self._switching:
+            if self._run is not None and not self._run.finished:
+                raise DeviceBusyError(
+                    "The digitizer is armed already.",
+                    why="Another part of this program waits for a record.",
+                    remedy="Wait for its end or abort it.",
+                )
+            self._broken = False
+            self._run = SampleStream(
+                source,
+                board,
+                self._ring,
+                consumer,
+                transfer_bytes=self._transfer_bytes,
+                observe=self._observe,
+            )
+            self._capture = capture
+            self._run.start()
+            return self._run
+
+    def _awaited(self) -> tuple[SampleStream, TriggeredCapture]:
+        with self._switching:
+            run, capture = self._run, self._capture
+        if run is None or capture is None:
+            raise AbortedError(
+                "No record is awaited.",
+                why="The digitizer was not armed, or was stopped since.",
+                remedy="Arm it first.",
+            )
+        return run, capture
+
+    def _await(
+        self,
+        run: SampleStream,
+        condition: Callable[[], bool],
+        samples: int,
+        abort: threading.Event | None = None,
+    ) -> None:
+        """Wait twice as long as the samples should take, and a margin."""
+        limit_s = _START_LIMIT_S + 2.0 * samples / self._sample_rate_hz
+        if not run.wait_until(condition, limit_s, abort):
+            raise DeviceTimeoutError(
+                f"{samples} samples did not arrive within {limit_s:.1f} s.",
+                why="The board streams slower than configured.",
+                remedy="Check pacer_divisor and sample_rate_hz.",
+            )
+        if run.finished and run.error is not None:
+            raise run.error
+
+    def _await_trigger(
+        self,
+        run: SampleStream,
+        capture: TriggeredCapture,
+        timeout_s: float,
+        abort: threading.Event,
+    ) -> None:
+        if not run.wait_until(lambda: capture.triggered, timeout_s, abort):
+            raise TriggerTimeoutError(
+                f"No impact was seen within {timeout_s:g} s.",
+                why="The sphere did not fall, missed the coupon, or the trigger level is too high.",
+                remedy="Look at the rig; then check the trigger level against the last shots.",
+            )
+
+    def _check_fits(self, samples: int) -> None:
+        # The newest transfer may reach beyond the record's end; keep room for two.
+        spare = self._transfer_bytes
+        if not 0 < samples <= self._ring.capacity_samples - spare:
+            raise ConfigurationError(
+                f"{samples} samples do not fit the ring of {self._ring.capacity_samples} "
+                f"(two transfers, {spare} samples, are kept free).",
+                remedy="Raise ring_seconds or shorten the record.",
+            )
+
+    @contextmanager
+    def _stopped_on_error(self) -> Iterator[None]:
+        try:
+            yield
+        except BaseException:
+            with suppress(DriverError):  # the first error explains the end
+                self.stop()
+            raise
