@@ -1,0 +1,356 @@
+"""Calibration of the load cell: a joint fit over drops of known spheres on known surfaces.
+
+What the drops identify comes first: gain S = k c, natural frequency and damping ratio. Table 3's M,
+k, mu and c follow with their covariance; the crystal's mass mostly stays what the certificate said,
+because it acts only through a recoil of one part in a thousand.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from analysis.campaign import Campaign, Quantity, Sensor, Shot
+from analysis.errors import AnalysisError
+from analysis.fit.campaign_fit import Progress, fit_campaign
+from analysis.fit.problem import SENSOR_FIELDS
+from analysis.fit.result import FitResult, as_quantity
+
+FORMAT = "impactd-calibration/1"
+Json = dict[str, Any]
+
+IDENTIFIABLE = {
+    "sensor.gain_N_per_V": "gain_N_per_V",
+    "sensor.natural_frequency_Hz": "natural_frequency_Hz",
+    "sensor.damping_ratio": "damping_ratio",
+}
+"""Names in a fit's parameters and in a calibration's JSON."""
+LOOSENED_U = 0.5
+"""An earlier calibration only starts the fit; were it a prior, drift would be hidden by itself."""
+SHORT_CONTACT_PERIODS = 0.5
+"""A contact shorter than this share of the crystal's period hardly shows the contact law."""
+LITTLE_LEARNED = 0.7
+"""Uncertainty after over before, above which the shots said little about a quantity."""
+DRIFT_LIMIT = 2.0
+"""Drift in combined standard uncertainties from which it is called one."""
+
+
+@dataclass(frozen=True)
+class CalibrationResult:
+    """A calibration of the cell.
+
+    Attributes
+    ----------
+    model : str
+        Base model of the fit.
+    fit : FitResult
+        The joint fit of the known pairs.
+    hsd : FitResult or None
+        The rigid-cell fit of the same shots, which gives Eq. 7's S.
+    excluded : tuple of tuple of str
+        (shot, reason) of shots that were no calibration shots.
+    warnings : tuple of str
+        What a user must know, in words.
+    """
+
+    model: str
+    fit: FitResult
+    hsd: FitResult | None
+    excluded: tuple[tuple[str, str], ...]
+    warnings: tuple[str, ...]
+
+    @property
+    def sensor(self) -> Sensor:
+        """Return the cell as later fits take it, covariance included."""
+        return sensor_from_json(self.to_json())
+
+    def to_json(self) -> Json:
+        """Return the calibration as ``impactd-calibration/1``: all that is needed to rebuild it."""
+        found = self.fit.parameters() if self.fit.outcome.status != "not_evaluable" else {}
+        cell = self.fit.sensor_logs() if found else None
+        covariance = None
+        if cell is not None:
+            covariance = {
+                "of": "natural logarithms of",
+                "names": list(SENSOR_FIELDS),
+                "matrix": cell[1].tolist(),
+            }
+        return {
+            "format": FORMAT,
+            "model": self.model,
+            "outcome": dataclasses.asdict(self.fit.outcome),
+            "identifiable": {
+                label: found[name] for name, label in IDENTIFIABLE.items() if name in found
+            },
+            "parameters": {
+                name: found[f"sensor.{name}"] for name in SENSOR_FIELDS if f"sensor.{name}" in found
+            },
+            "covariance": covariance,
+            "hsd": _hsd_json(self.hsd),
+            "quality": _quality(self.fit) if found else None,
+            "pairs": self.fit.pairs() if found else {},
+            "moduli": self.fit.moduli() if found else {},
+            "shots": [s.item.shot.name for s in self.fit.shots],
+            "excluded": [{"shot": name, "reason": why} for name, why in self.excluded],
+            "rejected": [dataclasses.asdict(r) for r in self.fit.problem.rejected],
+            "assumptions": list(self.fit.problem.assumptions),
+            "warnings": list(self.warnings),
+        }
+
+
+def _quality(fit: FitResult) -> Json:
+    return {
+        "r2": fit.r2,
+        "nrmse": fit.nrmse,
+        "rms_V": fit.rms,
+        "noise_rms_V": fit.noise_rms,
+        "chi2_per_dof": fit.chi2_per_dof,
+        "degrees_of_freedom": fit.degrees_of_freedom,
+        "uncertainty_widened_by": math.sqrt(fit.misfit),
+        "flags": fit.flags(),
+    }
+
+
+def _hsd_json(hsd: FitResult | None) -> Json | None:
+    if hsd is None or hsd.outcome.status != "converged":
+        return None
+    return {"gain_N_per_V": hsd.parameters()["sensor.gain_N_per_V"], "quality": _quality(hsd)}
+
+
+def _why_not(shot: Shot, campaign: Campaign) -> str | None:
+    """Return why a shot cannot calibrate, None where it can."""
+    sphere = campaign.spheres.get(shot.sphere or "")
+    surface = campaign.surfaces.get(shot.surface or "")
+    if shot.quantity != "voltage":
+        return f"it is a recording of {shot.quantity}, not of the cell's voltage"
+    if sphere is None or not (sphere.radius_m and sphere.mass_kg):
+        return "its sphere's radius and mass are not known"
+    if surface is None:
+        return "its surface is not known"
+    if sphere.youngs_modulus_pa is None:
+        return f"the sphere {sphere.name!r} has no stated modulus"
+    if surface.youngs_modulus_pa is None:
+        return f"the surface {surface.name!r} has no stated modulus"
+    if shot.drop_height_m is None:
+        return "its drop height is not known"
+    if shot.clipped:
+        return "it sits on a limit of the converter or amplifier"
+    return None
+
+
+def _prior_sensor(sensor: Sensor) -> tuple[Sensor, str | None]:
+    """Return the cell as the calibration may know it, and a warning where something was loosened.
+
+    A covariance is the mark of an earlier calibration. Its gain, frequency and damping must not
+    pull the new one towards the old; the crystal's mass is kept, nothing else ever tells it.
+    """
+    if sensor.covariance is None:
+        return sensor, None
+
+    def loose(q: Quantity | None) -> Quantity | None:
+        return None if q is None else Quantity(q.value, LOOSENED_U * q.value)
+
+    return (
+        dataclasses.replace(
+            sensor,
+            covariance=None,
+            crystal_stiffness_n_per_m=loose(sensor.crystal_stiffness_n_per_m),
+            crystal_damping_n_s_per_m=loose(sensor.crystal_damping_n_s_per_m),
+            compliance_m_per_v=loose(sensor.compliance_m_per_v),
+            hsd_n_per_v=loose(sensor.hsd_n_per_v),
+        ),
+        "the cell's earlier calibration was only used as a start (its crystal mass excepted), so "
+        "that a drift can show",
+    )
+
+
+def calibrate(
+    campaign: Campaign, model: str = "kv", *, progress: Progress | None = None
+) -> CalibrationResult:
+    """Return the cell's parameters from drops of known spheres on known surfaces.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Recordings; shots of pairs without stated moduli are left out and listed.
+    model : str
+        ``kv`` for Table 3's parameters, ``hsd`` for S alone.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    CalibrationResult
+        Always with an outcome; look at it and at ``warnings`` before use.
+
+    Raises
+    ------
+    AnalysisError
+        If no shot of the campaign is one of a known pair.
+    UnknownModelError
+        If there is no such model.
+
+    Notes
+    -----
+    Source: Maranzano & Hancock 2016, Table 3 and section 3. Validation:
+    ``tests/analysis/test_calibration.py``.
+    """
+    kept, excluded = [], []
+    for shot in campaign.shots:
+        reason = _why_not(shot, campaign)
+        if reason is None:
+            kept.append(shot)
+        else:
+            excluded.append((shot.name, reason))
+    if not kept:
+        first = f" ({excluded[0][0]}: {excluded[0][1]})" if excluded else ""
+        raise AnalysisError(
+            f"None of the {len(campaign.shots)} shots can calibrate the cell{first}; drop spheres "
+            "of stated modulus from a known height on surfaces of stated modulus."
+        )
+    sensor, loosened = _prior_sensor(campaign.sensor)
+    known = dataclasses.replace(campaign, shots=tuple(kept), sensor=sensor)
+    fit = fit_campaign(known, model, progress=progress)
+    hsd = fit_campaign(known, "hsd", heldout=False) if model != "hsd" else fit
+    notes = _warnings(fit, sensor, kept)
+    if loosened is not None:
+        notes.append(loosened)
+    return CalibrationResult(model, fit, hsd, tuple(excluded), tuple(notes))
+
+
+def _warnings(fit: FitResult, sensor: Sensor, kept: list[Shot]) -> list[str]:
+    """Return what the shots could not tell, in words."""
+    if fit.outcome.status != "converged":
+        return [fit.outcome.message]
+    found = []
+    cell = fit.sensor_logs()
+    if cell is not None:
+        mass = sensor.crystal_mass_kg
+        before = mass.u / mass.value if mass else math.inf
+        after = math.sqrt(float(cell[1][0, 0]))
+        if after > LITTLE_LEARNED * before:
+            found.append(
+                "the crystal's mass is its certificate's: the drops hardly see it; k, mu and c "
+                "share its uncertainty, gain, frequency and damping ratio do not"
+            )
+        elif mass is None:
+            found.append(
+                f"no crystal mass was stated; the drops leave {after:.0%} open, and k, mu and c "
+                "share that"
+            )
+        found.extend(_short_contacts(fit))
+    if len({s.drop_height_m for s in kept}) < 2:
+        found.append("all drops are from one height: an error of the height goes into the gain")
+    if len({(s.sphere, s.surface) for s in kept}) < 2:
+        found.append(
+            "only one pair was dropped: an error of its stated moduli goes into the gain; add a "
+            "second sphere or surface"
+        )
+    if fit.misfit > 1:
+        found.append(
+            f"the residual exceeds the noise (chi2 per degree of freedom {fit.chi2_per_dof:.3g}); "
+            "uncertainties were widened, a bias is possible: look at the residual"
+        )
+    return found
+
+
+def _short_contacts(fit: FitResult) -> list[str]:
+    frequency = float(fit.parameters()["sensor.natural_frequency_Hz"]["value"])
+    by_pair: dict[str, list[float]] = {}
+    for s in fit.shots:
+        by_pair.setdefault(s.item.pair, []).append(s.contact_time_s)
+    found = []
+    for pair, times in by_pair.items():
+        typical = float(np.median(times))
+        if typical * frequency < SHORT_CONTACT_PERIODS:
+            found.append(
+                f"{pair}: the contact ({typical * 1e6:.0f} us) is short beside the crystal's "
+                f"period ({1e6 / frequency:.0f} us); it shows impulse and ring, the contact law is "
+                "not identifiable from it"
+            )
+    return found
+
+
+def sensor_from_json(calibration: Json) -> Sensor:
+    """Return the cell that a stored calibration describes.
+
+    Parameters
+    ----------
+    calibration : dict
+        ``impactd-calibration/1``, as `CalibrationResult.to_json` made it.
+
+    Returns
+    -------
+    Sensor
+        With the covariance of ln(M, k, mu, c).
+
+    Raises
+    ------
+    AnalysisError
+        If this is no such document, or the calibration did not converge.
+    """
+    if calibration.get("format") != FORMAT:
+        raise AnalysisError(
+            f"This is no calibration: its format is {calibration.get('format')!r}, not {FORMAT!r}."
+        )
+    outcome = calibration["outcome"]
+    if outcome["status"] != "converged":
+        raise AnalysisError(f"This calibration cannot be used: {outcome['message']}")
+    values = {name: as_quantity(q) for name, q in calibration["parameters"].items() if q}
+    covariance = calibration["covariance"]
+    hsd = calibration["hsd"]
+    return Sensor(
+        compliance_m_per_v=values.get("compliance_m_per_v"),
+        crystal_mass_kg=values.get("crystal_mass_kg"),
+        crystal_stiffness_n_per_m=values.get("crystal_stiffness_n_per_m"),
+        crystal_damping_n_s_per_m=values.get("crystal_damping_n_s_per_m"),
+        hsd_n_per_v=as_quantity(hsd["gain_N_per_V"]) if hsd else None,
+        covariance=np.array(covariance["matrix"]) if covariance else None,
+    )
+
+
+def drift(previous: Json | CalibrationResult, current: Json | CalibrationResult) -> Json:
+    """Return how far the cell moved between two calibrations.
+
+    Parameters
+    ----------
+    previous, current : dict or CalibrationResult
+        Two calibrations of one cell.
+
+    Returns
+    -------
+    dict
+        Per identifiable combination the relative ``change``, its standard uncertainty ``u`` and
+        ``in_u``, change over u; ``largest_in_u``; and one ``sentence``.
+
+    Notes
+    -----
+    Both calibrations share the reference materials' uncertainty, which would cancel; it is kept, so
+    the scores are on the careful side.
+    """
+    before, after = (x if isinstance(x, dict) else x.to_json() for x in (previous, current))
+    found: Json = {}
+    for label in IDENTIFIABLE.values():
+        a, b = before["identifiable"].get(label), after["identifiable"].get(label)
+        if not a or not b:
+            continue
+        change = math.log(b["value"] / a["value"])
+        u = math.hypot(a["u"] / a["value"], b["u"] / b["value"])
+        found[label] = {"change": math.expm1(change), "u": u, "in_u": change / u if u > 0 else 0.0}
+    if not found:
+        return {"combinations": {}, "largest_in_u": None, "sentence": "Nothing to compare."}
+    worst = max(found, key=lambda name: abs(found[name]["in_u"]))
+    size = abs(found[worst]["in_u"])
+    verdict = "drifted" if size > DRIFT_LIMIT else "is stable"
+    return {
+        "combinations": found,
+        "largest_in_u": size,
+        "sentence": (
+            f"The cell {verdict}: {worst} changed by {found[worst]['change']:+.2%}, "
+            f"{size:.1f} combined standard uncertainties."
+        ),
+    }
