@@ -28,6 +28,7 @@ WITHHOLD_ABOVE = 0.25
 MISFIT_ABOVE = 1.2
 """chi2 per degree of freedom beyond which the stated uncertainty no longer covers the model."""
 NORMAL95 = 1.959963984540054
+HSD_FIELDS = ("hsd_n_per_v",)
 
 Json = dict[str, Any]
 
@@ -48,7 +49,7 @@ class Outcome:
     message: str
 
 
-def _measurand(value: float, u: float, unit: str, *, log: bool = True) -> Json | None:
+def measurand(value: float, u: float, unit: str, *, log: bool = True) -> Json | None:
     """Return value, u and 95 % interval as JSON; None where a number would not be finite."""
     if not (math.isfinite(value) and math.isfinite(u)):
         return None
@@ -183,8 +184,8 @@ class ShotFit:
             "sphere": shot.sphere,
             "surface": shot.surface,
             "drop_height_m": shot.drop_height_m,
-            "impact_speed_m_per_s": _measurand(v0, v0 * u[0], "m/s"),
-            "restitution": _measurand(e, e * u[1], "1"),
+            "impact_speed_m_per_s": measurand(v0, v0 * u[0], "m/s"),
+            "restitution": measurand(e, e * u[1], "1"),
             "rebound_ratio": self.rebound_ratio,
             "contact_time_s": self.contact_time_s,
             "deepest_indentation_m": self.deepest_indentation_m,
@@ -304,7 +305,7 @@ class FitResult:
         return log, math.sqrt(float(gradient @ self.fitted.covariance @ gradient)), gradient
 
     def calibration_part(self, item: FitShot) -> tuple[float, NDArray[np.float64]]:
-        """Return the part of u(ln E*) that the cell's own uncertainty causes.
+        r"""Return the part of u(ln E*) that comes from the cell's stated values.
 
         Parameters
         ----------
@@ -314,29 +315,30 @@ class FitResult:
         Returns
         -------
         u : float
-            Standard uncertainty, common to all shots that share the calibration. [1]
-        sensitivity : ndarray, shape (4,)
-            d ln E* / d ln(M, k, mu, c).
+            Standard uncertainty, common to all fits that take the cell from one calibration. [1]
+        sensitivity : ndarray, shape (4,) or (1,)
+            d ln E* / d ln(M, k, mu, c) for KV, d ln E* / d ln S for HSD: how E* follows when the
+            stated values are wrong. Zeros where the cell is no complete parameter.
 
         Notes
         -----
-        With the cell held fixed the rest of the covariance is random; the difference is common.
+        With precision P of the priors and covariance :math:`\Sigma` of the fit, an error d of the
+        prior means moves the fit by :math:`\Sigma P d`; the rest of :math:`\Sigma` is this
+        recording's own noise and independent from shot to shot.
         """
         found = self.pair_modulus(item)
         at = [j for j, n in enumerate(self.problem.names) if n.startswith("sensor.")]
+        size = 1 if self.problem.model.kind == solver.HSD else len(SENSOR_FIELDS)
         if found is None or not at:
-            return 0.0, np.zeros(4)
-        _, _, gradient = found
-        rest = [j for j in range(len(self.problem.names)) if j not in at]
-        precision = np.linalg.inv(self.fitted.covariance)
-        inner = np.linalg.inv(precision[np.ix_(rest, rest)])
-        random = float(gradient[rest] @ inner @ gradient[rest])
-        total = float(gradient @ self.fitted.covariance @ gradient)
-        by_cell = gradient[at] - gradient[rest] @ inner @ precision[np.ix_(rest, at)]
-        full = np.zeros(4)
-        if len(at) == 4:
-            full = by_cell @ np.linalg.inv(sensor_transform())
-        return math.sqrt(max(total - random, 0.0)), full
+            return 0.0, np.zeros(size)
+        follows = found[2] @ self.fitted.covariance[:, at]
+        precision = self.problem.prior_precision[np.ix_(at, at)]
+        sensitivity = np.zeros(size)
+        if len(at) == size:
+            sensitivity = follows @ precision
+            if size > 1:
+                sensitivity = sensitivity @ np.linalg.inv(sensor_transform())
+        return math.sqrt(max(float(follows @ precision @ follows), 0.0)), sensitivity
 
     def moduli(self) -> Json:
         """Return ``moduli`` of ``impactd-diagnosis/1``: by material, withheld where not known."""
@@ -377,10 +379,10 @@ class FitResult:
             e, u_e = young_from_plane_strain(
                 log, u, material.youngs_modulus_pa, material.poissons_ratio
             )
-            young = _measurand(e, e * u_e, "Pa")
+            young = measurand(e, e * u_e, "Pa")
         return {
             "youngs_modulus_Pa": young,
-            "plane_strain_modulus_Pa": _measurand(plane, plane * u, "Pa"),
+            "plane_strain_modulus_Pa": measurand(plane, plane * u, "Pa"),
             "side": side,
             "status": status,
         }
@@ -394,20 +396,25 @@ class FitResult:
                 found[key]["shots"] += 1
                 continue
             modulus = self.pair_modulus(shot.item)
-            entry: Json = {"shots": 1}
+            entry: Json = {
+                "sphere": shot.item.shot.sphere,
+                "surface": shot.item.shot.surface,
+                "shots": 1,
+            }
             if modulus is not None:
                 value = math.exp(modulus[0])
-                entry["reduced_modulus_Pa"] = _measurand(value, value * modulus[1], "Pa")
+                entry["reduced_modulus_Pa"] = measurand(value, value * modulus[1], "Pa")
                 u_cell, sensitivity = self.calibration_part(shot.item)
                 entry["u_calibration_Pa"] = value * u_cell
+                fields = SENSOR_FIELDS if sensitivity.size > 1 else HSD_FIELDS
                 entry["d_ln_reduced_modulus_d_ln_sensor"] = dict(
-                    zip(SENSOR_FIELDS, sensitivity.tolist(), strict=True)
+                    zip(fields, sensitivity.tolist(), strict=True)
                 )
             else:
                 values, chain = self.problem.shared_local(shot.item, self.fitted.theta)
                 k = math.exp(values[0])
                 u = math.sqrt(float(chain[0] @ self.fitted.covariance @ chain[0]))
-                entry["stiffness_over_mass"] = _measurand(k, k * u, "N m^-1.5 kg^-1")
+                entry["stiffness_over_mass"] = measurand(k, k * u, "N m^-1.5 kg^-1")
             found[key] = entry
         return found
 
@@ -423,7 +430,7 @@ class FitResult:
             if name in self.problem.names:
                 log, u = self._log(name)
                 value = factor * math.exp(log)
-                found[label] = _measurand(value, value * u, unit)
+                found[label] = measurand(value, value * u, unit)
         cell = self.sensor_logs()
         if cell is not None:
             units = ("kg", "N/m", "N s/m", "m/V")
@@ -431,13 +438,13 @@ class FitResult:
                 SENSOR_FIELDS, cell[0], np.sqrt(np.diag(cell[1])), units, strict=True
             ):
                 value = math.exp(log)
-                found[f"sensor.{label}"] = _measurand(value, value * u, unit)
+                found[f"sensor.{label}"] = measurand(value, value * u, unit)
         for name in self.problem.names:
             if not name.startswith("sensor."):
                 log, u = self._log(name)
                 value = math.exp(log)
                 unit = "N m^-1.5" if name.startswith("pair.") else "Pa"
-                found[name] = _measurand(value, value * u, unit)
+                found[name] = measurand(value, value * u, unit)
         return found
 
     def to_json(self) -> Json:

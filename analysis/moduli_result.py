@@ -1,0 +1,256 @@
+"""What the network of moduli found, as a value and as JSON."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2 as chi2_distribution
+from scipy.stats import norm
+
+from analysis.campaign import Sphere, Surface
+from analysis.fit.result import WITHHOLD_ABOVE, measurand, young_from_plane_strain
+
+FORMAT = "impactd-moduli/1"
+Json = dict[str, Any]
+
+CONTRADICTION_P = 0.01
+"""Chance that any pair of a sound network is called contradicting."""
+NETWORK_P = 0.01
+"""Below this the network as a whole does not hold together and uncertainties are widened."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """How well the observations hold together.
+
+    Attributes
+    ----------
+    chi2 : float
+        Weighted squares of observations, stated moduli and calibrations.
+    degrees_of_freedom : int
+        How many of them were more than needed.
+    """
+
+    chi2: float
+    degrees_of_freedom: int
+
+    @property
+    def p_value(self) -> float | None:
+        """Return the chance of a chi2 this large, None where nothing is redundant."""
+        if self.degrees_of_freedom < 1:
+            return None
+        return float(chi2_distribution.sf(self.chi2, self.degrees_of_freedom))
+
+    @property
+    def variance_factor(self) -> float:
+        """Return by how much variances are widened: 1 unless the network does not hold."""
+        p = self.p_value
+        if p is None or p >= NETWORK_P:
+            return 1.0
+        return max(self.chi2 / self.degrees_of_freedom, 1.0)
+
+
+@dataclass(frozen=True)
+class PairCheck:
+    """A pair's observations beside what the network makes of them.
+
+    Attributes
+    ----------
+    sphere, surface : str
+        The pair.
+    observations : int
+        How many.
+    log_observed, log_adjusted : float
+        Weighted mean of ln E* observed, and with the network's moduli and calibration errors.
+    u_observed : float
+        Random standard uncertainty of the mean. [1]
+    score : float or None
+        Difference over its own standard deviation; None where nothing controls the pair.
+    scatter_chi2 : float
+        Weighted squares of the observations about their mean; ``observations - 1`` expected.
+    """
+
+    sphere: str
+    surface: str
+    observations: int
+    log_observed: float
+    log_adjusted: float
+    u_observed: float
+    score: float | None
+    scatter_chi2: float
+
+    @property
+    def pair(self) -> str:
+        """Return the pair's key."""
+        return f"{self.sphere}/{self.surface}"
+
+
+@dataclass(frozen=True)
+class ModuliResult:
+    """Plane-strain moduli of all materials, adjusted together.
+
+    Attributes
+    ----------
+    model : str
+        Model of the fits.
+    names : tuple of str
+        ``sphere.<name>`` and ``surface.<name>``.
+    log_plane_strain : ndarray, shape (n,)
+        ln E', E' in Pa.
+    covariance : ndarray, shape (n, n)
+        Of ``log_plane_strain``, before widening by ``network.variance_factor``.
+    network : Network
+        Consistency of the whole.
+    checks : tuple of PairCheck
+        Consistency by pair.
+    anchored : tuple of bool
+        Whether a material hangs together with a reference at all.
+    spheres, surfaces : dict
+        As stated beforehand.
+    shots, calibrations : tuple of str
+        What it rests on.
+    """
+
+    model: str
+    names: tuple[str, ...]
+    log_plane_strain: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    network: Network
+    checks: tuple[PairCheck, ...]
+    anchored: tuple[bool, ...]
+    spheres: dict[str, Sphere]
+    surfaces: dict[str, Surface]
+    shots: tuple[str, ...]
+    calibrations: tuple[str, ...]
+
+    def contradicting(self) -> tuple[PairCheck, ...]:
+        """Return the pairs that contradict the rest, worst first."""
+        scored = [c for c in self.checks if c.score is not None]
+        limit = float(norm.isf(CONTRADICTION_P / (2 * max(len(scored), 1))))
+        found = [c for c in scored if abs(c.score or 0.0) > limit]
+        return tuple(sorted(found, key=lambda c: -abs(c.score or 0.0)))
+
+    def plane_strain(self, name: str) -> tuple[float, float]:
+        """Return ln E' and its standard uncertainty, widened where the network does not hold.
+
+        Parameters
+        ----------
+        name : str
+            ``sphere.<name>`` or ``surface.<name>``.
+
+        Returns
+        -------
+        tuple of float
+            ln E' with E' in Pa, and u.
+        """
+        j = self.names.index(name)
+        u = math.sqrt(float(self.covariance[j, j]) * self.network.variance_factor)
+        return float(self.log_plane_strain[j]), u
+
+    def _material(self, name: str) -> Sphere | Surface:
+        side, _, plain = name.partition(".")
+        return self.spheres[plain] if side == "sphere" else self.surfaces[plain]
+
+    def _modulus(self, name: str) -> Json:
+        """Return one material's entry."""
+        material = self._material(name)
+        side = name.partition(".")[0]
+        log, u = self.plane_strain(name)
+        entry: Json = {"youngs_modulus_Pa": None, "plane_strain_modulus_Pa": None, "side": side}
+        reason = self._why_withheld(name, u)
+        if reason is not None:
+            return entry | {"status": "withheld", "reason": reason}
+        plane = math.exp(log)
+        entry["plane_strain_modulus_Pa"] = measurand(plane, plane * u, "Pa")
+        entry["status"] = "fitted" if material.youngs_modulus_pa is None else "reference"
+        if material.poissons_ratio is None:
+            return entry | {"reason": "E needs Poisson's ratio, which no normal impact can tell"}
+        e, u_e = young_from_plane_strain(
+            log, u, material.youngs_modulus_pa, material.poissons_ratio
+        )
+        entry["youngs_modulus_Pa"] = measurand(e, e * u_e, "Pa")
+        return entry
+
+    def _why_withheld(self, name: str, u: float) -> str | None:
+        j = self.names.index(name)
+        if not self.anchored[j]:
+            return (
+                "no pair that it hangs together with contains a material of stated modulus; drop "
+                "a reference sphere on it, or this sphere on a reference surface"
+            )
+        if not (math.isfinite(u) and u <= WITHHOLD_ABOVE):
+            return (
+                f"the relative standard uncertainty is {min(u, 9.99):.0%}: its partners leave "
+                "nearly all the compliance to themselves; drop it with a stiffer reference"
+            )
+        return None
+
+    def moduli(self) -> Json:
+        """Return ``moduli`` of the results' JSON: by material, withheld where not known."""
+        plain = [n.partition(".")[2] for n in self.names]
+        return {
+            short if plain.count(short) == 1 else name.replace(".", ":", 1): self._modulus(name)
+            for name, short in zip(self.names, plain, strict=True)
+        }
+
+    def _pair_json(self, check: PairCheck) -> Json:
+        observed, adjusted = math.exp(check.log_observed), math.exp(check.log_adjusted)
+        return {
+            "sphere": check.sphere,
+            "surface": check.surface,
+            "shots": check.observations,
+            "reduced_modulus_Pa": measurand(observed, observed * check.u_observed, "Pa"),
+            "adjusted_reduced_modulus_Pa": adjusted,
+            "score": check.score,
+            "scatter_chi2_per_dof": (
+                check.scatter_chi2 / (check.observations - 1) if check.observations > 1 else None
+            ),
+        }
+
+    def warnings(self) -> list[str]:
+        """Return what a user must know before trusting the moduli, in words."""
+        found = []
+        p = self.network.p_value
+        if p is None:
+            found.append("no observation is redundant: nothing checks these moduli")
+        elif p < NETWORK_P:
+            found.append(
+                f"the pairs do not fit together (p = {p:.2g}); uncertainties were widened by "
+                f"{math.sqrt(self.network.variance_factor):.2f}"
+            )
+        found.extend(
+            f"{c.pair} contradicts the rest: its E* is "
+            f"{math.expm1(c.log_observed - c.log_adjusted):+.1%} from what the others say "
+            f"({abs(c.score or 0.0):.1f} standard deviations)"
+            for c in self.contradicting()
+        )
+        return found
+
+    def to_json(self) -> Json:
+        """Return the result as ``impactd-moduli/1``; NaN and infinity never appear."""
+        factor = self.network.variance_factor
+        return {
+            "format": FORMAT,
+            "model": self.model,
+            "moduli": self.moduli(),
+            "pairs": {c.pair: self._pair_json(c) for c in self.checks},
+            "network": {
+                "chi2": self.network.chi2,
+                "degrees_of_freedom": self.network.degrees_of_freedom,
+                "p_value": self.network.p_value,
+                "uncertainty_widened_by": math.sqrt(factor),
+                "contradicting": [c.pair for c in self.contradicting()],
+            },
+            "covariance": {
+                "of": "natural logarithms of plane-strain moduli of",
+                "names": list(self.names),
+                "matrix": (self.covariance * factor).tolist(),
+            },
+            "shots": list(self.shots),
+            "calibrations": list(self.calibrations),
+            "warnings": self.warnings(),
+        }
