@@ -1,0 +1,51 @@
+"""The simulator's own effects: one file each, found by themselves.
+
+``LIBRARY`` holds the effects a diagnosis may know, ``INVENTED`` (ids ``x_...``) those it must not.
+"""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from collections.abc import Mapping
+
+from drivers.simulated.effects.effect import Effect, Parameter, Scope, Shot
+
+for _module in pkgutil.iter_modules(__path__):
+    importlib.import_module(f"{__name__}.{_module.name}")
+
+EFFECTS: dict[str, type[Effect]] = {
+    kind.id: kind for kind in sorted(Effect.__subclasses__(), key=lambda kind: kind.id)
+}
+LIBRARY = {name: kind for name, kind in EFFECTS.items() if not name.startswith("x_")}
+INVENTED = {name: kind for name, kind in EFFECTS.items() if name.startswith("x_")}
+
+
+def make_effect(effect_id: str, values: Mapping[str, float], scope: Scope | None = None) -> Effect:
+    """Return an effect by its id.
+
+    Parameters
+    ----------
+    effect_id : str
+        One of `EFFECTS`.
+    values : Mapping
+        All its parameters by name. [SI]
+    scope : Scope, optional
+        Where it acts; everywhere when left out.
+
+    Returns
+    -------
+    Effect
+        Ready to be switched on.
+
+    Raises
+    ------
+    ValueError
+        If the id or a parameter is unknown or one is missing.
+    """
+    if effect_id not in EFFECTS:
+        raise ValueError(f"No effect {effect_id!r}; the simulator knows {', '.join(EFFECTS)}.")
+    return EFFECTS[effect_id](values, scope or Scope())
+
+
+__all__ = ["EFFECTS", "INVENTED", "LIBRARY", "Effect", "Parameter", "Scope", "Shot", "make_effect"]

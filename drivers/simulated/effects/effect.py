@@ -1,0 +1,230 @@
+"""The form every effect of the simulator has.
+
+An effect is a class with an id, a slot, described parameters and the hooks it needs. A hook is
+named by the moment it is called; the ones an effect leaves alone do nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.simulated.electronics import Stage
+from drivers.simulated.impact import Mechanics
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of an effect.
+
+    Attributes
+    ----------
+    name, unit : str
+        Name with its unit as suffix, and the unit itself.
+    low, high : float
+        From barely visible to large; a random size is drawn between them, even in the logarithm.
+    neutral : float
+        Value at which the effect does nothing.
+    meaning : str
+        In a few words.
+    either_sign : bool
+        A random value may also be negative.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    neutral: float
+    meaning: str
+    either_sign: bool = False
+
+
+@dataclass
+class Shot:
+    """One release, as an effect sees it.
+
+    Attributes
+    ----------
+    number : int
+        Releases so far on this rig. [1]
+    sphere, surface : str
+        What falls on what.
+    drop_height_m : float
+        Height asked for; effects of the release slot change it. [m]
+    speed_factor : float
+        Factor on the impact speed; effects of the release slot change it. [1]
+    rng : numpy.random.Generator
+        Chance that belongs to this shot and this effect alone.
+    """
+
+    number: int
+    sphere: str
+    surface: str
+    drop_height_m: float
+    rng: np.random.Generator
+    speed_factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Scope:
+    """Where an effect acts; ``None`` means everywhere.
+
+    Attributes
+    ----------
+    sphere, surface : str or None
+        Name of the only sphere and the only surface concerned.
+    """
+
+    sphere: str | None = None
+    surface: str | None = None
+
+    def includes(self, sphere: str, surface: str) -> bool:
+        """Return whether a pair is concerned.
+
+        Parameters
+        ----------
+        sphere, surface : str
+            The pair.
+
+        Returns
+        -------
+        bool
+            Whether both names fit.
+        """
+        return self.sphere in (None, sphere) and self.surface in (None, surface)
+
+    def to_json(self) -> dict[str, str]:
+        """Return only what is restricted."""
+        both = {"sphere": self.sphere, "surface": self.surface}
+        return {key: name for key, name in both.items() if name is not None}
+
+
+@dataclass
+class Effect:
+    """Base of all effects: does nothing.
+
+    Attributes
+    ----------
+    values : Mapping
+        Parameter values by name; all of them, no defaults. [SI]
+    scope : Scope
+        Where it acts.
+    """
+
+    id: ClassVar[str] = ""
+    slot: ClassVar[str] = ""
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
+    per_material: ClassVar[bool] = False  # a random draw may restrict it to one material
+    order: ClassVar[int] = 50  # place in the chain from crystal (0) to converter (100)
+    fine_grid: ClassVar[bool] = False  # its stage needs the oversampled grid
+
+    values: Mapping[str, float]
+    scope: Scope = field(default_factory=Scope)
+
+    def __post_init__(self) -> None:
+        """Refuse unknown, missing and non-finite parameters."""
+        names = {p.name for p in self.parameters}
+        if names != set(self.values):
+            raise ValueError(
+                f"Effect {self.id!r} takes exactly {sorted(names)}, not {sorted(self.values)}."
+            )
+        for p in self.parameters:
+            if math.isnan(self.values[p.name]):
+                raise ValueError(f"Effect {self.id!r}: {p.name} is not a number.")
+
+    @classmethod
+    def draw(cls, rng: np.random.Generator) -> dict[str, float]:
+        """Return parameter values of random size.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of chance.
+
+        Returns
+        -------
+        dict
+            Values by name. [SI]
+        """
+        values = {}
+        for p in cls.parameters:
+            size = math.exp(rng.uniform(math.log(p.low), math.log(p.high)))
+            negative = p.either_sign and rng.random() < 0.5
+            values[p.name] = -size if negative else size
+        return values
+
+    @classmethod
+    def neutral_values(cls) -> dict[str, float]:
+        """Return the values at which nothing happens."""
+        return {p.name: p.neutral for p in cls.parameters}
+
+    def to_json(self) -> dict[str, object]:
+        """Return id, slot, parameters and scope as the sealed truth states them."""
+        return {
+            "id": self.id,
+            "slot": self.slot,
+            "parameters": dict(self.values),
+            "scope": self.scope.to_json(),
+        }
+
+    def at_release(self, shot: Shot) -> None:
+        """Change how the sphere leaves the tube.
+
+        Parameters
+        ----------
+        shot : Shot
+            Its height and speed factor may be changed.
+        """
+
+    def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:
+        """Change the bodies before an impact is integrated.
+
+        Parameters
+        ----------
+        mechanics : Mechanics
+            Changed in place.
+        shot : Shot
+            The release this impact belongs to.
+        speed_m_per_s : float
+            Speed at touch-down. [m/s]
+        """
+
+    def stage(self, shot: Shot) -> Stage | None:
+        """Return this effect's part of the chain behind the crystal, at rest.
+
+        Parameters
+        ----------
+        shot : Shot
+            The release it will serve.
+
+        Returns
+        -------
+        Stage or None
+            ``None`` when the effect is not there.
+        """
+        return None
+
+    def ambient(self, t_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return what is on the line even when nothing falls.
+
+        Parameters
+        ----------
+        t_s : ndarray, shape (n,)
+            Rig time. [s]
+
+        Returns
+        -------
+        ndarray or None, shape (n,)
+            Added to the signal. [V]
+        """
+        return None
+
+    def conversion(self) -> NDArray[np.uint16] | None:
+        """Return the converter's code for each ideal code, ``None`` when it is ideal."""
+        return None

@@ -1,0 +1,177 @@
+"""Building blocks of the chain from crystal to converter: linear filters that survive gaps.
+
+A flight is a few milliseconds of impact on a fine grid, then a tenth of a second of nothing. The
+filters keep their state as a continuous system does, so the step may change between stretches.
+"""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+
+class Stage(Protocol):
+    """One step of the chain, with a memory that lasts one flight."""
+
+    def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+        """Return what comes out for what goes in, carrying on from the last stretch. [V]"""
+
+    def is_quiet(self, threshold_v: float) -> bool:
+        """Return whether the output stays below a threshold when nothing more goes in."""
+
+
+class Memoryless:
+    """A stage whose output depends on the present input only."""
+
+    def is_quiet(self, threshold_v: float) -> bool:
+        """Return True: nothing is remembered.
+
+        Parameters
+        ----------
+        threshold_v : float
+            Not needed. [V]
+
+        Returns
+        -------
+        bool
+            Always True.
+        """
+        return True
+
+
+class StateSpaceStage:
+    """A linear filter ``x' = A x + B u, y = C x + D u``, exact for straight lines between samples.
+
+    Parameters
+    ----------
+    A : ndarray, shape (n, n)
+        System matrix. [1/s]
+    B, C : ndarray, shape (n,)
+        Input and output vectors.
+    D : float
+        Direct part. [1]
+
+    Notes
+    -----
+    First-order hold (Franklin, Powell & Workman 1998, ch. 6). The recursion runs as a product of
+    first-order sections in modal coordinates, each one call of ``lfilter``.
+    """
+
+    def __init__(
+        self, A: NDArray[np.float64], B: NDArray[np.float64], C: NDArray[np.float64], D: float
+    ) -> None:
+        values, vectors = np.linalg.eig(np.asarray(A, dtype=complex))
+        self._poles = values
+        self._B = np.linalg.solve(vectors, np.asarray(B, dtype=complex))
+        self._C = np.asarray(C, dtype=complex) @ vectors
+        self._D = D
+        self._x = np.zeros(len(values), dtype=complex)
+        self._last_input = 0.0
+
+    def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+        """Return the filtered stretch.
+
+        Parameters
+        ----------
+        volts : ndarray, shape (n,)
+            Input. [V]
+        step_s : float
+            Its step. [s]
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            Output. [V]
+        """
+        if volts.size == 0:
+            return volts
+        before = np.concatenate(([self._last_input], volts[:-1]))
+        result = self._D * volts
+        for i, pole in enumerate(self._poles):
+            z = pole * step_s
+            grow = np.exp(z)
+            # Integrals of exp(p (h - s)) times 1 and times s/h over one step.
+            whole = step_s * (np.expm1(z) / z if z != 0 else 1.0)
+            rising = step_s * ((np.expm1(z) - z) / (z * z) if abs(z) > 1e-4 else 0.5 + z / 6.0)
+            drive = self._B[i] * ((whole - rising) * before + rising * volts)
+            x, _ = lfilter([1.0], [1.0, -grow], drive, zi=np.array([grow * self._x[i]]))
+            self._x[i] = x[-1]
+            result = result + (self._C[i] * x).real
+        self._last_input = float(volts[-1])
+        return np.asarray(result, dtype=np.float64)
+
+    def is_quiet(self, threshold_v: float) -> bool:
+        """Return whether the filter has forgotten what it heard.
+
+        Parameters
+        ----------
+        threshold_v : float
+            Output that no longer counts. [V]
+
+        Returns
+        -------
+        bool
+            Whether every mode is below the threshold.
+        """
+        return bool(np.all(np.abs(self._C * self._x) < threshold_v))
+
+
+def highpass(time_constant_s: float) -> StateSpaceStage:
+    """Return a first-order high-pass, ``y' + y/tau = u'``.
+
+    Parameters
+    ----------
+    time_constant_s : float
+        tau. [s]
+
+    Returns
+    -------
+    StateSpaceStage
+        The filter, at rest.
+    """
+    a = 1.0 / time_constant_s
+    return StateSpaceStage(np.array([[-a]]), np.array([1.0]), np.array([-a]), 1.0)
+
+
+def lowpass_first(cutoff_hz: float) -> StateSpaceStage:
+    """Return a first-order low-pass.
+
+    Parameters
+    ----------
+    cutoff_hz : float
+        -3 dB frequency. [Hz]
+
+    Returns
+    -------
+    StateSpaceStage
+        The filter, at rest.
+    """
+    w = 2.0 * np.pi * cutoff_hz
+    return StateSpaceStage(np.array([[-w]]), np.array([1.0]), np.array([w]), 0.0)
+
+
+def resonance(
+    frequency_hz: float, damping_ratio: float, gain: float, direct: float
+) -> StateSpaceStage:
+    """Return ``direct + gain w^2 / (s^2 + 2 zeta w s + w^2)``.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Undamped frequency. [Hz]
+    damping_ratio : float
+        zeta, not exactly 1. [1]
+    gain, direct : float
+        Static gain of the resonance, and what passes beside it. [1]
+
+    Returns
+    -------
+    StateSpaceStage
+        The filter, at rest.
+    """
+    w = 2.0 * np.pi * frequency_hz
+    system = np.array([[0.0, 1.0], [-w * w, -2.0 * damping_ratio * w]])
+    return StateSpaceStage(system, np.array([0.0, 1.0]), np.array([gain * w * w, 0.0]), direct)

@@ -1,0 +1,238 @@
+"""A flight: release, fall, impact, bounces; and what the converter's input shows of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.simulated.drawn_rig import DrawnRig
+from drivers.simulated.effects import Effect, Shot
+from drivers.simulated.electronics import Stage
+from drivers.simulated.impact import ImpactTrace, simulate_impact
+
+OVERSAMPLING = 8
+QUIET_V = 2e-5  # less than a tenth of a code at +/-10 V
+WINDOW_S = 0.02  # longest ring that is followed
+SLOWEST_BOUNCE_M_PER_S = 0.02
+MOST_BOUNCES = 25
+TAIL_S = 1.5  # longest tail of a filter that is followed after the last bounce
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of signal on the converter's grid.
+
+    Attributes
+    ----------
+    first : int
+        Position of its first sample on that grid. [1]
+    volts : ndarray, shape (n,)
+        Signal above the baseline. [V]
+    replaces_noise : bool
+        The stretch is a recording and brings its own noise and baseline.
+    """
+
+    first: int
+    volts: NDArray[np.float64]
+    replaces_noise: bool = False
+
+
+@dataclass
+class Touch:
+    """One touch-down of a flight.
+
+    Attributes
+    ----------
+    time_s : float
+        Rig time. [s]
+    speed_m_per_s, restitution_eq6, rebound_speed_m_per_s : float
+        Impact speed, eps of Eq. 6, and speed upwards after it. [m/s, 1, m/s]
+    contact_time_s, peak_force_n : float
+        Duration and peak of the elastic force. [s, N]
+    """
+
+    time_s: float
+    speed_m_per_s: float
+    restitution_eq6: float
+    rebound_speed_m_per_s: float
+    contact_time_s: float
+    peak_force_n: float
+
+
+@dataclass
+class Flight:
+    """One release and all that follows.
+
+    Attributes
+    ----------
+    shot : Shot
+        What falls on what, after the release effects.
+    landing_s : float
+        Rig time of the first touch-down. [s]
+    speed_m_per_s : float
+        Speed at the first touch-down. [m/s]
+    seed : tuple of int
+        Where this flight's chance comes from.
+    touches : list of Touch
+        Filled when the flight is rendered.
+    """
+
+    shot: Shot
+    landing_s: float
+    speed_m_per_s: float
+    seed: tuple[int, ...]
+    touches: list[Touch] = field(default_factory=list)
+
+
+def begin_flight(
+    rig: DrawnRig, shot: Shot, released_s: float, speed_repeatability: float, seed: tuple[int, ...]
+) -> Flight:
+    """Let a sphere go.
+
+    Parameters
+    ----------
+    rig : DrawnRig
+        The truth.
+    shot : Shot
+        What falls on what, from the stated height; changed by the release effects.
+    released_s : float
+        Rig time at which it leaves the tube. [s]
+    speed_repeatability : float
+        Relative standard deviation of the impact speed. [1]
+    seed : tuple of int
+        Where this flight's chance comes from.
+
+    Returns
+    -------
+    Flight
+        In the air.
+    """
+    rng = np.random.default_rng([*seed, 11])
+    for i, effect in enumerate(rig.acting(shot.sphere, shot.surface)):
+        shot.rng = np.random.default_rng([*seed, 12, i])
+        effect.at_release(shot)
+    g = rig.gravity_m_per_s2
+    fall_s = math.sqrt(2.0 * shot.drop_height_m / g)
+    factor = shot.speed_factor * (1.0 + speed_repeatability * rng.standard_normal())
+    return Flight(shot, released_s + fall_s, g * fall_s * factor, seed)
+
+
+def render_flight(
+    rig: DrawnRig,
+    flight: Flight,
+    grid_start_s: float,
+    sample_rate_hz: float,
+    *,
+    until_s: float = math.inf,
+) -> list[Segment]:
+    """Return what the converter's input shows of a flight, bounces included.
+
+    Parameters
+    ----------
+    rig : DrawnRig
+        The truth.
+    flight : Flight
+        Its ``touches`` are filled.
+    grid_start_s : float
+        Rig time of sample 0. [s]
+    sample_rate_hz : float
+        True rate of the converter. [Hz]
+    until_s : float
+        Rig time after which nothing is needed. [s]
+
+    Returns
+    -------
+    list of Segment
+        In order of time; between them nothing happens.
+
+    Notes
+    -----
+    Every bounce starts from a crystal at rest: the ring of the one before has died tens of
+    milliseconds earlier. Filters remember across bounces.
+    """
+    step_s = 1.0 / sample_rate_hz
+    stages = list(_stages(rig, flight))
+    factor = OVERSAMPLING if any(effect.fine_grid for effect, _ in stages) else 1
+    chain = [stage for _, stage in stages]
+    gain_v = 1.0 / (rig.cell.hsd_n_per_v if _is_rigid(rig, flight) else rig.cell.compliance_m_per_v)
+    segments: list[Segment] = []
+    flight.touches.clear()
+    time_s, speed = flight.landing_s, flight.speed_m_per_s
+    at = math.floor((time_s - grid_start_s) / step_s) - 1
+    for bounce in range(MOST_BOUNCES):
+        if time_s > until_s or speed < SLOWEST_BOUNCE_M_PER_S:
+            break
+        first = max(at, math.floor((time_s - grid_start_s) / step_s) - 1)
+        segments += _tail(chain, at, first - at, step_s)
+        rng = np.random.default_rng([*flight.seed, 20, bounce])
+        flight.shot.rng = np.random.default_rng([*flight.seed, 21])
+        bodies = rig.mechanics(flight.shot, speed, rng)
+        points = round(min(WINDOW_S, max(until_s - time_s, 0.0) + 2 * step_s) / step_s)
+        offset_s = grid_start_s + first * step_s - time_s - (factor - 1) * step_s / factor
+        impact = simulate_impact(
+            bodies, speed, first_s=offset_s, step_s=step_s / factor, points=points * factor
+        )
+        raw = impact.elastic_force_n if bodies.rigid else impact.compression_m
+        used = min(points, math.ceil((impact.ended_s - offset_s) / step_s) + 1)
+        volts = raw[: used * factor] * gain_v
+        for stage in chain:
+            volts = stage.process(volts, step_s / factor)
+        segments.append(Segment(first, volts[factor - 1 :: factor]))
+        at = first + used
+        flight.touches.append(_touch(time_s, speed, bodies.restitution, impact))
+        if bounce == 0 and _peak(volts) == 0.0:
+            break
+        if impact.rebound_speed_m_per_s <= 0.0 or _peak(volts) < QUIET_V:
+            break
+        speed = impact.rebound_speed_m_per_s
+        time_s += impact.contact_time_s + 2.0 * speed / rig.gravity_m_per_s2
+    tail_s = min(TAIL_S, max(until_s - (grid_start_s + at * step_s), 0.0))
+    segments += _tail(chain, at, round(tail_s / step_s), step_s)
+    return [segment for segment in segments if segment.volts.size]
+
+
+def _peak(volts: NDArray[np.float64]) -> float:
+    return float(np.max(np.abs(volts), initial=0.0))
+
+
+def _touch(time_s: float, speed: float, eps: float, impact: ImpactTrace) -> Touch:
+    return Touch(
+        time_s,
+        speed,
+        eps,
+        impact.rebound_speed_m_per_s,
+        impact.contact_time_s,
+        impact.peak_force_n,
+    )
+
+
+def _is_rigid(rig: DrawnRig, flight: Flight) -> bool:
+    rng = np.random.default_rng(0)
+    return rig.mechanics(flight.shot, flight.speed_m_per_s, rng).rigid
+
+
+def _stages(rig: DrawnRig, flight: Flight) -> Iterator[tuple[Effect, Stage]]:
+    for i, effect in enumerate(rig.acting(flight.shot.sphere, flight.shot.surface)):
+        flight.shot.rng = np.random.default_rng([*flight.seed, 13, i])
+        stage = effect.stage(flight.shot)
+        if stage is not None:
+            yield effect, stage
+
+
+def _tail(chain: list[Stage], at: int, samples: int, step_s: float) -> list[Segment]:
+    """Return what the filters still say while nothing happens, until they fall silent."""
+    segments: list[Segment] = []
+    block = round(0.01 / step_s)
+    left = samples
+    while left > 0 and not all(stage.is_quiet(QUIET_V) for stage in chain):
+        volts = np.zeros(min(block, left))
+        for stage in chain:
+            volts = stage.process(volts, step_s)
+        segments.append(Segment(at, volts))
+        at += volts.size
+        left -= volts.size
+    return segments

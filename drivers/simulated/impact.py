@@ -1,0 +1,260 @@
+"""One simulated impact: what touches what, how fast, and the trace the crystal gives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.simulated import impact_kernel as kernel
+
+TOLERANCE = 1e-10
+
+
+@dataclass(frozen=True)
+class ContactTerm:
+    """An additional force law, by its code in the kernel and up to three numbers.
+
+    Attributes
+    ----------
+    code : int
+        One of the kernel's term codes.
+    values : tuple of float
+        Its parameters in the kernel's order. [SI]
+    """
+
+    code: int
+    values: tuple[float, ...]
+
+
+@dataclass
+class Mechanics:
+    """Everything mechanical about one impact; effects change it before it is integrated.
+
+    Attributes
+    ----------
+    sphere_mass_kg, sphere_radius_m : float
+        m [kg] and R [m].
+    reduced_modulus_pa : float
+        E*, 1/E* being the sum of (1 - nu^2)/E over both bodies. [Pa]
+    restitution : float
+        eps of Eq. 6, in (0, 1]. [1]
+    gravity_m_per_s2 : float
+        [m/s^2]
+    cell_mass_kg, cell_stiffness_n_per_m, cell_damping_n_s_per_m : float
+        M, k, mu of Eq. 8-10. [kg, N/m, N s/m]
+    rigid : bool
+        The cell does not move (HSD); the force is read directly.
+    dashpot_share : float
+        Part of the dissipative force that loads the crystal. [1]
+    coupon_label_mass_kg : float
+        Mass of the coupon that lies there, whether it moves on its tape or not. [kg]
+    coupon_mass_kg, layer_stiffness_n_per_m, layer_damping_n_s_per_m : float
+        A coupon on its adhesive; mass 0 means glued rigidly. [kg, N/m, N s/m]
+    base_mass_kg, base_stiffness_n_per_m, base_damping_n_s_per_m : float
+        The stand below the cell; mass 0 means it does not move. [kg, N/m, N s/m]
+    mode_mass_kg, mode_angular_frequency_rad_per_s, mode_damping_ratio : float
+        An oscillator on the crystal's top; mass 0 means none. [kg, rad/s, 1]
+    plate_impedance_n_s_per_m : float
+        Z of the receding plate; 0 means it does not recede. [N s/m]
+    tension_stiffness_ratio : float
+        Stiffness of the cell's seat in tension over that in compression. [1]
+    law, law_value : int, float
+        Base elastic law of the kernel and its parameter. [SI]
+    recontact_delay_s, recontact_speed_m_per_s : float
+        A second touch; delay 0 means none. [s, m/s]
+    terms : list of ContactTerm
+        Additional force laws, at most four.
+    """
+
+    sphere_mass_kg: float
+    sphere_radius_m: float
+    reduced_modulus_pa: float
+    restitution: float
+    gravity_m_per_s2: float
+    cell_mass_kg: float
+    cell_stiffness_n_per_m: float
+    cell_damping_n_s_per_m: float
+    rigid: bool = False
+    dashpot_share: float = 0.0
+    coupon_label_mass_kg: float = 0.0
+    coupon_mass_kg: float = 0.0
+    layer_stiffness_n_per_m: float = 0.0
+    layer_damping_n_s_per_m: float = 0.0
+    base_mass_kg: float = 0.0
+    base_stiffness_n_per_m: float = 0.0
+    base_damping_n_s_per_m: float = 0.0
+    mode_mass_kg: float = 0.0
+    mode_angular_frequency_rad_per_s: float = 0.0
+    mode_damping_ratio: float = 0.0
+    plate_impedance_n_s_per_m: float = 0.0
+    tension_stiffness_ratio: float = 1.0
+    law: int = kernel.HERTZ
+    law_value: float = 0.0
+    recontact_delay_s: float = 0.0
+    recontact_speed_m_per_s: float = 0.0
+    terms: list[ContactTerm] = field(default_factory=list)
+
+    @property
+    def contact_stiffness(self) -> float:
+        """Return K of Eq. 4. [N/m^1.5]"""
+        return 4.0 / 3.0 * math.sqrt(self.sphere_radius_m) * self.reduced_modulus_pa
+
+    @property
+    def loss_coefficient(self) -> float:
+        """Return alpha of Eq. 5 (Antypov & Elliott 2011). [1]"""
+        log = math.log(self.restitution)
+        return -math.sqrt(5.0) * log / math.hypot(log, math.pi)
+
+    def vector(self) -> NDArray[np.float64]:
+        """Return the constants in the kernel's order. [SI]"""
+        p = np.zeros(kernel.PARAMETERS)
+        p[: kernel.PARAMETERS] = (
+            self.sphere_mass_kg,
+            self.contact_stiffness,
+            self.loss_coefficient,
+            self.gravity_m_per_s2,
+            self.cell_mass_kg,
+            self.cell_stiffness_n_per_m,
+            self.cell_damping_n_s_per_m,
+            float(self.rigid),
+            self.dashpot_share,
+            self.coupon_mass_kg,
+            self.layer_stiffness_n_per_m,
+            self.layer_damping_n_s_per_m,
+            self.base_mass_kg,
+            self.base_stiffness_n_per_m,
+            self.base_damping_n_s_per_m,
+            self.mode_mass_kg,
+            self.mode_angular_frequency_rad_per_s,
+            self.mode_damping_ratio,
+            self.plate_impedance_n_s_per_m,
+            self.tension_stiffness_ratio,
+            float(self.law),
+            self.law_value,
+            self.sphere_radius_m,
+            self.reduced_modulus_pa,
+            self.recontact_delay_s,
+            self.recontact_speed_m_per_s,
+        )
+        return p
+
+
+@dataclass(frozen=True)
+class ImpactTrace:
+    """What one impact did.
+
+    Attributes
+    ----------
+    compression_m : ndarray, shape (n,)
+        Crystal compression on the grid; zero before touch-down and after the ring died. [m]
+    elastic_force_n : ndarray, shape (n,)
+        Elastic force on the grid; filled for a rigid cell only. [N]
+    rebound_speed_m_per_s : float
+        Speed upwards at the first lift-off; 0 when the sphere never left. [m/s]
+    contact_time_s : float
+        First lift-off after touch-down. [s]
+    peak_force_n, peak_indentation_m, peak_compression_m : float
+        Largest values at the integrator's steps. [N, m, m]
+    ended_s : float
+        When the ring was below one millionth of its peak. [s]
+    steps : int
+        Integrator steps. [1]
+    """
+
+    compression_m: NDArray[np.float64]
+    elastic_force_n: NDArray[np.float64]
+    rebound_speed_m_per_s: float
+    contact_time_s: float
+    peak_force_n: float
+    peak_indentation_m: float
+    peak_compression_m: float
+    ended_s: float
+    steps: int
+
+
+class IntegrationError(RuntimeError):
+    """The simulator could not integrate an impact; its settings are beyond what it can follow."""
+
+
+def simulate_impact(
+    mechanics: Mechanics,
+    speed_m_per_s: float,
+    *,
+    first_s: float = 0.0,
+    step_s: float = 1e-6,
+    points: int = 4000,
+    tolerance: float = TOLERANCE,
+) -> ImpactTrace:
+    """Integrate one impact from touch-down and sample it on a regular grid.
+
+    Parameters
+    ----------
+    mechanics : Mechanics
+        The bodies.
+    speed_m_per_s : float
+        Speed at touch-down, > 0. [m/s]
+    first_s : float
+        Time of the first grid point after touch-down; may be negative. [s]
+    step_s : float
+        Grid step. [s]
+    points : int
+        Grid points. [1]
+    tolerance : float
+        Relative tolerance of the step control. [1]
+
+    Returns
+    -------
+    ImpactTrace
+        Trace and summary.
+
+    Raises
+    ------
+    ValueError
+        If the speed is not positive or too many contact effects act at once.
+    IntegrationError
+        If the step control gives up.
+    """
+    if not speed_m_per_s > 0.0:
+        raise ValueError(f"An impact needs a speed above zero, not {speed_m_per_s} m/s.")
+    if len(mechanics.terms) > kernel.TERMS:
+        raise ValueError(
+            f"{len(mechanics.terms)} contact effects at once; the simulator follows at most "
+            f"{kernel.TERMS}. Switch some of them off."
+        )
+    codes = np.zeros(kernel.TERMS, dtype=np.int64)
+    values = np.zeros((kernel.TERMS, 3))
+    for i, term in enumerate(mechanics.terms):
+        codes[i] = term.code
+        values[i, : len(term.values)] = term.values
+    compression, force = np.zeros(points), np.zeros(points)
+    summary: NDArray[Any] = kernel.integrate(
+        float(speed_m_per_s),
+        mechanics.vector(),
+        codes,
+        values,
+        float(tolerance),
+        float(first_s),
+        float(step_s),
+        compression,
+        force,
+    )
+    if summary[kernel.STATUS] == kernel.TOO_MANY_STEPS:
+        raise IntegrationError(
+            f"The impact at {speed_m_per_s:.3g} m/s needed more than 400000 steps; an effect's "
+            "parameter is far outside its usual size."
+        )
+    return ImpactTrace(
+        compression_m=compression,
+        elastic_force_n=force,
+        rebound_speed_m_per_s=max(float(summary[kernel.REBOUND]), 0.0),
+        contact_time_s=float(summary[kernel.LIFT_OFF]),
+        peak_force_n=float(summary[kernel.FORCE_PEAK]),
+        peak_indentation_m=float(summary[kernel.INDENTATION_PEAK]),
+        peak_compression_m=float(summary[kernel.COMPRESSION_PEAK]),
+        ended_s=float(summary[kernel.END]),
+        steps=int(summary[kernel.STEPS]),
+    )

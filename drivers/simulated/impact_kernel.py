@@ -1,0 +1,420 @@
+"""The simulator's compiled core: laws of contact, equations of motion, DOP853 with events.
+
+All in one file on purpose: the compiler's disk cache watches only the file of the outermost
+function, so a law kept elsewhere could be edited and the old machine code still run.
+Nothing here is shared with the analysis: other integrator, other formulas, other author.
+
+Signs: everything positive downwards; indentation ``delta = x - top - w`` positive in compression.
+Equations: Maranzano & Hancock 2016 (Eq. numbers) and the sources named in each effect's file.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from scipy.integrate import DOP853
+
+# Butcher tableau of Hairer, Norsett & Wanner, Solving ODEs I, as scipy publishes it.
+_A = np.ascontiguousarray(DOP853.A)
+_B = np.ascontiguousarray(DOP853.B)
+_E3 = np.ascontiguousarray(DOP853.E3)
+_E5 = np.ascontiguousarray(DOP853.E5)
+_D = np.ascontiguousarray(DOP853.D)
+_A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
+
+# Places in the parameter vector.
+(
+    MASS, K, ALPHA, GRAVITY, CELL_MASS, CELL_K, CELL_MU, RIGID, SHARE, COUPON_MASS, LAYER_K, LAYER_C,
+    BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO, LAW,
+    LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, PARAMETERS,
+) = range(27)  # fmt: skip
+# Base laws of the elastic force.
+HERTZ, YIELDING, JKR = range(3)
+# Additional terms.
+THICKNESS, ROUGHNESS, KUWABARA_KONO, HUNT_CROSSLEY, RELAXATION, RATE_POWER, FILM = range(1, 8)
+TERMS = 4  # as many contact effects may act at once, each with one state of its own
+# Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, then the terms.
+_X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _Z = range(12)
+_N = _Z + TERMS
+# Places in the summary.
+STATUS, REBOUND, LIFT_OFF, FORCE_PEAK, INDENTATION_PEAK, COMPRESSION_PEAK, END, STEPS = range(8)
+OK, TOO_MANY_STEPS, NEVER_LEFT = range(3)
+_MAX_STEPS = 400_000
+_LONGEST_STEP_S = 10e-6
+
+
+@njit(cache=False)
+def _jkr_force(delta, p):
+    # Johnson, Kendall & Roberts 1971; W = 2 gamma. Newton from the right of a convex function.
+    R, E, W = p[RADIUS], p[E_STAR], p[LAW_VALUE]
+    a_off = (0.25 * R * math.sqrt(2.0 * math.pi * W / E)) ** (2.0 / 3.0)
+    if delta <= -3.0 * a_off * a_off / R:
+        a = a_off
+    else:
+        a = math.sqrt(R * max(delta, 0.0)) + 2.0 * (2.0 * math.pi * W * R * R / E) ** (1.0 / 3.0)
+        for _ in range(60):
+            g = a * a / R - math.sqrt(2.0 * math.pi * W * a / E) - delta
+            slope = 2.0 * a / R - 0.5 * math.sqrt(2.0 * math.pi * W / (E * a))
+            if slope <= 0.0:
+                a = a_off
+                break
+            step = g / slope
+            a = max(a - step, a_off)
+            if abs(step) < 1e-14 * a:
+                break
+    return 4.0 * E * a**3 / (3.0 * R) - math.sqrt(8.0 * math.pi * W * E * a**3)
+
+
+@njit(cache=False)
+def _release_indentation(p, memory):
+    # Where contact ends: back at zero, at the dent's floor, or where the neck snaps.
+    if p[LAW] == YIELDING and memory[0] > 0.0:
+        return memory[3]
+    if p[LAW] == JKR:
+        a = (0.25 * p[RADIUS] * math.sqrt(2.0 * math.pi * p[LAW_VALUE] / p[E_STAR])) ** (2.0 / 3.0)
+        return -3.0 * a * a / p[RADIUS]
+    return 0.0
+
+
+@njit(cache=False)
+def _yield_indentation(p):
+    a = math.pi * p[LAW_VALUE] * p[RADIUS] / (2.0 * p[E_STAR])
+    return a * a / p[RADIUS]
+
+
+@njit(cache=False)
+def _law(delta, p, memory):
+    d = max(delta, 0.0)
+    if p[LAW] == JKR:
+        return _jkr_force(delta, p)
+    if p[LAW] == YIELDING:
+        if memory[0] > 0.0:
+            return memory[2] * max(delta - memory[3], 0.0) ** 1.5
+        dy = _yield_indentation(p)
+        if d > dy:
+            return p[K] * dy**1.5 + 1.5 * p[K] * math.sqrt(dy) * (d - dy)
+    return p[K] * d * math.sqrt(d)
+
+
+@njit(cache=False)
+def _begin_unloading(delta, p, memory):
+    # Thornton 1997: unloading along a Hertz curve of a flattened radius.
+    dy = _yield_indentation(p)
+    memory[1] = delta
+    memory[0] = 1.0
+    if delta <= dy:
+        memory[2], memory[3] = p[K], 0.0
+        return
+    top = p[K] * dy**1.5 + 1.5 * p[K] * math.sqrt(dy) * (delta - dy)
+    at_yield = p[K] * dy**1.5
+    area = ((2.0 * top + at_yield) / (2.0 * math.pi * p[LAW_VALUE])) ** 1.5
+    radius = 4.0 * p[E_STAR] / (3.0 * top) * area
+    memory[2] = 4.0 / 3.0 * p[E_STAR] * math.sqrt(radius)
+    memory[3] = delta - (top / memory[2]) ** (2.0 / 3.0)
+
+
+@njit(cache=False)
+def _forces(delta, rate, p, codes, values, s, memory):
+    """Return what the crystal sees and what only the sphere feels. [N]"""
+    d = max(delta, 0.0)
+    root = math.sqrt(d)
+    elastic = _law(delta, p, memory)
+    above = max(delta - (memory[3] if memory[0] > 0.0 else 0.0), 0.0)
+    loss = p[ALPHA] * math.sqrt(p[MASS] * p[K]) * math.sqrt(math.sqrt(above)) * rate
+    factor, added = 1.0, 0.0
+    for i in range(TERMS):
+        code = codes[i]
+        if code == 0:
+            break
+        a, b, c = values[i, 0], values[i, 1], values[i, 2]
+        if code == THICKNESS:
+            X = math.sqrt(p[RADIUS] * d) / a
+            factor *= 1.0 + X * (1.133 + X * (1.283 + X * (0.769 + X * 0.0975)))
+        elif code == ROUGHNESS:
+            factor *= -math.expm1(-d / a)
+        elif code == KUWABARA_KONO:
+            loss += 1.5 * a * p[K] * root * rate
+        elif code == HUNT_CROSSLEY:
+            loss += a * p[K] * d * root * rate
+        elif code == RELAXATION:
+            added += a * p[K] * (d * root - s[_Z + i])
+        elif code == RATE_POWER:
+            factor *= 1.0 + a * ((rate / b) ** 2 + 1e-4) ** (0.5 * c)
+        elif code == FILM:
+            squeeze = a * math.exp(-d / b) * rate
+            added += squeeze if rate > 0.0 else c * squeeze
+    return elastic * factor + added, loss
+
+
+@njit(cache=False)
+def _motion(s, touching, p, codes, values, memory, ds):
+    top, top_rate = (s[_Y], s[_YD]) if p[COUPON_MASS] > 0.0 else (s[_U], s[_UD])
+    delta = s[_X] - top - s[_W]
+    rate = s[_V] - top_rate
+    felt, loss, recede = 0.0, 0.0, 0.0
+    if touching:
+        felt, loss = _forces(delta, rate, p, codes, values, s, memory)
+        if p[IMPEDANCE] > 0.0:
+            # w' = F/Z with F affine in (rate - w'): one secant step is exact.
+            first = felt + loss
+            trial = first / p[IMPEDANCE]
+            e2, l2 = _forces(delta, rate - trial, p, codes, values, s, memory)
+            slope = (first - e2 - l2) / trial if trial != 0.0 else 0.0
+            recede = first / (p[IMPEDANCE] + slope)
+            felt, loss = _forces(delta, rate - recede, p, codes, values, s, memory)
+    for i in range(TERMS):
+        ds[_Z + i] = 0.0
+        if codes[i] == RELAXATION:
+            d = max(delta, 0.0) if touching else 0.0
+            ds[_Z + i] = (d * math.sqrt(d) - s[_Z + i]) / values[i, 1]
+    ds[_X] = s[_V]
+    ds[_V] = p[GRAVITY] - (felt + loss) / p[MASS]
+    ds[_W] = recede
+    for i in range(_U, _W):
+        ds[i] = 0.0
+    if p[RIGID] > 0.0:
+        return felt
+    push = felt + p[SHARE] * loss
+    if p[COUPON_MASS] > 0.0:
+        through = p[LAYER_K] * (s[_Y] - s[_U]) + p[LAYER_C] * (s[_YD] - s[_UD])
+        ds[_Y] = s[_YD]
+        ds[_YD] = (push - through) / p[COUPON_MASS]
+        push = through
+    squeeze = s[_U] - s[_BS]
+    stiffness = p[CELL_K] if squeeze >= 0.0 else p[CELL_K] * p[TENSION_RATIO]
+    cell = stiffness * squeeze + p[CELL_MU] * (s[_UD] - s[_BSD])
+    side = 0.0
+    if p[MODE_MASS] > 0.0:
+        w = p[MODE_OMEGA]
+        pull = w * w * (s[_U] - s[_Q]) + 2.0 * p[MODE_ZETA] * w * (s[_UD] - s[_QD])
+        side = p[MODE_MASS] * pull
+        ds[_Q], ds[_QD] = s[_QD], pull
+    ds[_U] = s[_UD]
+    ds[_UD] = (push - cell - side) / p[CELL_MASS]
+    if p[BASE_MASS] > 0.0:
+        ds[_BS] = s[_BSD]
+        ds[_BSD] = (cell - p[BASE_K] * s[_BS] - p[BASE_C] * s[_BSD]) / p[BASE_MASS]
+    return felt
+
+
+@njit(cache=False)
+def _between(theta, start, F, out):
+    for j in range(_N):
+        acc = 0.0
+        for i in range(7):
+            acc += F[6 - i, j]
+            acc *= theta if i % 2 == 0 else 1.0 - theta
+        out[j] = acc + start[j]
+
+
+@njit(cache=False)
+def _gap(s, p):
+    return s[_X] - (s[_Y] if p[COUPON_MASS] > 0.0 else s[_U]) - s[_W]
+
+
+@njit(cache=False)
+def _gap_rate(s, p):
+    return s[_V] - (s[_YD] if p[COUPON_MASS] > 0.0 else s[_UD])
+
+
+@njit(cache=False)
+def _event(kind, s, p, memory):
+    """Return a value that falls through zero at the event of this kind."""
+    if kind == 0:  # lift-off
+        return _gap(s, p) - _release_indentation(p, memory)
+    if kind == 1:  # touch
+        return -_gap(s, p)
+    if kind == 2:  # deepest point of a yielding contact
+        return _gap_rate(s, p)
+    return memory[1] - _gap(s, p)  # a reloaded dent reaches virgin material
+
+
+@njit(cache=True)
+def integrate(speed, p, codes, values, tolerance, first_s, step_s, compression, force):
+    """Integrate one impact from touch-down and sample it on a regular grid.
+
+    Parameters
+    ----------
+    speed : float
+        Speed at touch-down, > 0. [m/s]
+    p : ndarray, shape (PARAMETERS,)
+        Constants in the order of this module's names. [SI]
+    codes : ndarray of int64, shape (TERMS,)
+        Which additional contact terms act; 0 ends the list.
+    values : ndarray, shape (TERMS, 3)
+        Their parameters. [SI]
+    tolerance : float
+        Relative tolerance of the step control; absolute ones follow from the impact's scales. [1]
+    first_s, step_s : float
+        Time of the first grid point after touch-down and grid step. [s]
+    compression, force : ndarray, shape (n,)
+        Filled with the crystal's compression [m] and the elastic force [N]; zero where quiet.
+
+    Returns
+    -------
+    ndarray, shape (8,)
+        Summary in the order of this module's names. [SI]
+    """
+    s, f, out = np.zeros(_N), np.zeros(_N), np.zeros(_N)
+    new, stage, memory = np.zeros(_N), np.zeros(_N), np.zeros(4)
+    kk, F = np.zeros((16, _N)), np.zeros((7, _N))
+    summary = np.zeros(8)
+    deep = (1.25 * p[MASS] * speed * speed / p[K]) ** 0.4
+    small = p[K] * deep**1.5 / p[CELL_K]
+    omega = math.sqrt(p[CELL_K] / p[CELL_MASS])
+    atol = np.full(_N, tolerance * small)
+    atol[_X] = atol[_W] = tolerance * deep
+    atol[_V] = tolerance * speed
+    for i in (_UD, _YD, _BSD, _QD):
+        atol[i] = tolerance * small * omega
+    for i in range(TERMS):
+        atol[_Z + i] = tolerance * deep**1.5
+    s[_V] = speed
+    touching, flown, recontacted = True, False, p[RECONTACT_AT] <= 0.0
+    t, h, grid, points = 0.0, 1e-9, 0, compression.size
+    while grid < points and first_s + grid * step_s < 0.0:
+        grid += 1
+    last_loud = 0.0
+    steps = 0
+    _motion(s, touching, p, codes, values, memory, f)
+    while True:
+        steps += 1
+        if steps > _MAX_STEPS:
+            summary[STATUS] = TOO_MANY_STEPS
+            break
+        h = min(h, _LONGEST_STEP_S)
+        forced = (not recontacted) and flown and t + h >= p[RECONTACT_AT]
+        if forced:
+            h = max(p[RECONTACT_AT] - t, 1e-12)
+        for j in range(_N):
+            kk[0, j] = f[j]
+        for i in range(1, 12):
+            for j in range(_N):
+                acc = 0.0
+                for l in range(i):  # noqa: E741 - the tableau's own index
+                    acc += _A[i, l] * kk[l, j]
+                stage[j] = s[j] + h * acc
+            _motion(stage, touching, p, codes, values, memory, kk[i])
+        for j in range(_N):
+            acc = 0.0
+            for l in range(12):  # noqa: E741 - the tableau's own index
+                acc += _B[l] * kk[l, j]
+            new[j] = s[j] + h * acc
+        _motion(new, touching, p, codes, values, memory, kk[12])
+        e5 = e3 = 0.0
+        for j in range(_N):
+            scale = atol[j] + tolerance * max(abs(s[j]), abs(new[j]))
+            a5 = a3 = 0.0
+            for l in range(13):  # noqa: E741 - the tableau's own index
+                a5 += _E5[l] * kk[l, j]
+                a3 += _E3[l] * kk[l, j]
+            e5 += (a5 / scale) ** 2
+            e3 += (a3 / scale) ** 2
+        error = 0.0
+        if e5 > 0.0 or e3 > 0.0:
+            error = h * e5 / math.sqrt((e5 + 0.01 * e3) * _N)
+        if error > 1.0 and h > 1e-15:
+            h *= max(0.2, 0.9 * error**-0.125)
+            continue
+        for e in range(3):
+            for j in range(_N):
+                acc = 0.0
+                for l in range(13 + e):  # noqa: E741 - the tableau's own index
+                    acc += _A_EXTRA[e, l] * kk[l, j]
+                stage[j] = s[j] + h * acc
+            _motion(stage, touching, p, codes, values, memory, kk[13 + e])
+        for j in range(_N):
+            F[0, j] = new[j] - s[j]
+            F[1, j] = h * f[j] - F[0, j]
+            F[2, j] = 2.0 * F[0, j] - h * (kk[12, j] + f[j])
+            for i in range(4):
+                acc = 0.0
+                for l in range(16):  # noqa: E741 - the tableau's own index
+                    acc += _D[i, l] * kk[l, j]
+                F[3 + i, j] = h * acc
+        # Which event, if any, lies in this step? The earliest counts.
+        theta, kind_found = 2.0, -1
+        for kind in range(4):
+            if touching:
+                if kind == 1 or (kind >= 2 and p[LAW] != YIELDING):
+                    continue
+                if (kind == 2 and memory[0] > 0.0) or (kind == 3 and memory[0] <= 0.0):
+                    continue
+            elif kind != 1:
+                continue
+            if _event(kind, new, p, memory) >= 0.0:
+                continue
+            if t == 0.0 and kind == 0:
+                pass
+            elif _event(kind, s, p, memory) <= 0.0:
+                continue
+            low, high = 0.0, 1.0
+            for _ in range(60):
+                middle = 0.5 * (low + high)
+                _between(middle, s, F, out)
+                if _event(kind, out, p, memory) >= 0.0:
+                    low = middle
+                else:
+                    high = middle
+            if high < theta:
+                theta, kind_found = high, kind
+        used = h if kind_found < 0 else theta * h
+        while grid < points and first_s + grid * step_s <= t + used:
+            part = (first_s + grid * step_s - t) / h
+            _between(part, s, F, out)
+            compression[grid] = out[_U] - out[_BS]
+            if touching and (p[RIGID] > 0.0):
+                d = _gap(out, p)
+                force[grid], _ = _forces(d, _gap_rate(out, p), p, codes, values, out, memory)
+            grid += 1
+        if kind_found >= 0:
+            _between(theta, s, F, new)
+        t += used
+        for j in range(_N):
+            s[j] = new[j]
+        if kind_found == 0:
+            touching = False
+            for i in range(4):
+                memory[i] = 0.0
+            if not flown:
+                summary[REBOUND], summary[LIFT_OFF] = -s[_V], t
+                flown = True
+        elif kind_found == 1:
+            touching = True
+        elif kind_found == 2:
+            _begin_unloading(_gap(s, p), p, memory)
+        elif kind_found == 3:
+            memory[0] = 0.0
+        elif forced:
+            recontacted = True
+            if not touching:
+                touching = True
+                s[_X] += -_gap(s, p)
+                s[_V] += p[RECONTACT_SPEED] - _gap_rate(s, p)
+                last_loud = t
+        felt = _motion(s, touching, p, codes, values, memory, f)
+        if kind_found >= 0 or forced:
+            h = min(1e-9, 0.1 * h) if kind_found != 0 else 1e-8
+        elif error > 0.0:
+            h *= min(6.0, 0.9 * error**-0.125)
+        else:
+            h *= 6.0
+        squeezed = abs(s[_U] - s[_BS])
+        if touching:
+            summary[FORCE_PEAK] = max(summary[FORCE_PEAK], felt)
+            summary[INDENTATION_PEAK] = max(summary[INDENTATION_PEAK], _gap(s, p))
+            last_loud = t
+        summary[COMPRESSION_PEAK] = max(summary[COMPRESSION_PEAK], squeezed)
+        if squeezed > 1e-6 * summary[COMPRESSION_PEAK]:
+            last_loud = t
+        if not flown and t > 0.05:
+            summary[STATUS] = NEVER_LEFT  # too slow or too sticky to leave
+            break
+        if flown and not touching and recontacted and t - last_loud > 6e-4:
+            break
+        if grid >= points and flown:
+            break
+    summary[END], summary[STEPS] = t, steps
+    return summary

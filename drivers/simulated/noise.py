@@ -1,0 +1,99 @@
+"""Noise of the simulated electronics: white, 1/f, or correlated from sample to sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+
+@dataclass(frozen=True)
+class NoiseSettings:
+    """How the input rustles when nothing happens.
+
+    Attributes
+    ----------
+    rms_v : float
+        Standard deviation of the white or autoregressive part. [V]
+    ar1 : float
+        Correlation from one sample to the next, 0 for white. [1]
+    pink_corner_hz : float
+        Frequency at which a 1/f part (in power) equals the white part's density; 0 for none. [Hz]
+    """
+
+    rms_v: float = 1.5e-3
+    ar1: float = 0.0
+    pink_corner_hz: float = 300.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is not noise."""
+        if self.rms_v < 0.0 or not -1.0 < self.ar1 < 1.0 or self.pink_corner_hz < 0.0:
+            raise ValueError(
+                f"Noise needs rms_v >= 0, -1 < ar1 < 1 and pink_corner_hz >= 0, not {self}."
+            )
+
+
+def noise_record(
+    settings: NoiseSettings, samples: int, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return a stretch of white or AR(1) noise that is stationary from its first sample.
+
+    Parameters
+    ----------
+    settings : NoiseSettings
+        Level and correlation; the 1/f part is left out.
+    samples : int
+        Length. [1]
+    rng : numpy.random.Generator
+        Source of chance.
+
+    Returns
+    -------
+    ndarray, shape (samples,)
+        Noise. [V]
+    """
+    white = rng.standard_normal(samples)
+    if settings.ar1 == 0.0:
+        return settings.rms_v * white
+    rho = settings.ar1
+    innovation = np.sqrt(1.0 - rho * rho)
+    white[1:] *= innovation
+    return settings.rms_v * np.asarray(lfilter([1.0], [1.0, -rho], white))
+
+
+def noise_table(
+    settings: NoiseSettings, samples: int, sample_rate_hz: float, rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Return noise that joins its own beginning, so that it can be read round and round.
+
+    Parameters
+    ----------
+    settings : NoiseSettings
+        Level, correlation and 1/f part.
+    samples : int
+        Length; a power of two is quickest. [1]
+    sample_rate_hz : float
+        Rate at which it will be read. [Hz]
+    rng : numpy.random.Generator
+        Source of chance.
+
+    Returns
+    -------
+    ndarray of float32, shape (samples,)
+        Noise. [V]
+
+    Notes
+    -----
+    Shaped in the frequency domain: AR(1) has the density ``(1 - rho^2)/|1 - rho exp(-i w)|^2``, the
+    1/f part ``f_c / f`` of the white density, cut below the table's first line.
+    """
+    spectrum = np.fft.rfft(rng.standard_normal(samples).astype(np.float32))
+    f = np.fft.rfftfreq(samples)
+    rho = settings.ar1
+    power = (1.0 - rho * rho) / np.abs(1.0 - rho * np.exp(-2j * np.pi * f)) ** 2
+    if settings.pink_corner_hz > 0.0:
+        power[1:] += settings.pink_corner_hz / (f[1:] * sample_rate_hz)
+    table = np.fft.irfft(spectrum * np.sqrt(power), samples) * settings.rms_v
+    return table.astype(np.float32)

@@ -1,0 +1,102 @@
+"""What the simulated laboratory owns: spheres, surfaces and a load cell, as their labels say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class SphereSpec:
+    """A sphere as its label describes it.
+
+    Attributes
+    ----------
+    radius_m, mass_kg : float
+        R [m] and m [kg].
+    youngs_modulus_pa, youngs_modulus_u_pa : float
+        Nominal E and the standard deviation the true one is drawn with. [Pa]
+    poissons_ratio, poissons_ratio_u : float
+        The same for nu. [1]
+    """
+
+    radius_m: float
+    mass_kg: float
+    youngs_modulus_pa: float
+    youngs_modulus_u_pa: float
+    poissons_ratio: float
+    poissons_ratio_u: float = 0.01
+
+
+@dataclass(frozen=True)
+class SurfaceSpec:
+    """A coupon as its label describes it.
+
+    Attributes
+    ----------
+    youngs_modulus_pa, youngs_modulus_u_pa : float or None, float
+        Nominal E and its standard deviation; ``None``: unknown, drawn from 0.5 to 10 GPa. [Pa]
+    poissons_ratio, poissons_ratio_u : float
+        The same for nu. [1]
+    coupon_mass_kg : float
+        Mass of the coupon. [kg]
+    """
+
+    youngs_modulus_pa: float | None
+    youngs_modulus_u_pa: float
+    poissons_ratio: float
+    poissons_ratio_u: float = 0.01
+    coupon_mass_kg: float = 0.004
+
+
+@dataclass(frozen=True)
+class CellSpec:
+    """The load cell as its certificate describes it, values and standard deviations.
+
+    Attributes
+    ----------
+    compliance_m_per_v, compliance_u_m_per_v : float
+        c of Eq. 11. [m/V]
+    crystal_mass_kg, crystal_mass_u_kg : float
+        M. [kg]
+    crystal_stiffness_n_per_m, crystal_stiffness_u_n_per_m : float
+        k. [N/m]
+    crystal_damping_n_s_per_m, crystal_damping_u_n_s_per_m : float
+        mu. [N s/m]
+    hsd_n_per_v : float or None
+        S of Eq. 7 for a rigid cell; ``None`` takes k c. [N/V]
+    """
+
+    compliance_m_per_v: float = 1.2e-8
+    compliance_u_m_per_v: float = 3.6e-10
+    crystal_mass_kg: float = 35.4e-3
+    crystal_mass_u_kg: float = 3.1e-3
+    crystal_stiffness_n_per_m: float = 0.416e9
+    crystal_stiffness_u_n_per_m: float = 0.042e9
+    crystal_damping_n_s_per_m: float = 560.0
+    crystal_damping_u_n_s_per_m: float = 60.0
+    hsd_n_per_v: float | None = None
+
+
+def _sphere(radius_m: float, mass_kg: float, e_pa: float, nu: float) -> SphereSpec:
+    return SphereSpec(radius_m, mass_kg, e_pa, 0.02 * e_pa, nu)
+
+
+# Table 1 of the paper; where it gives a range of moduli, its middle. The small acetal sphere is
+# the one of the example campaigns.
+SPHERES: dict[str, SphereSpec] = {
+    "steel": _sphere(2.99e-3, 0.8780e-3, 194e9, 0.33),
+    "acetal": _sphere(4.76e-3, 0.6116e-3, 3.15e9, 0.35),
+    "acetal_small": _sphere(3.175e-3, 0.1895e-3, 3.15e9, 0.35),
+    "polypropylene": _sphere(4.76e-3, 0.4024e-3, 3.15e9, 0.38),
+    "hdpe": _sphere(4.76e-3, 0.4232e-3, 1.08e9, 0.35),
+    "ptfe": _sphere(4.76e-3, 0.9692e-3, 0.5e9, 0.46),
+    "neoprene": _sphere(3.18e-3, 0.1981e-3, 0.082e9, 0.499),
+}
+
+SURFACES: dict[str, SurfaceSpec] = {
+    "aluminium": SurfaceSpec(69e9, 1e9, 0.33, coupon_mass_kg=8.1e-3),
+    "polycarbonate": SurfaceSpec(2.2e9, 5e7, 0.37, coupon_mass_kg=3.6e-3),
+    "pvc": SurfaceSpec(3.25e9, 6.5e7, 0.395, coupon_mass_kg=4.2e-3),
+    "ptfe": SurfaceSpec(0.5e9, 1e7, 0.46, coupon_mass_kg=6.5e-3),
+    "specimen": SurfaceSpec(None, 0.0, 0.37, 0.02, coupon_mass_kg=3.8e-3),
+}

@@ -1,0 +1,456 @@
+"""One simulated rig: time, sphere, coupon, cell, noise, behind the seam its transports use."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ConfigurationError
+from drivers.simulated.clock import RigClock
+from drivers.simulated.drawn_rig import draw_rig
+from drivers.simulated.effects import Effect, Shot
+from drivers.simulated.faults import Faults
+from drivers.simulated.flight import Flight, Segment, begin_flight, render_flight
+from drivers.simulated.impact import Mechanics, simulate_impact
+from drivers.simulated.noise import NoiseSettings, noise_table
+from drivers.simulated.replay import Recording
+from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec, SphereSpec, SurfaceSpec
+
+_CODES = 65536
+_TABLE_SAMPLES = 1 << 21
+_NEVER = 1 << 62
+
+
+@dataclass(frozen=True)
+class WorldSettings:
+    """What a simulated rig is made of.
+
+    Attributes
+    ----------
+    seed : int
+        Same seed and same commands at the same rig times give the same codes.
+    clock_speed : float
+        1 real time, 20 accelerated, ``math.inf`` as fast as the host reads. [1]
+    rate_error : float
+        True sample rate over the one asked for. [1]
+    spheres, surfaces : Mapping
+        What lies in the drawers, as labelled; a surface without modulus is drawn anywhere.
+    cell : CellSpec
+        The load cell's certificate.
+    cell_model : str
+        ``"kv"``, or ``"hsd"`` for a rigid cell.
+    exact : bool
+        Labels and certificate are the truth; nothing about them is drawn.
+    effects : sequence of Effect or str
+        What the base model lacks; ``"random"`` draws one from the seed and keeps it to itself.
+    restitution : Mapping
+        eps of Eq. 6 by (sphere, surface); pairs left out are drawn from 0.65 to 0.85. [1]
+    restitution_scatter : float
+        Standard deviation of eps from impact to impact. [1]
+    noise : NoiseSettings
+        What the input shows when nothing happens.
+    offset_v : float
+        Baseline. [V]
+    gravity_m_per_s2 : float
+        [m/s^2]
+    speed_repeatability : float
+        Relative standard deviation of the impact speed. [1]
+    release_latency_s, release_jitter_s : float
+        From the valve's command to the sphere leaving the tube: mean and standard deviation. [s]
+    vacuum_held_v, vacuum_open_v, no_vacuum_v : float
+        Gauge with a sphere on the tube, with an open tube, and with the pump shut off. [V]
+    recording : Recording or None
+        Played at every release in place of a simulated impact.
+    """
+
+    seed: int = 1
+    clock_speed: float = 1.0
+    rate_error: float = 1.0
+    spheres: Mapping[str, SphereSpec] = field(default_factory=lambda: dict(SPHERES))
+    surfaces: Mapping[str, SurfaceSpec] = field(default_factory=lambda: dict(SURFACES))
+    cell: CellSpec = field(default_factory=CellSpec)
+    cell_model: str = "kv"
+    exact: bool = False
+    effects: Sequence[Effect] | str = ()
+    restitution: Mapping[tuple[str, str], float] = field(default_factory=dict)
+    restitution_scatter: float = 0.008
+    noise: NoiseSettings = field(default_factory=NoiseSettings)
+    offset_v: float = 0.0
+    gravity_m_per_s2: float = 9.80665
+    speed_repeatability: float = 0.003
+    release_latency_s: float = 0.012
+    release_jitter_s: float = 0.001
+    vacuum_held_v: float = 3.2
+    vacuum_open_v: float = 1.4
+    no_vacuum_v: float = 0.3
+    recording: Recording | None = None
+
+
+@dataclass(frozen=True)
+class _Hanging:
+    sphere: str
+    surface: str
+    drop_height_m: float
+
+
+@dataclass(frozen=True)
+class _Stream:
+    began_s: float
+    rate_hz: float
+    range_v: float
+    gain: float
+    offset_v: float
+    table_at: int
+
+
+class World:
+    """One rig: time, sphere, coupon, cell, noise. Thread safe.
+
+    Parameters
+    ----------
+    settings : WorldSettings
+        What it is made of.
+
+    Attributes
+    ----------
+    settings : WorldSettings
+        As given.
+    clock : RigClock
+        Rig time.
+    faults : Faults
+        Switches for whatever shall break.
+    """
+
+    def __init__(self, settings: WorldSettings) -> None:
+        if settings.cell_model not in ("kv", "hsd"):
+            raise ConfigurationError(f"cell_model is 'kv' or 'hsd', not {settings.cell_model!r}.")
+        self.settings = settings
+        self.clock = RigClock(settings.clock_speed)
+        self.faults = Faults()
+        self._lock = threading.RLock()
+        self._rig = draw_rig(
+            settings.seed,
+            settings.spheres,
+            settings.surfaces,
+            settings.cell,
+            settings.effects,
+            restitution=settings.restitution,
+            restitution_scatter=settings.restitution_scatter,
+            gravity_m_per_s2=settings.gravity_m_per_s2,
+            rigid_cell=settings.cell_model == "hsd",
+            exact=settings.exact,
+        )
+        self._vacuum_on = True
+        self._hanging: _Hanging | None = None
+        self._leaves_s = math.inf
+        self._releases = 0
+        self._streams = 0
+        self._recording = settings.recording
+        self._flights: list[tuple[Flight, Recording | None]] = []
+        self._stream: _Stream | None = None
+        self._segments: dict[int, list[Segment]] = {}
+        self._conversions = [c for e in self._rig.effects if (c := e.conversion()) is not None]
+        _warm_up()
+
+    # -- acquisition side ---------------------------------------------------------------------
+
+    def start_stream(
+        self,
+        sample_rate_hz: float,
+        range_v: float,
+        *,
+        board_gain: float = 1.0,
+        board_offset_v: float = 0.0,
+    ) -> None:
+        """Start the converter: sample 0 is now.
+
+        Parameters
+        ----------
+        sample_rate_hz : float
+            Rate asked for; the true one is this times ``rate_error``. [Hz]
+        range_v : float
+            +/- range. [V]
+        board_gain, board_offset_v : float
+            The board's own error, ``V = gain * Vraw + offset``, as its calibration table
+            states it. [1, V]
+        """
+        with self._lock:
+            table_at = (self._streams * 700_001) % _TABLE_SAMPLES
+            self._streams += 1
+            self._stream = _Stream(
+                self.clock.now_s(),
+                sample_rate_hz * self.settings.rate_error,
+                range_v,
+                board_gain,
+                board_offset_v,
+                table_at,
+            )
+            self._segments = {}
+
+    def stop_stream(self) -> None:
+        """Stop the converter; do nothing when it stands."""
+        with self._lock:
+            self._stream = None
+
+    def samples_due(self) -> int:
+        """Return how many samples the converter has produced since `start_stream`.
+
+        Returns
+        -------
+        int
+            Samples; a very large number while a driven clock streams, 0 without a stream. [1]
+        """
+        stream = self._stream
+        if stream is None:
+            return 0
+        if self.clock.is_driven:
+            return _NEVER
+        return int((self.clock.now_s() - stream.began_s) * stream.rate_hz)
+
+    def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
+        """Return the converter's codes of samples ``start`` to ``start + count``.
+
+        Parameters
+        ----------
+        start, count : int
+            Position in the stream and number of samples. [1]
+
+        Returns
+        -------
+        ndarray of uint16, shape (count,)
+            Offset binary, ``V = code * 2 R / 65536 - R``.
+
+        Raises
+        ------
+        RuntimeError
+            If no stream runs.
+        """
+        with self._lock:
+            stream = self._stream
+            if stream is None:
+                raise RuntimeError("The converter stands: start_stream comes first.")
+            self.clock.advance_to(stream.began_s + (start + count) / stream.rate_hz)
+            self._let_go()
+            quiet = _quiet_codes(
+                self.settings.noise,
+                self.settings.seed,
+                self.settings.offset_v,
+                stream.rate_hz,
+                (stream.range_v, stream.gain, stream.offset_v),
+            )
+            codes = _read_round(quiet.codes, stream.table_at + start, count)
+            self._add_signal(stream, quiet.volts, start, codes)
+            for conversion in self._conversions:
+                codes = conversion[codes]
+            return codes
+
+    def _add_signal(
+        self,
+        stream: _Stream,
+        noise: NDArray[np.float32],
+        start: int,
+        codes: NDArray[np.uint16],
+    ) -> None:
+        """Write over the quiet codes wherever something is to be seen."""
+        stop = start + codes.size
+        pieces = [s for s in self._visible(stream, stop) if s.first < stop]
+        pieces = [s for s in pieces if s.first + s.volts.size > start]
+        has_hum = any(e.ambient(np.zeros(1)) is not None for e in self._rig.effects)
+        if not pieces and not has_hum:
+            return
+        low = start if has_hum else max(start, min(s.first for s in pieces))
+        high = stop if has_hum else min(stop, max(s.first + s.volts.size for s in pieces))
+        volts = _read_round(noise, stream.table_at + low, high - low).astype(np.float64)
+        volts += self.settings.offset_v
+        if has_hum:
+            t = stream.began_s + np.arange(low, high) / stream.rate_hz
+            for effect in self._rig.effects:
+                hum = effect.ambient(t)
+                if hum is not None:
+                    volts += hum
+        for piece in pieces:
+            a, b = max(low, piece.first), min(high, piece.first + piece.volts.size)
+            part = piece.volts[a - piece.first : b - piece.first]
+            if piece.replaces_noise:
+                volts[a - low : b - low] = part
+            else:
+                volts[a - low : b - low] += part
+        codes[low - start : high - start] = _quantise(
+            volts, (stream.range_v, stream.gain, stream.offset_v)
+        )
+
+    def _visible(self, stream: _Stream, stop: int) -> list[Segment]:
+        """Return the segments of all flights that may reach before ``stop``, rendered once."""
+        found: list[Segment] = []
+        for i, (flight, recording) in enumerate(self._flights):
+            if (flight.landing_s - stream.began_s) * stream.rate_hz > stop + 2e6 and not recording:
+                continue
+            if i not in self._segments:
+                if recording is not None:
+                    piece = recording.render(flight.landing_s, stream.began_s, stream.rate_hz)
+                    self._segments[i] = [piece]
+                else:
+                    self._segments[i] = render_flight(
+                        self._rig, flight, stream.began_s, stream.rate_hz
+                    )
+            found += self._segments[i]
+        return found
+
+    # -- valve side ---------------------------------------------------------------------------
+
+    def set_vacuum(self, on: bool) -> None:
+        """Switch the vacuum; without it the sphere leaves the tube a moment later.
+
+        Parameters
+        ----------
+        on : bool
+            Whether the pump is connected. Back in time, the sphere stays where it is.
+        """
+        with self._lock:
+            self._let_go()
+            if on:
+                self._leaves_s = math.inf
+            elif self._vacuum_on and self._hanging is not None:
+                rng = np.random.default_rng([self.settings.seed, 30, self._releases])
+                jitter = self.settings.release_jitter_s * rng.standard_normal()
+                delay_s = max(self.settings.release_latency_s + jitter, 1e-4)
+                self._leaves_s = self.clock.now_s() + delay_s
+            self._vacuum_on = on
+
+    def _let_go(self) -> None:
+        """Turn a sphere whose time has come into a flight; it begins when it was due."""
+        if self._hanging is None or self.clock.now_s() < self._leaves_s:
+            return
+        hanging, leaves_s = self._hanging, self._leaves_s
+        self._hanging, self._leaves_s = None, math.inf
+        seed = (self.settings.seed, 40, self._releases)
+        shot = Shot(
+            number=self._releases,
+            sphere=hanging.sphere,
+            surface=hanging.surface,
+            drop_height_m=hanging.drop_height_m,
+            rng=np.random.default_rng(seed),
+        )
+        self._releases += 1
+        flight = begin_flight(self._rig, shot, leaves_s, self.settings.speed_repeatability, seed)
+        self._flights.append((flight, self._recording))
+
+    def vacuum_volts(self) -> float:
+        """Return what the vacuum gauge shows. [V]"""
+        with self._lock:
+            self._let_go()
+            if not self._vacuum_on:
+                return self.settings.no_vacuum_v
+            if self._hanging is None:
+                return self.settings.vacuum_open_v
+            return self.settings.vacuum_held_v
+
+    # -- the person ---------------------------------------------------------------------------
+
+    def load(self, sphere: str, surface: str, drop_height_m: float) -> None:
+        """Hang a sphere over a surface; without vacuum it does not stay.
+
+        Parameters
+        ----------
+        sphere, surface : str
+            Names from the settings.
+        drop_height_m : float
+            Height above the surface. [m]
+
+        Raises
+        ------
+        ConfigurationError
+            If a name is unknown or the height is not positive.
+        """
+        for name, drawer in ((sphere, self.settings.spheres), (surface, self.settings.surfaces)):
+            if name not in drawer:
+                raise ConfigurationError(
+                    f"The simulated laboratory has no {name!r}; it has {', '.join(drawer)}.",
+                    remedy="Name it in the simulated rig's materials.",
+                )
+        if not drop_height_m > 0.0:
+            raise ConfigurationError(f"A drop height is above zero, not {drop_height_m} m.")
+        with self._lock:
+            self._let_go()
+            if self.faults.no_sphere or not self._vacuum_on:
+                return
+            self._hanging = _Hanging(sphere, surface, drop_height_m)
+            self._leaves_s = math.inf
+
+    def replay(self, recording: Recording | None) -> None:
+        """Play a recording at the next releases, or simulate again.
+
+        Parameters
+        ----------
+        recording : Recording or None
+            ``None`` for simulated impacts.
+        """
+        with self._lock:
+            self._recording = recording
+
+    # -- truth --------------------------------------------------------------------------------
+
+    def truth(self) -> dict[str, object]:
+        """Return everything drawn and everything that happened, ready for JSON."""
+        with self._lock:
+            shots = [
+                {
+                    "sphere": flight.shot.sphere,
+                    "surface": flight.shot.surface,
+                    "true_drop_height_m": flight.shot.drop_height_m,
+                    "landing_s": flight.landing_s,
+                    "impact_speed_m_per_s": flight.speed_m_per_s,
+                    "replayed": recording is not None,
+                    "touches": [asdict(touch) for touch in flight.touches],
+                }
+                for flight, recording in self._flights
+            ]
+            noise = asdict(self.settings.noise)
+            return {"seed": self.settings.seed, **self._rig.truth(), "noise": noise, "shots": shots}
+
+
+@dataclass(frozen=True)
+class _Quiet:
+    volts: NDArray[np.float32]
+    codes: NDArray[np.uint16]
+
+
+@lru_cache(maxsize=4)
+def _quiet_codes(
+    noise: NoiseSettings,
+    seed: int,
+    offset_v: float,
+    rate_hz: float,
+    board: tuple[float, float, float],
+) -> _Quiet:
+    rng = np.random.default_rng([seed, 50])
+    volts = noise_table(noise, _TABLE_SAMPLES, rate_hz, rng)
+    return _Quiet(volts, _quantise(volts.astype(np.float64) + offset_v, board))
+
+
+def _quantise(volts: NDArray[np.float64], board: tuple[float, float, float]) -> NDArray[np.uint16]:
+    """Return offset binary codes; a converter stops at the ends of its range."""
+    range_v, gain, offset_v = board
+    ideal = np.rint(((volts - offset_v) / gain + range_v) * (_CODES / (2.0 * range_v)))
+    return np.clip(ideal, 0, _CODES - 1).astype(np.uint16)
+
+
+def _read_round(table: NDArray[np.generic], start: int, count: int) -> NDArray[np.generic]:
+    """Return a copy of ``count`` values of a table that repeats."""
+    at = start % table.size
+    if at + count <= table.size:
+        return table[at : at + count].copy()
+    return np.take(table, np.arange(at, at + count), mode="wrap")
+
+
+@lru_cache(maxsize=1)
+def _warm_up() -> None:
+    """Have the integrator compiled before the first sphere falls."""
+    bodies = Mechanics(6e-4, 4.76e-3, 1.5e9, 0.8, 9.80665, 0.0354, 4.16e8, 560.0)
+    simulate_impact(bodies, 0.5, points=10)
