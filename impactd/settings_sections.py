@@ -149,7 +149,11 @@ class DigitizerSection(Section):
     )
     ring_seconds: float = _key("Length of the ring buffer", "s", gt=0, le=60, default=4.0)
     transfer_bytes: int = _key(
-        "Size of one bulk read, a multiple of 512", "byte", ge=512, multiple_of=512, default=65536
+        "Size of one bulk read, a multiple of 512", "byte", ge=512, multiple_of=512, default=16384
+    )
+
+    wire_log_file: Path | None = _choice(
+        "Where to write every USB transfer, for the first run with a new board", default=None
     )
 
     @field_validator("range_v")

@@ -1,0 +1,173 @@
+"""Opening the rig's devices, looking at them while nothing runs, and making them safe."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+from drivers.errors import AbortedError, DriverError
+from impactd.acquisition.failures import Doubt, Failure, failure_of
+from impactd.acquisition.preflight import Baseline, Check, check_input
+from impactd.rig import Rig
+from impactd.settings_sections import PreflightSection
+
+# An abort waits this long for a release command that is on the wire just now; longer would break
+# its promise of 100 ms.
+_RELEASE_PATIENCE_S = 0.03
+
+
+@dataclass
+class Findings:
+    """What was found at the last look; replaced as a whole, so reading needs no lock.
+
+    Attributes
+    ----------
+    checks : tuple of Check
+        Digitizer, valve, sphere, input.
+    baseline : Baseline or None
+        Of the idle input.
+    """
+
+    checks: tuple[Check, ...] = field(default=())
+    baseline: Baseline | None = None
+
+    @property
+    def refusal(self) -> Check | None:
+        """The first check that forbids a drop."""
+        return next((check for check in self.checks if not check.ok), None)
+
+
+def connect(rig: Rig) -> None:
+    """Open both devices; a device that fails is given back, so that the next try starts clean.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its devices may be open, lost or never opened.
+
+    Raises
+    ------
+    DriverError
+        The valve's trouble first: it is the part that can drop something.
+    """
+    troubles: list[DriverError] = []
+    for device in (rig.valve, rig.digitizer):
+        try:
+            device.ensure_ready()
+        except DriverError as error:
+            troubles.append(error)
+            with suppress(DriverError):
+                device.close()
+    if troubles:
+        raise troubles[0]
+
+
+def look(rig: Rig, limits: PreflightSection, *, at_input: bool) -> Findings:
+    """Look at an idle rig.
+
+    Parameters
+    ----------
+    rig : Rig
+        Connected; nothing runs.
+    limits : PreflightSection
+        What the idle input may be.
+    at_input : bool
+        Whether to sample the input too, which takes some ten milliseconds.
+
+    Returns
+    -------
+    Findings
+        Never raises for a check that fails.
+
+    Raises
+    ------
+    DriverError
+        If a device does not answer.
+    """
+    reading = rig.valve.vacuum()
+    sphere = (
+        "cannot tell whether a sphere is held: the valve has no vacuum gauge"
+        if reading is None
+        else f"{'a sphere is held' if reading.held else 'no sphere is held'}, gauge "
+        f"{reading.volts:.2f} V"
+    )
+    who = rig.digitizer.identity
+    note = f" ({who.note})" if who.note else ""
+    confirms = "reads back" if rig.valve.can_confirm else "commanded, unconfirmed"
+    checks = [
+        Check("digitizer", True, f"{who.model} {who.serial_number}{note}"),
+        Check("valve", True, f"{rig.valve.identity}, {confirms}, vacuum on"),
+        Check("sphere", True, sphere),
+    ]
+    baseline = None
+    if at_input:
+        baseline = Baseline.of(rig.digitizer.sample_baseline(limits.baseline_samples))
+        checks.append(check_input(baseline, limits))
+    return Findings(tuple(checks), baseline)
+
+
+def make_safe(rig: Rig, release_lock: threading.Lock | None = None) -> list[DriverError]:
+    """Put the vacuum on and stop the digitizer, from any thread, whatever state they are in.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its devices may be gone.
+    release_lock : Lock, optional
+        Held around a release; waited for briefly, so that "vacuum on" comes last.
+
+    Returns
+    -------
+    list of DriverError
+        What did not work; both devices were tried.
+    """
+    troubles: list[DriverError] = []
+    locked = release_lock.acquire(timeout=_RELEASE_PATIENCE_S) if release_lock else False
+    try:
+        rig.valve.ensure_safe()
+    except DriverError as error:
+        troubles.append(error)
+    finally:
+        if release_lock is not None and locked:
+            release_lock.release()
+    try:
+        rig.digitizer.ensure_stopped()
+    except DriverError as error:
+        troubles.append(error)
+    return troubles
+
+
+def confirm_safe(rig: Rig) -> Failure | None:
+    """Make safe and ask for proof, after a drop that ended early.
+
+    Parameters
+    ----------
+    rig : Rig
+        Its devices may be gone.
+
+    Returns
+    -------
+    Failure or None
+        What speaks against the next drop.
+    """
+    troubles = make_safe(rig)
+    try:
+        report = rig.valve.hold()
+    except AbortedError:
+        report = None
+    except DriverError as error:
+        troubles.insert(0, error)
+        report = None
+    if troubles:
+        found = failure_of(troubles[0])
+        doubt = found.doubt if found.doubt is not Doubt.NONE else Doubt.RETRY
+        return Failure(found.problem, doubt)
+    if report is not None and rig.valve.can_confirm and not report.confirmed:
+        return failure_of(
+            DriverError(
+                "The relay board did not read back that the vacuum is on.",
+                remedy="Take the sphere off, then check relay and valve.",
+            )
+        )
+    return None

@@ -1,0 +1,76 @@
+"""Why a request to the rig was refused, drawn as one tree.
+
+::
+
+    RequestRefusedError             nothing was begun and nothing moved
+    ├── BusyError                   somebody else's drop is under way
+    ├── NotReadyError               the rig cannot take a drop now
+    │   └── CalibrationRefusedError a calibration run cannot be started
+    └── DropHeightError             the height is none that this rig allows
+"""
+
+from __future__ import annotations
+
+
+class RequestRefusedError(Exception):
+    """A request was refused; nothing was begun and nothing moved."""
+
+
+class BusyError(RequestRefusedError):
+    """Somebody else holds the rig.
+
+    Parameters
+    ----------
+    owner : str
+        Who does.
+    number : int or None
+        Their drop, ``None`` between two drops of a series.
+    """
+
+    def __init__(self, owner: str, number: int | None) -> None:
+        self.owner = owner
+        self.number = number
+        what = f"drop {number} of {owner} is under way" if number else f"{owner} holds the rig"
+        super().__init__(f"The rig is busy: {what}. Wait for its end, or abort it.")
+
+
+class NotReadyError(RequestRefusedError):
+    """The rig cannot take a drop now.
+
+    Parameters
+    ----------
+    sentence : str
+        Why.
+    remedy : str
+        What to do.
+    """
+
+    def __init__(self, sentence: str, remedy: str) -> None:
+        self.sentence = sentence
+        self.remedy = remedy
+        super().__init__(f"{sentence} {remedy}".strip())
+
+
+class CalibrationRefusedError(NotReadyError):
+    """A calibration run cannot be started."""
+
+
+class DropHeightError(RequestRefusedError):
+    """The height is none that this rig allows.
+
+    Parameters
+    ----------
+    drop_height_m : float
+        What was asked for. [m]
+    lowest_m, greatest_m : float
+        What the rig allows. [m]
+    """
+
+    def __init__(self, drop_height_m: float, lowest_m: float, greatest_m: float) -> None:
+        self.drop_height_m = drop_height_m
+        self.lowest_m = lowest_m
+        self.greatest_m = greatest_m
+        super().__init__(
+            f"A drop height of {drop_height_m:g} m is outside what this rig allows, "
+            f"{lowest_m:g} to {greatest_m:g} m. Is it in metres?"
+        )

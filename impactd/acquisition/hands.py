@@ -1,0 +1,102 @@
+"""In whose hands the rig is, and what an abort found there: values without behaviour."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from drivers.errors import DriverError
+from impactd.acquisition.transitions import DROP_UNDER_WAY, State
+
+
+class Reservation:
+    """The rig in one pair of hands for a series of drops.
+
+    Parameters
+    ----------
+    owner : str
+        Who holds it.
+    calibration : int or None
+        The calibration run whose drops are let through.
+
+    Attributes
+    ----------
+    aborted : threading.Event
+        Set when somebody aborts the series.
+    aborted_by : str
+        Who that was.
+    """
+
+    def __init__(self, owner: str, calibration: int | None) -> None:
+        self.owner = owner
+        self.calibration = calibration
+        self.aborted = threading.Event()
+        self.aborted_by = ""
+
+
+@dataclass(frozen=True)
+class AbortReport:
+    """What an abort found and did.
+
+    Attributes
+    ----------
+    aborted : bool
+        Whether something was under way and is not any more.
+    drop : int or None
+        The drop that was ended.
+    sentence : str
+        The same in words, with whatever did not work.
+    took_s : float
+        From the call to valve safe, digitizer stopped, state changed. [s]
+    """
+
+    aborted: bool
+    drop: int | None
+    sentence: str
+    took_s: float
+
+
+def report_of(
+    before: State,
+    drop: int | None,
+    reservation: Reservation | None,
+    troubles: Sequence[DriverError],
+    took_s: float,
+) -> AbortReport:
+    """Put an abort into words.
+
+    Parameters
+    ----------
+    before : State
+        Where the rig was.
+    drop : int or None
+        The drop that was under way.
+    reservation : Reservation or None
+        The series that was under way.
+    troubles : sequence of DriverError
+        What could not be made safe.
+    took_s : float
+        [s]
+
+    Returns
+    -------
+    AbortReport
+        Honest about a drop that came too far to be ended.
+    """
+    ended = drop if before in DROP_UNDER_WAY else None
+    if ended is not None:
+        what = f"Drop {ended} was aborted."
+    elif before is State.STORING:
+        what = f"Drop {drop} was past aborting: nothing moves any more and its shot is kept."
+    elif before is State.STOPPING:
+        what = f"Drop {drop} was ending already."
+    else:
+        what = "No drop was under way."
+    if reservation is not None:
+        what += f" The series of {reservation.owner} was ended."
+    if troubles:
+        what += " NOT MADE SAFE: " + " ".join(str(trouble) for trouble in troubles)
+    else:
+        what += " The vacuum is on and the digitizer is stopped."
+    return AbortReport(ended is not None or reservation is not None, ended, what, took_s)

@@ -1,0 +1,247 @@
+"""What must be true before the valve may open: facts in, checks with sentences out.
+
+Nothing here touches a device or the disk; the service collects the facts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from impactd.settings_sections import CalibrationSection, PreflightSection
+from impactd.storage.calibrations import Calibration
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at.
+
+    Attributes
+    ----------
+    name : str
+        ``digitizer``, ``valve``, ``sphere``, ``input``, ``disk``, ``calibration``.
+    ok : bool
+        Whether it allows a drop.
+    sentence : str
+        What was found, with values and units.
+    remedy : str
+        What to do, empty when it is ``ok``.
+    """
+
+    name: str
+    ok: bool
+    sentence: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The idle input.
+
+    Attributes
+    ----------
+    mean_v, noise_rms_v : float
+        Mean and standard deviation. [V]
+    samples : int
+        How many were looked at. [1]
+    """
+
+    mean_v: float
+    noise_rms_v: float
+    samples: int
+
+    @classmethod
+    def of(cls, signal_v: NDArray[np.float64]) -> Baseline:
+        """Return mean and standard deviation of a stretch of idle input.
+
+        Parameters
+        ----------
+        signal_v : ndarray, shape (n,)
+            [V]
+
+        Returns
+        -------
+        Baseline
+            Of all samples.
+        """
+        return cls(float(np.mean(signal_v)), float(np.std(signal_v)), int(signal_v.size))
+
+
+def check_input(baseline: Baseline, limits: PreflightSection) -> Check:
+    """Judge the idle input.
+
+    Parameters
+    ----------
+    baseline : Baseline
+        As measured just now.
+    limits : PreflightSection
+        What is allowed.
+
+    Returns
+    -------
+    Check
+        ``input``.
+    """
+    found = (
+        f"baseline {baseline.mean_v * 1e3:.2f} mV, noise {baseline.noise_rms_v * 1e3:.3f} mV rms"
+    )
+    if not limits.baseline_min_v <= baseline.mean_v <= limits.baseline_max_v:
+        return Check(
+            "input",
+            False,
+            f"{found}: the baseline must lie between {limits.baseline_min_v * 1e3:g} and "
+            f"{limits.baseline_max_v * 1e3:g} mV",
+            "See that nothing rests on the cell, then wait until its conditioner has settled.",
+        )
+    if baseline.noise_rms_v > limits.noise_max_v:
+        return Check(
+            "input",
+            False,
+            f"{found}: the noise must stay below {limits.noise_max_v * 1e3:g} mV rms",
+            "Look for vibration (pump, steps) and for a loose cable between cell and conditioner.",
+        )
+    if baseline.noise_rms_v < limits.noise_min_v:
+        return Check(
+            "input",
+            False,
+            f"{found}: an input that quiet (below {limits.noise_min_v * 1e3:g} mV rms) is dead",
+            "Check that cell and conditioner are switched on and wired to the configured channel.",
+        )
+    return Check("input", True, found)
+
+
+def check_disk(free_above_reserve_bytes: int) -> Check:
+    """Judge the space on the disk.
+
+    Parameters
+    ----------
+    free_above_reserve_bytes : int
+        Free space above the reserve, negative inside it. [byte]
+
+    Returns
+    -------
+    Check
+        ``disk``.
+    """
+    megabytes = free_above_reserve_bytes / 1e6
+    if free_above_reserve_bytes < 0:
+        return Check(
+            "disk",
+            False,
+            f"the archive's disk lacks {-megabytes:.0f} MB of its reserve",
+            "Free space, or move storage.directory to another disk.",
+        )
+    return Check("disk", True, f"{megabytes:.0f} MB free above the reserve")
+
+
+@dataclass(frozen=True)
+class CalibrationState:
+    """How the load cell's calibration stands.
+
+    Attributes
+    ----------
+    word : str
+        ``none``, ``valid``, ``due`` (ends soon) or ``overdue``.
+    number : int or None
+        The calibration in force.
+    finished_utc, valid_until_utc : str or None
+        When it was made and when it ends.
+    days_left : float or None
+        Until it ends; negative when overdue. [d]
+    drift_sigmas : float or None
+        Largest drift against the one before. [1]
+    sentence : str
+        The same in words.
+    """
+
+    word: str
+    number: int | None
+    finished_utc: str | None
+    valid_until_utc: str | None
+    days_left: float | None
+    drift_sigmas: float | None
+    sentence: str
+
+    @property
+    def valid(self) -> bool:
+        """Whether results may rest on it."""
+        return self.word in ("valid", "due")
+
+
+def calibration_state(
+    current: Calibration | None, section: CalibrationSection, now: datetime | None = None
+) -> CalibrationState:
+    """Say how the calibration stands.
+
+    Parameters
+    ----------
+    current : Calibration or None
+        The last one that was done.
+    section : CalibrationSection
+        When to remind.
+    now : datetime, optional
+        Aware; the present moment when left out.
+
+    Returns
+    -------
+    CalibrationState
+        In words and fields.
+    """
+    if current is None or current.valid_until_utc is None:
+        return CalibrationState(
+            "none", None, None, None, None, None, "the load cell was never calibrated on this rig"
+        )
+    ends = datetime.fromisoformat(current.valid_until_utc)
+    left = ends - (now or datetime.now(UTC))
+    date = current.valid_until_utc[:10]
+    if left < timedelta(0):
+        word, sentence = "overdue", f"calibration {current.number} is overdue since {date}"
+    elif left < timedelta(days=section.remind_days):
+        word, sentence = "due", f"calibration {current.number} is due by {date}"
+    else:
+        word, sentence = "valid", f"calibration {current.number} is valid until {date}"
+    return CalibrationState(
+        word,
+        current.number,
+        current.finished_utc,
+        current.valid_until_utc,
+        left / timedelta(days=1),
+        _drift_sigmas(current.result),
+        sentence,
+    )
+
+
+def check_calibration(
+    state: CalibrationState, limits: PreflightSection, *, for_calibration: bool = False
+) -> Check:
+    """Judge the calibration.
+
+    Parameters
+    ----------
+    state : CalibrationState
+        How it stands.
+    limits : PreflightSection
+        Whether a valid one is required.
+    for_calibration : bool
+        Drops of a calibration run may go without.
+
+    Returns
+    -------
+    Check
+        ``calibration``.
+    """
+    required = limits.require_valid_calibration and not for_calibration
+    if required and not state.valid:
+        return Check("calibration", False, state.sentence, "Run `impactd calibrate`.")
+    return Check("calibration", True, state.sentence)
+
+
+def _drift_sigmas(result: dict[str, Any] | None) -> float | None:
+    drift = (result or {}).get("drift")
+    worst = drift.get("worst_sigmas") if isinstance(drift, dict) else None
+    return float(worst) if isinstance(worst, (int, float)) and math.isfinite(worst) else None

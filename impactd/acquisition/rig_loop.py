@@ -1,0 +1,429 @@
+"""The thread that drives the devices: connect, look while idle, walk drops, clean up, recover.
+
+Every failure of a drop and every abort ends in `RigLoop._clean_up`: vacuum on, digitizer stopped,
+evidence kept, the drop's row closed with its reason, and then IDLE, or FAULT when the rig itself
+is in doubt.
+"""
+
+from __future__ import annotations
+
+import queue
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+import structlog
+
+from drivers.errors import AbortedError, DriverError, RecordError
+from impactd.acquisition.devices import Findings, confirm_safe, connect, look, make_safe
+from impactd.acquisition.drop_run import DropRun
+from impactd.acquisition.events import Event
+from impactd.acquisition.failures import Doubt, Failure, failure_of
+from impactd.acquisition.preflight import Check
+from impactd.acquisition.transitions import Machine, State
+from impactd.materials import Materials
+from impactd.rig import Rig
+from impactd.settings import Settings
+from impactd.storage.archive import Archive, ArchiveError, Drop, Shot
+from impactd.storage.problem import Problem
+
+_log = structlog.get_logger("impactd.acquisition")
+_LOOP_S = 0.1
+_INPUT_EVERY_LOOKS = 10
+
+Publish = Callable[[str, dict[str, Any]], None]
+
+
+class RigLoop:
+    """The service's thread and what it owns.
+
+    Parameters
+    ----------
+    rig, archive, settings, materials
+        As `AcquisitionService` was given them.
+    publish : callable
+        Never raises.
+
+    Attributes
+    ----------
+    machine : Machine
+        The state.
+    present : threading.Lock
+        Guards which drop is the present one together with the machine's step into and out of it.
+        Held for microseconds only, because an abort takes it.
+    run : DropRun or None
+        The present drop; read and written under `present`.
+    fault : Failure or None
+        Why the rig is in doubt.
+    findings : Findings
+        Of the last look.
+    beat_s : float
+        When the loop was last seen alive, on the monotonic clock. [s]
+    changed : threading.Condition
+        Notified when a drop ended or the rig became idle.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        archive: Archive,
+        settings: Settings,
+        materials: Materials,
+        publish: Publish,
+    ) -> None:
+        self.machine = Machine()
+        self.present = threading.Lock()
+        self.run: DropRun | None = None
+        self.fault: Failure | None = None
+        self.findings = Findings()
+        self.beat_s = time.monotonic()
+        self.changed = threading.Condition()
+        self.ending = threading.Event()
+        self._rig = rig
+        self._archive = archive
+        self._settings = settings
+        self._materials = materials
+        self._publish = publish
+        self._queue: queue.SimpleQueue[DropRun] = queue.SimpleQueue()
+        self._wake = threading.Event()
+        self._acknowledged = threading.Event()
+        self._unwritten: list[tuple[int, str, Problem | None]] = []
+        self._looked_s = -1e9
+        self._tried_s = -1e9
+        self._looks = 0
+        self._thread: threading.Thread | None = None
+
+    # For other threads
+
+    def start(self) -> None:
+        """Open the devices in the loop's own thread."""
+        self.ending.clear()
+        self.machine.apply(Event.STARTED)
+        self._thread = threading.Thread(target=self._loop, name="acquisition", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Wait for the loop's end; what runs must have been aborted after `ending` was set."""
+        self.ending.set()
+        self._wake.set()
+        thread, self._thread = self._thread, None
+        if thread is not None:
+            thread.join(timeout=30.0)
+        make_safe(self._rig)
+
+    def is_running(self) -> bool:
+        """Return whether the thread lives."""
+        thread = self._thread
+        return thread is not None and thread.is_alive()
+
+    def begin(self, drop: Drop) -> None:
+        """Take a drop whose row is durable; the machine must be idle."""
+        run = DropRun(
+            drop,
+            rig=self._rig,
+            archive=self._archive,
+            settings=self._settings,
+            materials=self._materials,
+            machine=self.machine,
+            moved=self._moved,
+            beat=self._beat,
+        )
+        with self.present:
+            self.machine.apply(Event.REQUESTED)
+            self.run = run
+        self._queue.put(run)
+        self._wake.set()
+
+    def look_again(self) -> None:
+        """Let the next look be now, because a person may have mended something."""
+        self._looked_s = -1e9
+        self._looks = 0
+        self._wake.set()
+
+    def acknowledge(self) -> None:
+        """Ask for the devices again although a person was called for."""
+        self._acknowledged.set()
+        self._wake.set()
+
+    def tell_state(self) -> None:
+        """Publish the state."""
+        with self.present:
+            run, state = self.run, self.machine.state
+        self._publish(
+            "rig.state",
+            {
+                "state": state.value,
+                "drop": run.drop.number if run else None,
+                "owner": run.drop.owner if run else None,
+                "doing": run.progress.doing if run else "",
+            },
+        )
+
+    # The loop
+
+    def _loop(self) -> None:
+        while not self.ending.is_set():
+            self._turn_safely()
+            self._wake.wait(_LOOP_S)
+            self._wake.clear()
+        # A drop that was admitted in the last moment has been aborted by now: close its row.
+        self._run_queued()
+        with self.present:
+            self.machine.apply(Event.SHUT_DOWN)
+        self.tell_state()
+
+    def _turn_safely(self) -> None:
+        self._beat()
+        try:
+            self._turn()
+        except Exception as error:  # a defect must not end the thread that closes the valve
+            _log.exception("the acquisition loop met a defect")
+            self._doubt(failure_of(error))
+
+    def _turn(self) -> None:
+        if self._run_queued():
+            return
+        state = self.machine.state
+        if state is State.CONNECTING:
+            self._connect()
+        elif state is State.IDLE:
+            if time.monotonic() - self._looked_s >= self._settings.timeouts.idle_check_every_s:
+                self._look()
+        elif state is State.FAULT and self._should_retry():
+            self.machine.apply(Event.RETRIED)
+            self.tell_state()
+            self._connect()
+
+    def _run_queued(self) -> bool:
+        try:
+            run = self._queue.get_nowait()
+        except queue.Empty:
+            return False
+        try:
+            shot = run.run()
+        except Exception as error:
+            self._clean_up(run, error)
+        else:
+            self._stored(run, shot)
+        run.finished.set()
+        self._notify()
+        self.look_again()
+        return True
+
+    def _should_retry(self) -> bool:
+        if self._acknowledged.is_set():
+            self._acknowledged.clear()
+            return True
+        if self.fault is not None and self.fault.doubt is Doubt.PERSON:
+            return False
+        pause_s = time.monotonic() - self._tried_s
+        return pause_s >= self._settings.timeouts.recover_every_s
+
+    def _connect(self) -> None:
+        self._tried_s = time.monotonic()
+        try:
+            connect(self._rig)
+            self._write_unwritten()
+            self._looks = 0
+            self._look_at(at_input=True)
+        except (DriverError, ArchiveError) as error:
+            found = failure_of(error)
+            doubt = Doubt.PERSON if found.doubt is Doubt.PERSON else Doubt.RETRY
+            self.fault = Failure(found.problem, doubt)
+            event = Event.FAILED
+        else:
+            self.fault = None
+            event = Event.CONNECTED
+        with self.present:
+            self.machine.apply(event)
+        if self.fault is not None:
+            self._publish(
+                "rig.fault",
+                {"detail": self.fault.problem.detail, "remedy": self.fault.problem.remedy},
+            )
+        self.tell_state()
+        self._notify()
+
+    # While idle
+
+    def _look(self) -> None:
+        refusal = self.findings.refusal
+        at_input = self._looks % _INPUT_EVERY_LOOKS == 0 or refusal is not None
+        try:
+            self._look_at(at_input=at_input)
+        except AbortedError:
+            return  # somebody made the rig safe just now; look again next time
+        except DriverError as error:
+            found = failure_of(error)
+            doubt = Doubt.RETRY if found.doubt is Doubt.NONE else found.doubt
+            self._doubt(Failure(found.problem, doubt))
+
+    def _look_at(self, *, at_input: bool) -> None:
+        limits = self._settings.preflight
+        try:
+            found = look(self._rig, limits, at_input=at_input)
+        except RecordError as error:
+            # Lost samples are no lost device: the input refuses until a look succeeds.
+            check = Check("input", False, error.what.rstrip("."), error.remedy)
+            found = Findings((*self.findings.checks[:3], check), None)
+        if not at_input:
+            kept = tuple(check for check in self.findings.checks if check.name == "input")
+            found = Findings((*found.checks, *kept), self.findings.baseline)
+        self.findings = found
+        self._looked_s = time.monotonic()
+        self._looks += 1
+
+    def _doubt(self, fault: Failure) -> None:
+        """Go to FAULT from IDLE; a drop that came in meanwhile will find out for itself."""
+        with self.present:
+            if self.run is not None or self.machine.state is not State.IDLE:
+                return
+            self.fault = fault
+            self.machine.apply(Event.RIG_DOUBTED)
+        self._tell_fault(fault)
+
+    # Ends of a drop
+
+    def _stored(self, run: DropRun, shot: Shot) -> None:
+        number = run.drop.number
+        stored_ns = time.monotonic_ns()
+        fault = failure_of(run.hold_error) if run.hold_error is not None else None
+        try:
+            self._archive.jobs.enqueue("fit_shot", {"shot": shot.number}, f"shot {shot.number}")
+        except ArchiveError as error:
+            # The shot is safe; `POST /fits` fits it later.
+            _log.exception("the fit could not be queued", shot=shot.number)
+            self._publish("job.lost", {"shot": shot.number, "detail": str(error)})
+        with self.present:
+            self.run = None
+            self.fault = fault
+            self.machine.apply(Event.STORED if fault is None else Event.RIG_DOUBTED)
+        self._publish(
+            "drop.stored",
+            {**about_drop(self._archive.drop(number)), **run.durations_s(stored_ns)},
+        )
+        if fault is not None:
+            self._tell_fault(fault)
+        self.tell_state()
+
+    def _clean_up(self, run: DropRun, error: Exception) -> None:
+        failure = failure_of(error)
+        with self.present:
+            self.machine.apply(Event.FAILED)
+        self.tell_state()
+        unsafe = confirm_safe(self._rig)
+        state, problem = self._ending_of(run, failure)
+        if problem.type == "internal":
+            _log.error("a drop met a defect", drop=run.drop.number, exc_info=error)
+        self._keep_evidence(run, failure, problem)
+        stuck = self._write(run.drop.number, state, problem)
+        fault = self._worst(failure, unsafe, stuck)
+        with self.present:
+            self.run = None
+            self.fault = fault
+            self.machine.apply(Event.MADE_SAFE if fault is None else Event.RIG_DOUBTED)
+        self._publish(
+            f"drop.{state}",
+            {
+                "number": run.drop.number,
+                "type": problem.type,
+                "detail": problem.detail,
+                "remedy": problem.remedy,
+            },
+        )
+        if fault is not None:
+            self._tell_fault(fault)
+        self.tell_state()
+
+    @staticmethod
+    def _ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
+        if not run.aborting.is_set():
+            return "failed", failure.problem
+        detail = f"{run.aborted_by} aborted drop {run.drop.number} while it {run.progress.doing}."
+        if failure.problem.type != "aborted":
+            detail += f" Besides: {failure.problem.detail}"
+        remedy = "Ask for a new drop; the sphere may have fallen, so look at the coupon first."
+        return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
+
+    @staticmethod
+    def _worst(*found: Failure | None) -> Failure | None:
+        doubtful = [f for f in found if f is not None and f.doubt is not Doubt.NONE]
+        calling = [f for f in doubtful if f.doubt is Doubt.PERSON]
+        return next(iter(calling or doubtful), None)
+
+    def _keep_evidence(self, run: DropRun, failure: Failure, problem: Problem) -> None:
+        if failure.record is None:
+            return
+        try:
+            path = self._archive.keep_partial(
+                run.drop.number, failure.record, run.about(), problem.detail
+            )
+        except (ArchiveError, DriverError) as error:
+            _log.warning("the partial record could not be kept", detail=str(error))
+        else:
+            self._publish("drop.partial", {"number": run.drop.number, "file": path.name})
+
+    def _write(self, number: int, state: str, problem: Problem | None) -> Failure | None:
+        """Close a drop's row; when the archive cannot, remember it and doubt the rig."""
+        try:
+            self._archive.set_drop_state(number, state, problem)
+        except ArchiveError as error:
+            _log.exception("a drop's end could not be written", drop=number)
+            self._unwritten.append((number, state, problem))
+            return Failure(failure_of(error).problem, Doubt.RETRY)
+        return None
+
+    def _write_unwritten(self) -> None:
+        while self._unwritten:
+            number, state, problem = self._unwritten[0]
+            self._archive.set_drop_state(number, state, problem)
+            self._unwritten.pop(0)
+
+    # Small things
+
+    def _moved(self, drop_state: str | None) -> None:
+        """Write and tell each step of a drop."""
+        self._beat()
+        with self.present:
+            run = self.run
+        if drop_state is not None and run is not None:
+            self._archive.set_drop_state(run.drop.number, drop_state)
+            self._publish(f"drop.{drop_state}", {"number": run.drop.number})
+        self.tell_state()
+
+    def _tell_fault(self, fault: Failure) -> None:
+        self._tried_s = time.monotonic()
+        self._publish("rig.fault", {"detail": fault.problem.detail, "remedy": fault.problem.remedy})
+
+    def _beat(self) -> None:
+        self.beat_s = time.monotonic()
+
+    def _notify(self) -> None:
+        with self.changed:
+            self.changed.notify_all()
+
+
+def about_drop(drop: Drop) -> dict[str, Any]:
+    """Return what events say about a drop.
+
+    Parameters
+    ----------
+    drop : Drop
+        Its row.
+
+    Returns
+    -------
+    dict
+        JSON-ready.
+    """
+    return {
+        "number": drop.number,
+        "state": drop.state,
+        "shot": drop.shot,
+        "owner": drop.owner,
+        "sphere": drop.request.sphere,
+        "surface": drop.request.surface,
+        "drop_height_m": drop.request.drop_height_m,
+        "calibration": drop.calibration,
+    }

@@ -1,0 +1,413 @@
+"""The acquisition service: admits one drop at a time, walks it, aborts it, and says how it is.
+
+::
+
+    any thread ── request_drop ──> row in the archive ──> machine: REQUESTED ──┐
+    any thread ── abort ──> vacuum on, digitizer stopped, machine: ABORTED     │
+                                                                               v
+    rig_loop.RigLoop ── connect ── look (idle) ── DropRun.run ── clean up ── recover
+
+Only the loop's own thread drives the devices. An abort is the one exception: it touches them
+from the caller's thread, because it must not wait for anything.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import Any
+
+import structlog
+
+from impactd.acquisition.devices import make_safe
+from impactd.acquisition.errors import BusyError, DropHeightError, NotReadyError
+from impactd.acquisition.events import Event
+from impactd.acquisition.hands import AbortReport, Reservation, report_of
+from impactd.acquisition.preflight import (
+    CalibrationState,
+    Check,
+    calibration_state,
+    check_calibration,
+    check_disk,
+)
+from impactd.acquisition.rig_loop import Publish, RigLoop, about_drop
+from impactd.acquisition.status import Facts, ServiceStatus, status_of
+from impactd.acquisition.transitions import DROP_UNDER_WAY, State
+from impactd.materials import Materials
+from impactd.rig import Rig
+from impactd.settings import Settings
+from impactd.storage.archive import FINAL_STATES, Archive, Drop, DropRequest
+
+_log = structlog.get_logger("impactd.acquisition")
+# Longer than any single step may block (firmware load 5 s, a fall, a slow disk).
+_ALIVE_WITHIN_S = 20.0
+# An abort waits this long for the drop's row, so that its answer can already say "aborted".
+_ROW_PATIENCE_S = 0.05
+_ACKNOWLEDGE_S = 10.0
+_REMEDY = "Do what the sentence says; `impactd status` shows when the rig is ready."
+
+
+class AcquisitionService:
+    """Drops, one at a time.
+
+    Parameters
+    ----------
+    rig : Rig
+        Unopened or open; the service opens it.
+    archive : Archive
+        Where drops and shots are kept.
+    settings : Settings
+        Limits, times, sensor.
+    materials : Materials
+        What may be dropped on what.
+    publish : callable
+        ``publish(kind, data)`` tells clients what happened.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        archive: Archive,
+        settings: Settings,
+        materials: Materials,
+        publish: Publish,
+    ) -> None:
+        self._rig = rig
+        self._archive = archive
+        self._settings = settings
+        self._materials = materials
+        self._tell = publish
+        self._loop = RigLoop(rig, archive, settings, materials, self.publish)
+        self._admission = threading.Lock()
+        self._reservation: Reservation | None = None
+        self._interrupted: tuple[int, ...] = ()
+
+    # Life
+
+    def start(self) -> None:
+        """Mark what a dead daemon left behind, then open the devices in the service's thread."""
+        ended = self._archive.interrupt_unfinished()
+        self._interrupted = tuple(drop.number for drop in ended if drop.state == "interrupted")
+        for drop in ended:
+            self.publish(f"drop.{drop.state}", about_drop(drop))
+        self._loop.start()
+
+    def stop(self) -> None:
+        """End whatever runs with the valve safe; safe to call twice."""
+        with self._admission:
+            self._loop.ending.set()
+        self.abort(by="shutdown")
+        self._loop.stop()
+
+    def alive(self) -> bool:
+        """Return whether the loop beat and the database answered lately, for the watchdog."""
+        if not self._loop.is_running():
+            return False
+        if time.monotonic() - self._loop.beat_s > _ALIVE_WITHIN_S:
+            return False
+        try:
+            self._archive.events.last_id()
+        except Exception:  # whatever it is, the database did not answer
+            _log.exception("the archive's index does not answer")
+            return False
+        return True
+
+    # Requests
+
+    def request_drop(
+        self,
+        request: DropRequest,
+        *,
+        owner: str,
+        idempotency_key: str | None = None,
+        calibration: int | None = None,
+    ) -> Drop:
+        """Begin a drop; return as soon as its row is durable.
+
+        Parameters
+        ----------
+        request : DropRequest
+            What to drop on what.
+        owner : str
+            How others are told who holds the rig.
+        idempotency_key : str, optional
+            The same key with the same request gives the same drop, even while the rig is busy.
+        calibration : int, optional
+            The calibration run it belongs to.
+
+        Returns
+        -------
+        Drop
+            ``requested``, or however far the drop of the same key has come.
+
+        Raises
+        ------
+        UnknownMaterialError, DropHeightError
+            If the rig does not know or allow what is asked.
+        IdempotencyConflictError
+            If the key belongs to another request.
+        BusyError
+            If somebody else holds the rig.
+        NotReadyError
+            If the rig cannot take a drop now.
+        """
+        self._materials.check(request.sphere, request.surface)
+        self._check_height(request.drop_height_m)
+        with self._admission:
+            if idempotency_key is not None:
+                known = self._archive.drop_by_key(idempotency_key, request)
+                if known is not None:
+                    return known
+            self._admit(calibration)
+            drop, _ = self._archive.begin_drop(
+                request, owner=owner, idempotency_key=idempotency_key, calibration=calibration
+            )
+            self._loop.begin(drop)
+        self.publish("drop.requested", about_drop(drop))
+        return drop
+
+    def reserve(self, owner: str, calibration: int | None = None) -> Reservation:
+        """Hold the rig for a series of drops.
+
+        Parameters
+        ----------
+        owner : str
+            How others are told who holds the rig.
+        calibration : int, optional
+            Only drops of this calibration run are let through.
+
+        Returns
+        -------
+        Reservation
+            For `give_back`.
+
+        Raises
+        ------
+        BusyError
+            If somebody else holds the rig.
+        NotReadyError
+            If the rig cannot take a drop now.
+        """
+        with self._admission:
+            self._admit(calibration)
+            self._reservation = Reservation(owner, calibration)
+            return self._reservation
+
+    def give_back(self, reservation: Reservation) -> None:
+        """End a reservation; do nothing when it has ended.
+
+        Parameters
+        ----------
+        reservation : Reservation
+            From `reserve`.
+        """
+        with self._admission:
+            if self._reservation is reservation:
+                self._reservation = None
+
+    def abort(self, *, by: str, number: int | None = None) -> AbortReport:
+        """End whatever runs: vacuum on, digitizer stopped, state changed, before this returns.
+
+        Parameters
+        ----------
+        by : str
+            Who wants it, for the record.
+        number : int, optional
+            Only if this drop is the one under way; ``None`` ends anything, and makes the rig
+            safe even when nothing runs.
+
+        Returns
+        -------
+        AbortReport
+            What was found and done.
+        """
+        began_s = time.monotonic()
+        with self._loop.present:
+            run = self._loop.run
+            if number is not None and (run is None or run.drop.number != number):
+                return AbortReport(False, None, f"Drop {number} is not under way.", 0.0)
+            reservation = self._reservation
+            if run is not None:
+                run.aborted_by = run.aborted_by or by
+                run.aborting.set()
+            before = self._loop.machine.apply(Event.ABORTED)
+        if reservation is not None:
+            reservation.aborted_by = by
+            reservation.aborted.set()
+        troubles = make_safe(self._rig, run.release_lock if run else None)
+        took_s = time.monotonic() - began_s
+        if run is not None and before in DROP_UNDER_WAY:
+            run.finished.wait(_ROW_PATIENCE_S)
+        number = run.drop.number if run is not None else None
+        report = report_of(before, number, reservation, troubles, took_s)
+        _log.info("abort", by=by, state=before.value, took_ms=round(took_s * 1e3, 1))
+        self.publish(
+            "rig.abort",
+            {"by": by, "drop": report.drop, "took_s": took_s, "sentence": report.sentence},
+        )
+        return report
+
+    def acknowledge_fault(self, *, by: str) -> None:
+        """Say that the rig was checked; the devices are asked again and the rig becomes idle.
+
+        Parameters
+        ----------
+        by : str
+            Who checked it.
+
+        Raises
+        ------
+        NotReadyError
+            If a device still does not answer.
+        """
+        if self._loop.machine.state is not State.FAULT:
+            return
+        self.publish("rig.acknowledged", {"by": by})
+        self._loop.acknowledge()
+        if not self.wait_ready(_ACKNOWLEDGE_S):
+            raise NotReadyError(self.status().sentence, _REMEDY)
+
+    # Answers
+
+    def status(self) -> ServiceStatus:
+        """Return the one honest light and what is behind it."""
+        with self._loop.present:
+            run, state, reservation = self._loop.run, self._loop.machine.state, self._reservation
+        calibration = self._calibration()
+        checks = (*self._loop.findings.checks, *self._quick_checks(calibration))
+        owner = run.drop.owner if run else reservation.owner if reservation else None
+        return status_of(
+            Facts(
+                state=state,
+                owner=owner,
+                drop=run.drop.number if run else None,
+                doing=run.progress.doing if run else "",
+                fault=self._loop.fault,
+                retry_s=self._settings.timeouts.recover_every_s,
+                checks=checks,
+                calibration=calibration,
+                alarms=self._alarms(calibration),
+            )
+        )
+
+    def wait(self, number: int, timeout_s: float) -> Drop:
+        """Return a drop once it has ended, or as it is when the time is over.
+
+        Parameters
+        ----------
+        number : int
+            The drop.
+        timeout_s : float
+            Longest wait. [s]
+
+        Returns
+        -------
+        Drop
+            Look at its state.
+        """
+        ends_s = time.monotonic() + timeout_s
+        with self._loop.changed:
+            while True:
+                drop = self._archive.drop(number)
+                left_s = ends_s - time.monotonic()
+                if drop.state in FINAL_STATES or left_s <= 0:
+                    return drop
+                self._loop.changed.wait(min(left_s, 0.5))
+
+    def wait_ready(self, timeout_s: float) -> bool:
+        """Wait until the rig is idle.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait. [s]
+
+        Returns
+        -------
+        bool
+            Whether it is.
+        """
+        ends_s = time.monotonic() + timeout_s
+        with self._loop.changed:
+            while self._loop.machine.state is not State.IDLE:
+                left_s = ends_s - time.monotonic()
+                if left_s <= 0:
+                    return False
+                self._loop.changed.wait(min(left_s, 0.1))
+        return True
+
+    def publish(self, kind: str, data: dict[str, Any]) -> None:
+        """Tell clients; an event that cannot be told is logged and harms nothing.
+
+        Parameters
+        ----------
+        kind : str
+            E.g. ``calibration.progress``.
+        data : dict
+            JSON-ready.
+        """
+        try:
+            self._tell(kind, data)
+        except Exception:  # no listener may stop a drop
+            _log.exception("an event could not be told", kind=kind)
+
+    # Inside
+
+    def _admit(self, calibration: int | None) -> None:
+        """Raise unless a drop may begin now; the caller holds the admission lock."""
+        with self._loop.present:
+            run, state = self._loop.run, self._loop.machine.state
+        if run is not None:
+            raise BusyError(run.drop.owner, run.drop.number)
+        held = self._reservation
+        if held is not None and (calibration is None or held.calibration != calibration):
+            raise BusyError(held.owner, None)
+        if state is not State.IDLE or self._loop.ending.is_set():
+            raise NotReadyError(self.status().sentence, _REMEDY)
+        checks = (
+            *self._loop.findings.checks,
+            *self._quick_checks(self._calibration(), for_calibration=calibration is not None),
+        )
+        for check in checks:
+            if not check.ok:
+                self._loop.look_again()
+                raise NotReadyError(f"NOT READY: {check.sentence}.", check.remedy or _REMEDY)
+
+    def _check_height(self, drop_height_m: float) -> None:
+        rig = self._settings.rig
+        # Written so that NaN is refused too.
+        if not rig.min_drop_height_m <= drop_height_m <= rig.max_drop_height_m:
+            raise DropHeightError(drop_height_m, rig.min_drop_height_m, rig.max_drop_height_m)
+
+    def _calibration(self) -> CalibrationState:
+        return calibration_state(self._archive.calibrations.current(), self._settings.calibration)
+
+    def _quick_checks(
+        self, calibration: CalibrationState, *, for_calibration: bool = False
+    ) -> tuple[Check, ...]:
+        limits = self._settings.preflight
+        try:
+            disk = check_disk(self._archive.free_bytes())
+        except OSError as error:
+            disk = Check(
+                "disk",
+                False,
+                f"the archive's disk does not answer: {error.strerror}",
+                "Look whether it is mounted.",
+            )
+        return disk, check_calibration(calibration, limits, for_calibration=for_calibration)
+
+    def _alarms(self, calibration: CalibrationState) -> tuple[str, ...]:
+        alarms = [
+            f"Drop {number} was interrupted by a restart and is not repeated; see `impactd shots`."
+            for number in self._interrupted
+        ]
+        if calibration.word != "valid":
+            alarms.append(f"{calibration.sentence[0].upper()}{calibration.sentence[1:]}.")
+        limit = self._settings.calibration.drift_limit_sigmas
+        if calibration.drift_sigmas is not None and calibration.drift_sigmas > limit:
+            alarms.append(
+                f"The load cell drifted by {calibration.drift_sigmas:.1f} standard deviations "
+                f"since the calibration before (limit {limit:g})."
+            )
+        return tuple(alarms)

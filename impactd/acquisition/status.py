@@ -1,0 +1,143 @@
+"""The one honest light: READY or NOT READY, why, and what to do, in one sentence."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from impactd.acquisition.failures import Doubt, Failure
+from impactd.acquisition.preflight import CalibrationState, Check
+from impactd.acquisition.transitions import BUSY, State
+
+
+@dataclass(frozen=True)
+class ServiceStatus:
+    """How the rig is, for people and programs.
+
+    Attributes
+    ----------
+    ready : bool
+        Whether a drop asked for now would begin.
+    sentence : str
+        Starts with ``READY`` or ``NOT READY``.
+    state : str
+        Of the transition table.
+    owner : str or None
+        Who holds the rig.
+    drop : int or None
+        The drop under way.
+    checks : tuple of Check
+        What was looked at, with remedies.
+    calibration : CalibrationState
+        Of the load cell.
+    alarms : tuple of str
+        What needs attention although drops are possible.
+    """
+
+    ready: bool
+    sentence: str
+    state: str
+    owner: str | None
+    drop: int | None
+    checks: tuple[Check, ...]
+    calibration: CalibrationState
+    alarms: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What the sentence is made of.
+
+    Attributes
+    ----------
+    state : State
+        Of the machine.
+    owner : str or None
+        Who holds the rig.
+    drop : int or None
+        The drop under way.
+    doing : str
+        What that drop does now.
+    fault : Failure or None
+        Why the rig is in doubt.
+    retry_s : float
+        Pause between attempts to reach a lost device. [s]
+    checks : tuple of Check
+        What was looked at.
+    calibration : CalibrationState
+        Of the load cell.
+    alarms : tuple of str
+        What needs attention.
+    """
+
+    state: State
+    owner: str | None
+    drop: int | None
+    doing: str
+    fault: Failure | None
+    retry_s: float
+    checks: tuple[Check, ...]
+    calibration: CalibrationState
+    alarms: tuple[str, ...]
+
+
+def status_of(facts: Facts) -> ServiceStatus:
+    """Return the status.
+
+    Parameters
+    ----------
+    facts : Facts
+        Read at one moment.
+
+    Returns
+    -------
+    ServiceStatus
+        With its sentence.
+    """
+    why_not = _why_not(facts)
+    if why_not:
+        sentence = f"NOT READY: {why_not}"
+    else:
+        sphere = next((c.sentence for c in facts.checks if c.name == "sphere"), "")
+        found = "; ".join(part for part in (sphere, facts.calibration.sentence) if part)
+        sentence = f"READY: ask for a drop ({found})."
+    return ServiceStatus(
+        ready=not why_not,
+        sentence=sentence,
+        state=facts.state.value,
+        owner=facts.owner,
+        drop=facts.drop,
+        checks=facts.checks,
+        calibration=facts.calibration,
+        alarms=facts.alarms,
+    )
+
+
+_ABOUT_STATE = {
+    State.STOPPED: "the acquisition is not running; start the daemon.",
+    State.CONNECTING: "digitizer and valve are being opened and tested; wait a few seconds.",
+}
+
+
+def _why_not(facts: Facts) -> str:
+    if facts.state in _ABOUT_STATE:
+        return _ABOUT_STATE[facts.state]
+    if facts.state is State.FAULT:
+        return _about_fault(facts.fault, facts.retry_s)
+    if facts.state in BUSY and facts.drop is not None:
+        return f"drop {facts.drop} of {facts.owner} {facts.doing}; wait for its end, or abort it."
+    if facts.owner is not None:
+        return f"{facts.owner} holds the rig; wait for its end, or abort it."
+    refusal = next((check for check in facts.checks if not check.ok), None)
+    if refusal is not None:
+        remedy = f" {refusal.remedy}" if refusal.remedy else ""
+        return f"{refusal.sentence}.{remedy}"
+    return ""
+
+
+def _about_fault(fault: Failure | None, retry_s: float) -> str:
+    if fault is None:
+        return "the rig is in doubt; check it, then acknowledge the fault."
+    what = f"{fault.problem.detail} {fault.problem.remedy}".strip()
+    if fault.doubt is Doubt.PERSON:
+        return f"{what} Then acknowledge the fault."
+    return f"{what} It is tried again every {retry_s:g} s."

@@ -1,0 +1,237 @@
+"""The simulated rig: real drivers over simulated transports that share one world.
+
+::
+
+    settings, materials ──> World ──┬── SimulatedDaq3500 (USB)     <── Daq3500 driver
+                                    ├── RelayTerminal (serial)     <── NumatoValve / LcusValve driver
+                                    └── SimulatedTechnician (hangs spheres)
+
+What the world draws (true moduli, true cell, the hidden effect) goes into
+``<data>/sealed-truth.json``, readable by its owner only; nothing of it reaches a shot file.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import replace
+
+import numpy as np
+
+from analysis.campaign import Sphere, Surface
+from drivers.daq3500.device import Daq3500
+from drivers.simulated.effects import EFFECTS, Effect, make_effect
+from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.relay_terminal import RelayTerminal
+from drivers.simulated.specimens import SURFACES, CellSpec, SphereSpec, SurfaceSpec
+from drivers.simulated.truth import seal
+from drivers.simulated.usb_device import SimulatedDaq3500
+from drivers.simulated.world import World, WorldSettings
+from impactd.materials import Materials
+from impactd.rig import Rig, build_valve, digitizer_settings, in_words
+from impactd.settings import Settings, SettingsError
+from impactd.settings_sections import SimulationSection
+
+SEALED_NAME = "sealed-truth.json"
+
+
+class SimulatedTechnician:
+    """Hangs whatever is asked for, after a while.
+
+    Parameters
+    ----------
+    world : World
+        Where the sphere is hung.
+    delay_s : float
+        How long it takes, on the host's clock. [s]
+    """
+
+    def __init__(self, world: World, delay_s: float) -> None:
+        self._world = world
+        self._delay_s = delay_s
+        self._lock = threading.Lock()
+        self._timer: threading.Timer | None = None
+
+    def ask(self, sphere: str, surface: str, drop_height_m: float) -> str:
+        """Hang the sphere now or a little later.
+
+        Parameters
+        ----------
+        sphere, surface : str
+            Names in the materials file.
+        drop_height_m : float
+            Height of the sphere's lowest point above the coupon. [m]
+
+        Returns
+        -------
+        str
+            The request in words.
+        """
+        if self._delay_s <= 0:
+            self._world.load(sphere, surface, drop_height_m)
+        else:
+            timer = threading.Timer(
+                self._delay_s, self._world.load, (sphere, surface, drop_height_m)
+            )
+            timer.daemon = True
+            with self._lock:
+                self._timer = timer
+            timer.start()
+        return in_words(sphere, surface, drop_height_m)
+
+    def cancel(self) -> None:
+        """Leave the sphere in its box if it does not hang yet."""
+        with self._lock:
+            timer, self._timer = self._timer, None
+        if timer is not None:
+            timer.cancel()
+
+
+def build_simulated_rig(settings: Settings, materials: Materials) -> Rig:
+    """Return a rig whose transports are simulated, and seal its truth.
+
+    Parameters
+    ----------
+    settings : Settings
+        With a ``simulation`` section.
+    materials : Materials
+        What lies in the drawers. A modulus there is drawn within its uncertainty; an unknown one
+        is drawn anywhere.
+
+    Returns
+    -------
+    Rig
+        Unopened, with its ``world``.
+
+    Raises
+    ------
+    SettingsError
+        If the hidden effect is none that the simulator knows.
+    """
+    section = settings.simulation
+    assert section is not None, "the caller looks for the simulation section"
+    world = World(world_settings(settings, materials, section))
+    terminal = RelayTerminal(world, kind=settings.valve.driver)
+    rig = Rig(
+        digitizer=Daq3500(
+            digitizer_settings(settings),
+            backend=SimulatedDaq3500(world, serial_number=f"SIM-{section.seed:04d}"),
+        ),
+        valve=build_valve(settings, terminal.port),
+        loader=SimulatedTechnician(world, section.technician_delay_s),
+        name=settings.rig.name,
+        simulated=True,
+        clock_speed=section.clock_speed,
+        world=world,
+    )
+    settings.storage.directory.mkdir(mode=0o750, parents=True, exist_ok=True)
+    sealed = settings.storage.directory / SEALED_NAME
+    seal(sealed, world.truth())
+    rig.closing += [terminal.close, lambda: seal(sealed, world.truth())]
+    return rig
+
+
+def world_settings(
+    settings: Settings, materials: Materials, section: SimulationSection
+) -> WorldSettings:
+    """Return the world that labels, certificate and simulation section describe.
+
+    Parameters
+    ----------
+    settings : Settings
+        Certificate of the cell, gravity, repeatability.
+    materials : Materials
+        Labels of spheres and coupons.
+    section : SimulationSection
+        Seed, clock, noise, hidden effect.
+
+    Returns
+    -------
+    WorldSettings
+        Its truth is drawn within what the labels leave open.
+
+    Raises
+    ------
+    SettingsError
+        If the hidden effect is none that the simulator knows.
+    """
+    sensor = settings.sensor
+    return WorldSettings(
+        seed=section.seed,
+        clock_speed=section.clock_speed,
+        spheres={name: _sphere(sphere) for name, sphere in materials.spheres.items()},
+        surfaces={name: _surface(surface) for name, surface in materials.surfaces.items()},
+        cell=CellSpec(
+            compliance_m_per_v=sensor.compliance_m_per_v.value,
+            compliance_u_m_per_v=sensor.compliance_m_per_v.u,
+            crystal_mass_kg=sensor.crystal_mass_kg.value,
+            crystal_mass_u_kg=sensor.crystal_mass_kg.u,
+            crystal_stiffness_n_per_m=sensor.crystal_stiffness_n_per_m.value,
+            crystal_stiffness_u_n_per_m=sensor.crystal_stiffness_n_per_m.u,
+            crystal_damping_n_s_per_m=sensor.crystal_damping_n_s_per_m.value,
+            crystal_damping_u_n_s_per_m=sensor.crystal_damping_n_s_per_m.u,
+            hsd_n_per_v=sensor.hsd_n_per_v.value,
+        ),
+        effects=_effects(section),
+        noise=replace(NoiseSettings(), rms_v=section.noise_rms_v),
+        gravity_m_per_s2=settings.release.gravity_m_per_s2,
+        speed_repeatability=settings.release.speed_repeatability,
+    )
+
+
+def _effects(section: SimulationSection) -> tuple[Effect, ...] | str:
+    """Return the hidden effects; parameters that were left out are drawn from the seed."""
+    if section.effect == "random":
+        return "random"
+    if section.effect == "none":
+        return ()
+    rng = np.random.default_rng([section.seed, 60])
+    effects = []
+    for name in section.effect.split("+"):
+        if name not in EFFECTS:
+            raise SettingsError(
+                None,
+                "simulation.effect",
+                f"the simulator knows no effect {name!r}; it knows none, random, "
+                f"{', '.join(EFFECTS)}",
+            )
+        try:
+            values = {**EFFECTS[name].draw(rng), **section.effect_parameters.get(name, {})}
+            effects.append(make_effect(name, values))
+        except ValueError as error:
+            raise SettingsError(None, f"simulation.effect_parameters.{name}", str(error)) from None
+    return tuple(effects)
+
+
+def _sphere(sphere: Sphere) -> SphereSpec:
+    assert sphere.radius_m is not None
+    assert sphere.mass_kg is not None
+    assert sphere.poissons_ratio is not None
+    modulus = sphere.youngs_modulus_pa
+    if modulus is None:
+        raise SettingsError(
+            None, f"sphere.{sphere.name}", "the simulated rig needs its youngs_modulus_pa"
+        )
+    return SphereSpec(
+        radius_m=sphere.radius_m,
+        mass_kg=sphere.mass_kg,
+        youngs_modulus_pa=modulus.value,
+        youngs_modulus_u_pa=modulus.u,
+        poissons_ratio=sphere.poissons_ratio.value,
+        poissons_ratio_u=sphere.poissons_ratio.u,
+    )
+
+
+def _surface(surface: Surface) -> SurfaceSpec:
+    assert surface.poissons_ratio is not None
+    modulus, mass_kg = surface.youngs_modulus_pa, surface.coupon_mass_kg
+    if mass_kg is None or not math.isfinite(mass_kg):
+        known = SURFACES.get(surface.name)
+        mass_kg = known.coupon_mass_kg if known else SurfaceSpec(None, 0.0, 0.37).coupon_mass_kg
+    return SurfaceSpec(
+        youngs_modulus_pa=modulus.value if modulus else None,
+        youngs_modulus_u_pa=modulus.u if modulus else 0.0,
+        poissons_ratio=surface.poissons_ratio.value,
+        poissons_ratio_u=surface.poissons_ratio.u,
+        coupon_mass_kg=mass_kg,
+    )
