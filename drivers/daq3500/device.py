@@ -19,7 +19,8 @@ from drivers.errors import DriverError
 from drivers.ring_buffer import RingBuffer
 from drivers.stream_session import StreamSession
 from drivers.triggered_capture import TriggeredCapture
-from drivers.usb_stream import Observer, SynchronousBulkSource
+from drivers.usb_source import SynchronousBulkSource
+from drivers.usb_stream import Observer
 from drivers.wire_log import CapturingBackend
 
 _WARM_UP_SAMPLES = 8192

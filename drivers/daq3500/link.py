@@ -10,7 +10,7 @@ import usb.util
 from drivers.daq3500.registers import ENDPOINT_IN, INTERFACE, Register, Request
 from drivers.errors import DeviceNotFoundError, ProtocolError
 from drivers.usb_errors import translated
-from drivers.usb_stream import SynchronousBulkSource
+from drivers.usb_source import SynchronousBulkSource
 
 _OUT = 0x40
 _IN = 0xC0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +26,7 @@ from drivers.digitizer import DigitizerIdentity
 from drivers.errors import (
     ConfigurationError,
     DeviceNotFoundError,
+    DriverError,
     FirmwareError,
     SelfTestError,
 )
@@ -99,7 +101,8 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
             note=_note(calibration),
         )
     except BaseException:
-        link.dispose()
+        with suppress(DriverError):  # the first error is the one to tell
+            link.dispose()
         raise
     return OpenedBoard(link, identity, calibration)
 
@@ -190,7 +193,8 @@ def _load_firmware_if_missing(settings: Daq3500Settings, backend: Any) -> Image 
     try:
         load_fx2(link, image)
     finally:
-        link.dispose()
+        with suppress(DriverError):  # it has left the bus by now
+            link.dispose()
     return image
 
 

@@ -4,60 +4,17 @@ from __future__ import annotations
 
 import math
 import threading
-import time
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from drivers.simulated.clock import RigClock
+from drivers.simulated.faults import Faults
 
 COUNT_PERIOD = 59999
 """A prime below the largest code: no block size divides it, and codes above it never occur."""
 
 _ENDLESS = 1 << 62
-
-
-@dataclass
-class UsbFaultSwitches:
-    """Faults of the USB device alone, all off; the rig's own set has these and more.
-
-    Attributes
-    ----------
-    unplug_usb_at_s : float or None
-        Rig time of unplugging. [s]
-    usb_unplugged, stall_endpoint, short_read : bool
-        Present faults.
-    overrun_at_sample, drop_block_at_sample, double_block_at_sample : int or None
-        Position in the stream at which a block is lost (with or without the status bit) or
-        sent twice. [1]
-    """
-
-    unplug_usb_at_s: float | None = None
-    usb_unplugged: bool = False
-    stall_endpoint: bool = False
-    overrun_at_sample: int | None = None
-    short_read: bool = False
-    drop_block_at_sample: int | None = None
-    double_block_at_sample: int | None = None
-
-
-class PlainClock:
-    """Rig time that runs at a fixed speed.
-
-    Parameters
-    ----------
-    speed : float
-        Rig seconds per real second; infinite means that samples are due as fast as they are
-        read, and that time itself runs in real time.
-    """
-
-    def __init__(self, speed: float = 1.0) -> None:
-        self.speed = speed
-        self._start_s = time.monotonic()
-
-    def now_s(self) -> float:
-        """Return rig time. [s]"""
-        factor = self.speed if math.isfinite(self.speed) else 1.0
-        return (time.monotonic() - self._start_s) * factor
 
 
 class _PacedSource:
@@ -66,12 +23,12 @@ class _PacedSource:
     Parameters
     ----------
     speed : float
-        See `PlainClock`.
+        See `drivers.simulated.clock.RigClock`.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
-        self.clock = PlainClock(speed)
-        self.faults = UsbFaultSwitches()
+        self.clock = RigClock(speed)
+        self.faults = Faults()
         self.streams_started = 0
         self.streaming = False
         self._rate_hz = 0.0
@@ -110,7 +67,7 @@ class CountingSource(_PacedSource):
     Parameters
     ----------
     speed : float
-        See `PlainClock`.
+        See `drivers.simulated.clock.RigClock`.
     """
 
     def __init__(self, speed: float = 1.0) -> None:
@@ -144,7 +101,7 @@ class PulseSource(_PacedSource):
     Parameters
     ----------
     speed : float
-        See `PlainClock`.
+        See `drivers.simulated.clock.RigClock`.
     seed : int, optional
         Of the noise.
     noise_codes : float, optional

@@ -11,7 +11,7 @@ import math
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -21,13 +21,11 @@ import usb.core
 from drivers.simulated import usb_descriptors as descriptors
 from drivers.simulated.usb_converter import SignalSource, SimulatedConverter
 from drivers.simulated.usb_eeprom import BoardErrors
+from drivers.simulated.usb_registers import SimulatedFpga
 
 _CPUCS = 0xE600
-_PACER_CLOCK_HZ = 48.0e6
 _SAMPLES_ENDPOINT = 0x82
 _FIRMWARE_VERSION = 0x0102
-_FPGA_BLOCK_BYTES = 2048
-_CONFIG_OVERRUN_WITHOUT_LIST = 0x0020
 
 
 def _gone() -> Any:
@@ -56,17 +54,6 @@ class _Handle:
     """One opening of the board."""
 
     plugged: _Plugged
-
-
-@dataclass
-class _Registers:
-    """What was written to the registers, as far as it matters."""
-
-    words: dict[int, int] = field(default_factory=dict)
-    scan_list: list[int] = field(default_factory=list)
-    list_running: bool = False
-    dma_on: bool = False
-    endpoint_on: bool = False
 
 
 class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
@@ -112,11 +99,8 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
         self._was_unplugged = False
         self._in_reset = False
         self._ram: dict[int, int] = {}
-        self._fpga = bytearray()
-        self._fpga_loaded = loaded
-        self._fpga_ended = False
-        self._registers = _Registers()
         self.converter = SimulatedConverter(source, self._errors, fifo_samples)
+        self._fpga = SimulatedFpga(self.converter, loaded=loaded)
 
     @property
     def ram(self) -> dict[int, int]:
@@ -126,7 +110,7 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
     @property
     def fpga_sha256(self) -> str:
         """Hash of the bit stream that arrived."""
-        return hashlib.sha256(self._fpga).hexdigest()
+        return hashlib.sha256(self._fpga.image).hexdigest()
 
     # What pyusb asks about the bus.
 
@@ -246,9 +230,9 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
         if loaded and request == 0xB0:
             return _FIRMWARE_VERSION.to_bytes(2, "little")
         if loaded and request == 0xB2:
-            return b"\x01" if self._fpga_loaded else b"\x00"
+            return b"\x01" if self._fpga.loaded else b"\x00"
         if loaded and request == 0xB4:
-            return self._read_register(index).to_bytes(2, "little")
+            return self._fpga.read_register(index).to_bytes(2, "little")
         if loaded and request == 0xB8:
             return self._eeprom[value : value + length]
         raise _stall()
@@ -267,13 +251,14 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
         elif not self._plugged.loaded:
             raise _stall()
         elif request == 0xB2:
-            self._fpga, self._fpga_ended, self._fpga_loaded = bytearray(), False, False
+            self._fpga.prepare()
         elif request == 0xB3:
-            self._take_fpga_block(data)
+            if not self._fpga.take_block(data):
+                raise _stall()
         elif request == 0xB4:
-            self._write_register(index, value)
+            self._fpga.write_register(index, value)
         elif request == 0xBB:
-            self._registers.endpoint_on = (value, index) == (1, 2)
+            self._fpga.endpoint_on = (value, index) == (1, 2)
         else:
             raise _stall()
 
@@ -290,63 +275,8 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
 
     def _reenumerate(self) -> None:
         self._plugged = _Plugged(self._plugged.address + 1, loaded=True)
-        self._fpga_loaded = False
+        self._fpga.loaded = False
         self._absent_until_s = time.monotonic() + self._reenumeration_s
-
-    def _take_fpga_block(self, data: bytes) -> None:
-        if self._fpga_ended or len(data) > _FPGA_BLOCK_BYTES:
-            raise _stall()
-        self._fpga += data
-        self._fpga_ended = len(data) < _FPGA_BLOCK_BYTES
-        self._fpga_loaded = True
-
-    # Registers.
-
-    def _read_register(self, register: int) -> int:
-        if not self._fpga_loaded:
-            return 0xFFFF
-        if register == 0x00:
-            empty = 0 if self._registers.scan_list else _CONFIG_OVERRUN_WITHOUT_LIST
-            return self.converter.status | empty
-        return self._registers.words.get(register, 0)
-
-    def _write_register(self, register: int, value: int) -> None:
-        registers = self._registers
-        if not self._fpga_loaded:
-            return
-        if register == 0x00:
-            self._control(value)
-        elif register == 0x01:
-            registers.scan_list.append(value)
-        elif register == 0x58:
-            registers.dma_on = value == 0x0011
-        else:
-            registers.words[register] = value
-
-    def _control(self, value: int) -> None:
-        registers = self._registers
-        if value < 0x0010:
-            if value & 0x0002:
-                self.converter.reset_results()
-            if value & 0x0004:
-                registers.scan_list.clear()
-        elif value in {0x0010, 0x0011}:
-            registers.list_running = value == 0x0011
-        elif value == 0x0030:
-            self.converter.stop()
-        elif value == 0x0031:
-            self._start()
-
-    def _start(self) -> None:
-        """Start the pacer; without list, transfer or endpoint nothing would come out."""
-        registers = self._registers
-        complete = len(registers.scan_list) == 2
-        if not (complete and registers.list_running and registers.dma_on and registers.endpoint_on):
-            return
-        entry = registers.scan_list[0] | registers.scan_list[1] << 16
-        words = registers.words
-        divisor = words.get(2, 0) | words.get(3, 0) << 16 | words.get(5, 0) << 32
-        self.converter.start(_PACER_CLOCK_HZ / (divisor + 1), entry >> 24 & 0x0F)
 
     # Faults.
 

@@ -20,8 +20,12 @@ from drivers.ring_buffer import RingBuffer
 from drivers.simulated.signal_sources import COUNT_PERIOD, CountingSource
 from drivers.simulated.usb_device import SimulatedDaq3500
 from drivers.simulated.usb_eeprom import PERFECT
+from impactd.bench.figure import Figure
 
 NOMINAL_RATE_HZ = 1.0e6
+RATIO_GOAL = 20.0
+FLAT_OUT_S = 3.0
+REAL_TIME_S = 60.0
 _NEVER = TriggerSettings(
     level_v=15.5, hysteresis_v=1.0, pre_trigger_samples=20_000, record_samples=400_000
 )
@@ -161,3 +165,42 @@ def measure_stream(seconds: float, flat_out: bool) -> dict[str, Any]:
         "reads": board.reads - before[1],
         "transfer_bytes": settings.transfer_bytes,
     }
+
+
+def measure() -> list[Figure]:
+    """Run flat out for a moment, then a minute at 1 MS/s.
+
+    Returns
+    -------
+    list of Figure
+        Rate, lost or doubled samples, share of one core.
+    """
+    fast = measure_stream(FLAT_OUT_S, flat_out=True)
+    steady = measure_stream(REAL_TIME_S, flat_out=False)
+    miscounted = [float(run["lost"] + run["doubled"] + run["wrong"]) for run in (fast, steady)]
+    return [
+        Figure(
+            name="stream flat out",
+            value=fast["samples_per_s"],
+            unit="S/s",
+            reference=NOMINAL_RATE_HZ,
+            reference_name="the converter",
+            ratio=fast["ratio_to_1_msps"],
+            goal=f">= {RATIO_GOAL:g}",
+            met=fast["ratio_to_1_msps"] >= RATIO_GOAL and miscounted[0] == 0,
+        ),
+        Figure(
+            name=f"lost or doubled of {steady['samples'] / 1e6:.1f} M samples at 1 MS/s",
+            value=miscounted[1],
+            unit="1",
+            goal="0",
+            met=miscounted[1] == 0,
+        ),
+        Figure(
+            name="share of one core at 1 MS/s, driver",
+            value=steady["driver_cpu_share"],
+            unit="1",
+            reference=steady["cpu_share"],
+            reference_name="with the simulated board",
+        ),
+    ]

@@ -1,0 +1,62 @@
+"""A bulk endpoint read by pyusb, one blocking read after the other."""
+
+from __future__ import annotations
+
+import array
+from typing import Any
+
+import usb.core
+
+from drivers.usb_errors import translated
+
+READ_TIMEOUT_S = 0.1
+
+
+class SynchronousBulkSource:
+    """A `drivers.usb_stream.BulkSource` of blocking reads.
+
+    Parameters
+    ----------
+    device : usb.core.Device
+        Opened and claimed device.
+    endpoint : int
+        Address of the bulk IN endpoint.
+    timeout_s : float, optional
+        Longest a read may block. [s]
+
+    Notes
+    -----
+    libusb returns what it has when time is up and reports a time-out at zero bytes only.
+    Between two reads nothing is queued: a board whose FIFO is shorter than that gap overruns
+    (FIFO depth of the 3500: NOT KNOWN).
+    """
+
+    def __init__(self, device: Any, endpoint: int, timeout_s: float = READ_TIMEOUT_S) -> None:
+        self._device = device
+        self._endpoint = endpoint
+        self._timeout_ms = max(1, round(timeout_s * 1000))
+
+    def queue(self) -> None:
+        """Do nothing: a synchronous read cannot be queued."""
+
+    def read_into(self, buffer: array.array[int]) -> int:
+        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out.
+
+        Parameters
+        ----------
+        buffer : array of unsigned bytes
+            Its length is the most that is read.
+
+        Returns
+        -------
+        int
+            Bytes received.
+        """
+        with translated(f"reading samples from endpoint {self._endpoint:#04x}"):
+            try:
+                return int(self._device.read(self._endpoint, buffer, self._timeout_ms))
+            except usb.core.USBTimeoutError:
+                return 0
+
+    def cancel(self) -> None:
+        """Do nothing: nothing is queued."""
