@@ -202,7 +202,7 @@ class Heart:
 
     def start(self) -> None:
         """Say READY=1 and go on from there in a thread."""
-        notify(READY="1", STATUS=self._sentence())
+        notify(ready="1", status=self._sentence())
         self._thread = threading.Thread(target=self._beat, name="heart", daemon=True)
         self._thread.start()
 
@@ -210,7 +210,7 @@ class Heart:
         """Say STOPPING=1 and end."""
         if self._thread is None or self._end.is_set():
             return
-        notify(STOPPING="1", STATUS="Stopping: the valve is made safe.")
+        notify(stopping="1", status="Stopping: the valve is made safe.")
         self._end.set()
         self._thread.join(timeout=5.0)
 
@@ -218,16 +218,15 @@ class Heart:
         return self._daemon.service.status().sentence
 
     def _beat(self) -> None:
-        interval_s = watchdog_interval_s()
-        pause_s = min(_STATUS_EVERY_S, interval_s / 2) if interval_s else _STATUS_EVERY_S
+        pause_s = min(_STATUS_EVERY_S, watchdog_interval_s() or _STATUS_EVERY_S)
         told = ""
         while not self._end.wait(pause_s):
             try:
                 sentence = self._sentence()
                 if all(self._daemon.liveness().values()):
-                    notify(WATCHDOG="1")
+                    notify(watchdog="1")
                 if sentence != told:
-                    notify(STATUS=sentence)
+                    notify(status=sentence)
                     told = sentence
             except Exception:  # a heart that dies of a hiccup would kill the daemon
                 _log.exception("could not look at the daemon")

@@ -41,7 +41,7 @@ class Metrics(Collector):
         self._registry.register(self)
 
     def observe(self, scope: Scope, status: int, seconds: float) -> None:
-        """Count one answer; unknown paths count as one route, so that nobody can flood the labels."""
+        """Count one answer; unknown paths are one route, so that nobody can flood the labels."""
         route = getattr(scope.get("route"), "path", "(none)")
         method = scope["method"] if scope["method"] in _METHODS else "OTHER"
         self._requests.labels(method, route, str(status)).inc()

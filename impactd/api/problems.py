@@ -127,7 +127,7 @@ _TYPES = (
         "internal",
         500,
         "The daemon failed",
-        "The reference is in the daemon's log (`journalctl -u impactd`); report it with those lines.",
+        "Find the reference in the daemon's log (`journalctl -u impactd`) and report those lines.",
     ),
     ProblemType(
         "damaged",

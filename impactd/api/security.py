@@ -147,13 +147,12 @@ async def authorize(
     caller = await _caller(request, credentials, in_a_hurry=route in ABORT_ROUTES)
     if caller.scope is None or caller.scope < scope:
         held = caller.scope.name.lower() if caller.scope else "no"
+        name = scope.name.lower()
         raise ProblemError(
             "scope-too-small",
-            f"The token {caller.name!r} has {held} scope; this needs {scope.name.lower()}.",
-            headers={
-                "WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{scope.name.lower()}"'
-            },
-            scope=scope.name.lower(),
+            f"The token {caller.name!r} has {held} scope; this needs {name}.",
+            headers={"WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{name}"'},
+            scope=name,
         )
     return caller
 

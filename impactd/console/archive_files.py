@@ -1,3 +1,144 @@
 """What import, export, verify and reindex do."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from impactd.console.failure import Failure
+from impactd.console.options import open_archive, settings_of
+from impactd.console.tables import print_json, progress
+from impactd.storage.archive import Archive
+
+
+def import_campaign(
+    campaign: Path, *, config: Path | None, data: Path | None, as_json: bool
+) -> None:
+    """Take a campaign folder into the archive and say which numbers its shots got.
+
+    Parameters
+    ----------
+    campaign : Path
+        The folder or its ``campaign.json``.
+    config, data : Path or None
+        As given on the command line.
+    as_json : bool
+        Print the report as JSON.
+
+    Raises
+    ------
+    Failure
+        If not one shot could be used.
+    """
+    with open_archive(config, data) as archive:
+        report = archive.import_campaign(campaign)
+    if as_json:
+        print_json(asdict(report))
+    else:
+        if report.numbers:
+            print(f"Imported {len(report.numbers)} shots: {_ranges(report.numbers)}.")
+        if report.already:
+            print(f"Already here: {_ranges(report.already)}.")
+        for item in report.rejected:
+            print(f"Rejected: {item.name} ({item.path}): {item.reason}")
+    if not report.numbers and not report.already:
+        raise Failure(f"no shot of {campaign} could be used.")
+
+
+def _ranges(numbers: Sequence[int]) -> str:
+    """Return numbers as people write them: ``3-7, 9``."""
+    parts: list[list[int]] = []
+    for number in sorted(numbers):
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1][1:] = [number]
+        else:
+            parts.append([number])
+    return ", ".join("-".join(str(end) for end in part) for part in parts)
+
+
+def export(
+    numbers: Sequence[int], form: str, out: Path, *, config: Path | None, data: Path | None
+) -> None:
+    """Copy shots out of the archive and print the files.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        Shots.
+    form : str
+        ``csv``, ``npz`` or ``campaign``.
+    out : Path
+        A folder; created when absent.
+    config, data : Path or None
+        As given on the command line.
+    """
+    with open_archive(config, data) as archive:
+        for path in archive.export(numbers, form, out):
+            print(path)
+
+
+def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:
+    """Check index and files; print what is wrong.
+
+    Parameters
+    ----------
+    config, data : Path or None
+        As given on the command line.
+    as_json : bool
+        Print every finding as JSON, good ones included.
+
+    Raises
+    ------
+    Failure
+        If anything is wrong.
+    """
+    found = []
+    with open_archive(config, data) as archive:
+        for finding in archive.verify():
+            found.append(finding)
+            progress(f"{len(found)} looked at: {finding.subject}")
+    progress("", last=True)
+    bad = [finding for finding in found if finding.problem]
+    if as_json:
+        print_json([asdict(finding) for finding in found])
+    else:
+        for finding in bad:
+            print(f"{finding.subject}: {finding.problem}")
+    if bad:
+        raise Failure(f"{len(bad)} of {len(found)} things are not as they were stored.")
+    if not as_json:
+        print(f"All {len(found)} things are as they were stored.")
+
+
+def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
+    """Rebuild the index from the files and print what it holds now.
+
+    Parameters
+    ----------
+    config, data : Path or None
+        As given on the command line.
+    as_json : bool
+        Print the report as JSON.
+
+    Raises
+    ------
+    Failure
+        If a file could not be taken in.
+    """
+    report = Archive.reindex(settings_of(config, data).storage.directory)
+    if as_json:
+        print_json(asdict(report))
+    else:
+        print(
+            f"The index holds {report.shots} shots and {report.drops} drops again; "
+            f"the next number is {report.last_number + 1}."
+        )
+        for line in report.damaged:
+            print(f"Damaged: {line}")
+        if report.lost:
+            print(f"Not read in full from the old index: {', '.join(report.lost)}.")
+        if report.old_index:
+            print(f"The old index is kept as {report.old_index}.")
+    if report.damaged:
+        raise Failure(f"{len(report.damaged)} files could not be taken in as they were stored.")

@@ -31,8 +31,8 @@ def offline(path: Path, model: str, *, json_out: Path | None) -> None:
         If no shot could be fitted.
     """
     from analysis import fit_campaign
-    from impactd.storage.archive import software
     from impactd.storage.campaign_folder import read_campaign
+    from impactd.storage.version import software
 
     campaign = read_campaign(path)
     result = fit_campaign(
@@ -115,8 +115,10 @@ def report(document: dict[str, Any]) -> str:
             f"chi2/dof {document['chi2_per_dof']:.3g}"
             + (f", held-out rms {heldout:.3g}" if heldout else "")
         )
-    for item in document.get("rejected") or []:
-        parts.append(f"Rejected: {item['name']} ({item['path']}): {item['reason']}")
+    parts += [
+        f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
+        for item in document.get("rejected") or []
+    ]
     return "\n\n".join(parts)
 
 

@@ -36,7 +36,7 @@ def status(url: Url = None, as_json: Json = False) -> None:
         print(f"Drop {answer['drop']} of {answer['owner']}: {answer['state']}.")
 
 
-def drop(
+def drop(  # noqa: PLR0917 - the framework fills them by name
     sphere: Annotated[str, typer.Argument(help="Name in the materials file.")],
     surface: Annotated[str, typer.Argument(help="Name in the materials file.")],
     drop_height_m: Annotated[
@@ -104,7 +104,7 @@ def calibrate(
     calibrations.run(slot=slot, unattended=unattended, wait=wait, url=url, as_json=as_json)
 
 
-def shots(
+def shots(  # noqa: PLR0917 - the framework fills them by name
     number: Annotated[int | None, typer.Argument(help="Show this one; without it, list.")] = None,
     sphere: Annotated[str | None, typer.Option("--sphere")] = None,
     surface: Annotated[str | None, typer.Option("--surface")] = None,

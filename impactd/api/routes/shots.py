@@ -29,7 +29,7 @@ _Filter = Annotated[str | None, Query(min_length=1, max_length=64)]
 
 
 @router.get("")
-def list_shots(
+def list_shots(  # noqa: PLR0917 - the framework fills them by name
     daemon: TheDaemon,
     sphere: _Filter = None,
     surface: _Filter = None,

@@ -1,0 +1,57 @@
+"""The description of the API is complete and true."""
+
+from __future__ import annotations
+
+from impactd.api.schemas import DropAnswer
+
+
+def test_every_operation_describes_its_problems(rig):
+    """Each operation has a summary and names the form of its errors."""
+    document = rig.anybody.get("/openapi.json").json()
+    assert "Problem" in document["components"]["schemas"]
+    assert "HTTPValidationError" not in str(document)
+    for path, operations in document["paths"].items():
+        for method, operation in operations.items():
+            assert operation["summary"], (method, path)
+            assert "application/problem+json" in str(operation["responses"]["default"]), path
+
+
+def test_the_example_of_a_drop_is_accepted(rig):
+    """The example in the description is a drop this rig knows."""
+    document = rig.anybody.get("/openapi.json").json()
+    example = document["components"]["schemas"]["DropBody"]["example"]
+    rig.daemon.materials.check(example["sphere"], example["surface"])
+    answer = document["components"]["schemas"]["DropAnswer"]["example"]
+    DropAnswer.model_validate(answer)
+
+
+def test_metrics_count_requests_by_route_and_read_the_rig(rig):
+    """A scrape shows readiness, free space and requests, without one label per number."""
+    rig.reader.get("/v1/drops/1")
+    rig.reader.get("/v1/drops/2")
+    text = rig.anybody.get("/metrics").text
+    assert "impactd_ready " in text
+    assert "impactd_free_bytes " in text
+    assert 'route="/v1/drops/{number}"' in text
+    assert "/v1/drops/2" not in text
+
+
+def test_status_is_one_honest_sentence(rig):
+    """READY or NOT READY in words and as a flag, and they agree."""
+    status = rig.anybody.get("/v1/status").json()
+    assert status["sentence"].startswith("READY" if status["ready"] else "NOT READY")
+    assert {"state", "owner", "drop", "calibration"} <= set(status)
+
+
+def test_the_active_model_can_be_chosen(rig):
+    """PUT /models/active changes what results are reported with; unknown models are refused."""
+    assert rig.admin.put("/v1/models/active", json={"name": "hsd"}).json()["active"] == "hsd"
+    assert rig.reader.get("/v1/models").json()["active"] == "hsd"
+    wrong = rig.admin.put("/v1/models/active", json={"name": "magic"})
+    assert wrong.status_code == 422
+    rig.admin.put("/v1/models/active", json={"name": "kv"})
+
+
+def test_the_effect_library_is_a_list(rig):
+    """Effects are listed, even when there are none yet."""
+    assert isinstance(rig.reader.get("/v1/effects").json()["items"], list)

@@ -1,0 +1,165 @@
+"""The command line as a person meets it: quick help, one sentence per failure, clean output."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from impactd.console.tables import measured, table
+from impactd.settings import find_config
+
+CONFIG = find_config("simulated.toml")
+COMMANDS = (
+    "serve demo bench doctor status drop abort calibrate shots moduli fit diagnose effects "
+    "import export verify reindex token"
+).split()
+
+
+def run(*words: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run the command line in a process of its own."""
+    clean = {name: value for name, value in os.environ.items() if not name.startswith("IMPACTD_")}
+    return subprocess.run(
+        [sys.executable, "-m", "impactd", *map(str, words)],
+        env=clean | environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+
+def failed(result: subprocess.CompletedProcess[str]) -> str:
+    """Return the sentence of a command that failed as it should."""
+    assert result.returncode == 1, result
+    assert result.stderr.count("\n") == 1, result.stderr
+    assert "Traceback" not in result.stderr
+    return result.stderr
+
+
+@pytest.mark.parametrize("command", ["", *COMMANDS, "token create", "token list", "token revoke"])
+def test_every_command_explains_itself_without_loading_anything_heavy(command):
+    """`--help` answers from names and options alone: no numpy, no web framework is imported."""
+    code = (
+        "import sys; from impactd.cli import app\n"
+        "try: app(sys.argv[1:], prog_name='impactd')\n"
+        "except SystemExit as end: assert not end.code, end.code\n"
+        "heavy = {'numpy', 'numba', 'scipy', 'h5py', 'fastapi', 'httpx2', 'uvicorn'}\n"
+        "assert not heavy & set(sys.modules), heavy & set(sys.modules)"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code, *command.split(), "--help"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "Usage: impactd" in result.stdout
+
+
+def test_wrong_usage_ends_with_2():
+    """A word too few, too many or unknown is wrong usage."""
+    assert run("drop", "acetal").returncode == 2
+    assert run("frobnicate").returncode == 2
+    assert run("token", "create", "--scope", "root").returncode == 2
+
+
+def test_no_daemon_is_one_sentence():
+    """A client without a daemon says where it looked and what to do."""
+    said = failed(run("status", "--url", "http://127.0.0.1:9"))
+    assert "http://127.0.0.1:9" in said
+    assert "impactd serve" in said
+
+
+def test_a_wrong_settings_file_is_one_sentence(tmp_path):
+    """A missing file is named."""
+    said = failed(run("serve", "--config", tmp_path / "none.toml"))
+    assert "none.toml" in said
+
+
+def test_a_token_is_printed_once_and_alone(tmp_path):
+    """`token create` prints the secret and nothing else; the list never shows it."""
+    where = ("--config", CONFIG, "--data", tmp_path)
+    made = run("token", "create", "--scope", "operate", "--name", "bench", "--days", "1", *where)
+    assert made.returncode == 0, made.stderr
+    secret = made.stdout.strip()
+    assert len(secret.split()) == 1
+    listed = run("token", "list", "--json", *where)
+    assert secret not in listed.stdout
+    (token,) = json.loads(listed.stdout)
+    assert (token["name"], token["scope"], token["revoked_utc"]) == ("bench", "operate", None)
+    assert run("token", "revoke", token["id"], *where).returncode == 0
+    assert json.loads(run("token", "list", "--json", *where).stdout)[0]["revoked_utc"]
+    assert "no token 99" in failed(run("token", "revoke", 99, *where))
+
+
+def test_diagnose_says_that_it_is_not_there_yet(tmp_path):
+    """One sentence, exit code 1."""
+    assert "not there yet" in failed(run("diagnose", tmp_path / "campaign.json"))
+
+
+def test_effects_can_be_listed():
+    """The effect library prints, empty or not."""
+    assert isinstance(json.loads(run("effects", "--json").stdout), list)
+
+
+def test_a_missing_campaign_is_one_sentence(tmp_path):
+    """A fit of a folder that is not there names it."""
+    assert "campaign.json" in failed(run("fit", tmp_path / "campaign.json"))
+
+
+def test_a_failure_nobody_foresaw_is_one_sentence_too(tmp_path):
+    """Even a bug is one sentence, with a way to see more."""
+    said = failed(run("fit", tmp_path / "x.json", "--model", "\udcff"))
+    assert said.startswith("impactd:")
+
+
+def test_doctor_finds_what_is_missing_and_says_how_to_mend_it(tmp_path):
+    """On a fresh simulated rig only a token is missing; with one, all is well."""
+    where = ("--config", CONFIG, "--data", tmp_path)
+    first = run("doctor", "--json", *where)
+    assert first.returncode == 1
+    bad = [finding for finding in json.loads(first.stdout) if not finding["well"]]
+    assert [finding["name"] for finding in bad] == ["tokens"]
+    assert "impactd token create" in bad[0]["mend"]
+    run("token", "create", "--scope", "operate", *where)
+    second = run("doctor", *where)
+    assert second.returncode == 0, second.stdout + second.stderr
+    assert "digitizer: answers" in second.stdout
+
+
+def test_a_table_aligns_words_left_and_numbers_right():
+    """Columns stay readable in a pipe."""
+    assert table(("name", "n"), [("a", 1), ("bcd", 20)]) == "name   n\n----  --\na      1\nbcd   20"
+
+
+@pytest.mark.parametrize(
+    ("quantity", "said"),
+    [
+        ({"value": 3.1415e9, "u": 2.0e7}, "3.142 +- 0.020"),
+        ({"value": 5.0, "u": 0.0}, "5"),
+        ({"value": None, "u": 1.0}, "-"),
+        (None, "-"),
+    ],
+)
+def test_a_quantity_shows_two_digits_of_its_uncertainty(quantity, said):
+    """Value and uncertainty end at the same digit."""
+    scale = 1e-9 if quantity and quantity["value"] and quantity["value"] > 1e6 else 1.0
+    assert measured(quantity, scale=scale) == said
+
+
+def test_export_refuses_an_unknown_shot(tmp_path):
+    """A shot that is not there is named."""
+    where = ("--config", CONFIG, "--data", tmp_path / "data")
+    assert "shot 7" in failed(run("export", 7, "--out", tmp_path / "out", *where))
+
+
+def test_python_m_impactd_and_the_console_script_are_the_same():
+    """Both print the version."""
+    script = Path(sys.executable).with_name("impactd")
+    said = subprocess.run([script, "--version"], capture_output=True, text=True, check=True).stdout
+    assert said == run("--version").stdout
