@@ -21,8 +21,9 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Sphere, Surface
 from analysis.errors import AnalysisError
+from analysis.fit.estimates import HSD_FIELDS
 from analysis.fit.problem import SENSOR_FIELDS, UNKNOWN_LOG_U, Prior, modulus_prior
-from analysis.fit.result import HSD_FIELDS, FitResult
+from analysis.fit.result import FitResult
 from analysis.moduli_result import ModuliResult, Network, PairCheck
 
 Json = dict[str, Any]
@@ -183,7 +184,7 @@ def _common_errors(
                     " was it fitted with another model than the calibration?"
                 )
             column = np.array([o.sensitivity for o in observations])
-            inner = np.linalg.inv(known)
+            inner = np.asarray(np.linalg.inv(known))
         columns.append(column * mine[:, None])
         blocks.append(inner)
     sizes = [b.shape[0] for b in blocks]
@@ -287,7 +288,7 @@ def _solve(system: _System) -> tuple[Array, Array]:
             break
     _, design = _linearise(system, x)
     normal = design.T @ (system.weight[:, None] * design) + system.precision
-    return x, np.linalg.inv(normal)
+    return x, np.asarray(np.linalg.inv(normal))
 
 
 def _checks(system: _System, x: Array, covariance: Array) -> tuple[PairCheck, ...]:

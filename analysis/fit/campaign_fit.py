@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Campaign
 from analysis.fit import joint
+from analysis.fit.blocks import linearise_shot, shot_cost
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import MISFIT_ABOVE, FitResult, Outcome, collect
 from analysis.fit.start import prepare
@@ -120,12 +121,12 @@ def _refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Arra
     item = problem.shots[i]
     nuisance = nuisance.copy()
     for _ in range(HELDOUT_STEPS):
-        block = joint.linearise_shot(problem, item, theta, nuisance)
+        block = linearise_shot(problem, item, theta, nuisance)
         if block is None:
             break
         s = block.chain.shape[0]
         step = np.linalg.solve(block.matrix[s:, s:], block.vector[s:])
-        if not joint.shot_cost(problem, item, theta, nuisance + step) < block.cost:
+        if not shot_cost(problem, item, theta, nuisance + step) < block.cost:
             break
         nuisance += step
     shared, _ = problem.shared_local(item, theta)

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
-from analysis.model.impact_model import NUISANCE, ImpactModel
+from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
+from analysis.fit.problem import JointProblem
 
 MAX_ITERATIONS = 60
 STEP_TOLERANCE = 2e-3
@@ -23,32 +23,6 @@ STEP_TOLERANCE = 2e-3
 COST_TOLERANCE = 1e-9
 
 Array = NDArray[np.float64]
-N = len(NUISANCE)
-
-
-@dataclass(frozen=True)
-class ShotBlock:
-    """The normal equations of one shot at one point, nuisances last.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (s + 4, s + 4)
-        Whitened J^T J, knowledge of the nuisances included.
-    vector : ndarray, shape (s + 4,)
-        Whitened -J^T r.
-    chain : ndarray, shape (s, g)
-        Shared local parameters by the globals.
-    chi2 : float
-        Whitened squares of the samples alone.
-    cost : float
-        Whitened squares with the nuisances' priors.
-    """
-
-    matrix: Array
-    vector: Array
-    chain: Array
-    chi2: float
-    cost: float
 
 
 @dataclass(frozen=True)
@@ -82,79 +56,6 @@ class Fitted:
     converged: bool
 
 
-def _prior_rows(
-    model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
-) -> tuple[list[float], list[Array]]:
-    """Return residuals and gradients of what is known of this shot's nuisances."""
-    residuals, rows = [], []
-    at_speed, at_e = len(model.shared), len(model.shared) + 1
-    if item.speed_prior is not None:
-        row = np.zeros(local.size)
-        row[at_speed] = 1 / item.speed_prior.u
-        residuals.append((local[at_speed] - item.speed_prior.mean) / item.speed_prior.u)
-        rows.append(row)
-    known = item.shot.restitution
-    if known is not None and known.u > 0:
-        residuals.append((rebound - known.value) / known.u)
-        rows.append(gradient / known.u)
-    else:
-        row = np.zeros(local.size)
-        row[at_e] = 1 / UNKNOWN_LOG_U
-        residuals.append(local[at_e] / UNKNOWN_LOG_U)
-        rows.append(row)
-    return residuals, rows
-
-
-def linearise_shot(
-    problem: JointProblem, item: FitShot, theta: Array, nuisance: Array
-) -> ShotBlock | None:
-    """Return one shot's normal equations, None where the model cannot be evaluated.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Model and mapping.
-    item : FitShot
-        The shot.
-    theta : ndarray, shape (g,)
-        Globals.
-    nuisance : ndarray, shape (4,)
-        The shot's own.
-
-    Returns
-    -------
-    ShotBlock or None
-        None when the contact did not end.
-    """
-    shared, chain = problem.shared_local(item, theta)
-    local = np.concatenate([shared, nuisance])
-    found, jacobian, gradient = problem.model.linearise(local, item.frame)
-    if not math.isfinite(found.rebound_ratio) or not np.isfinite(jacobian[-1]).all():
-        return None
-    r = item.noise.whiten(found.signal - item.window.signal)
-    white = item.noise.whiten(jacobian)
-    extra, rows = _prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
-    chi2 = float(r @ r)
-    matrix = white.T @ white
-    vector = -(white.T @ r)
-    for residual, row in zip(extra, rows, strict=True):
-        matrix += np.outer(row, row)
-        vector -= residual * row
-    return ShotBlock(matrix, vector, chain, chi2, chi2 + sum(x * x for x in extra))
-
-
-def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:
-    """Return one shot's whitened squares with its priors; infinite where there is no trace."""
-    shared, _ = problem.shared_local(item, theta)
-    local = np.concatenate([shared, nuisance])
-    found = problem.model.predict(local, item.frame)
-    if not math.isfinite(found.rebound_ratio):
-        return math.inf
-    r = item.noise.whiten(found.signal - item.window.signal)
-    extra, _ = _prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
-    return float(r @ r) + sum(x * x for x in extra)
-
-
 @dataclass(frozen=True)
 class _Schur:
     """One shot with its nuisances eliminated."""
@@ -168,9 +69,9 @@ class _Schur:
 def _eliminate(block: ShotBlock, damping: float) -> _Schur:
     s = block.chain.shape[0]
     inner = block.matrix[s:, s:].copy()
-    inner[np.diag_indices(N)] *= 1 + damping
+    inner[np.diag_indices_from(inner)] *= 1 + damping
     cross = block.matrix[:s, s:]
-    own = np.linalg.solve(inner, block.vector[s:])
+    own = np.asarray(np.linalg.solve(inner, block.vector[s:]))
     back = np.linalg.solve(inner, cross.T)
     return _Schur(
         block.chain.T @ (block.matrix[:s, :s] - cross @ back) @ block.chain,
@@ -296,7 +197,7 @@ def fit(
         if progress is not None:
             progress("joint fit", min(0.95, iteration / 12))
     matrix, _, _ = _gather(problem, blocks, theta, 0.0)
-    covariance = np.linalg.inv(matrix)
+    covariance = np.asarray(np.linalg.inv(matrix))
     return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
 
 

@@ -1,0 +1,135 @@
+"""One shot's normal equations: whitened samples, and what is known of its nuisances."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
+from analysis.model.impact_model import NUISANCE, SHARED, ImpactModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ShotBlock:
+    """The normal equations of one shot at one point, nuisances last.
+
+    Attributes
+    ----------
+    matrix : ndarray, shape (s + 4, s + 4)
+        Whitened J^T J, knowledge of the nuisances included.
+    vector : ndarray, shape (s + 4,)
+        Whitened -J^T r.
+    chain : ndarray, shape (s, g)
+        Shared local parameters by the globals.
+    chi2 : float
+        Whitened squares of the samples alone.
+    cost : float
+        Whitened squares with the nuisances' priors.
+    """
+
+    matrix: Array
+    vector: Array
+    chain: Array
+    chi2: float
+    cost: float
+
+
+def _speed_shift_gradient(model: ImpactModel, item: FitShot, local: Array) -> Array:
+    """Return minus the derivative of the effects' shift of ln v0; zeros without such an effect."""
+    row = np.zeros(local.size)
+    if not any(e.speed is not None for e in model.effects):
+        return row
+    step = 1e-5
+    for j in range(len(SHARED[model.kind]), len(model.shared)):
+        moved = local.copy()
+        moved[j] += step
+        above = model.speed_shift(moved, item.frame)
+        moved[j] -= 2 * step
+        row[j] = -(above - model.speed_shift(moved, item.frame)) / (2 * step)
+    return row
+
+
+def _prior_rows(
+    model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
+) -> tuple[list[float], list[Array]]:
+    """Return residuals and gradients of what is known of this shot's nuisances."""
+    residuals, rows = [], []
+    at_speed, at_e = len(model.shared), len(model.shared) + 1
+    if item.speed_prior is not None:
+        row = _speed_shift_gradient(model, item, local)
+        shift = model.speed_shift(local, item.frame)
+        row[at_speed] += 1.0
+        u = item.speed_prior.u
+        residuals.append((local[at_speed] - item.speed_prior.mean - shift) / u)
+        rows.append(row / u)
+    known = item.shot.restitution
+    if known is not None and known.u > 0:
+        residuals.append((rebound - known.value) / known.u)
+        rows.append(gradient / known.u)
+    else:
+        row = np.zeros(local.size)
+        row[at_e] = 1 / UNKNOWN_LOG_U
+        residuals.append(local[at_e] / UNKNOWN_LOG_U)
+        rows.append(row)
+    for j in range(at_speed + len(NUISANCE), local.size):
+        # a free size as wide as the whole pulse only keeps an unused one finite
+        row = np.zeros(local.size)
+        row[j] = 1 / item.window.peak
+        residuals.append(local[j] / item.window.peak)
+        rows.append(row)
+    return residuals, rows
+
+
+def linearise_shot(
+    problem: JointProblem, item: FitShot, theta: Array, nuisance: Array
+) -> ShotBlock | None:
+    """Return one shot's normal equations, None where the model cannot be evaluated.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Model and mapping.
+    item : FitShot
+        The shot.
+    theta : ndarray, shape (g,)
+        Globals.
+    nuisance : ndarray, shape (4,)
+        The shot's own.
+
+    Returns
+    -------
+    ShotBlock or None
+        None when the contact did not end.
+    """
+    shared, chain = problem.shared_local(item, theta)
+    local = np.concatenate([shared, nuisance])
+    found, jacobian, gradient = problem.model.linearise(local, item.frame)
+    if not math.isfinite(found.rebound_ratio) or not np.isfinite(jacobian[-1]).all():
+        return None
+    r = item.noise.whiten(found.signal - item.window.signal)
+    white = item.noise.whiten(jacobian)
+    extra, rows = _prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
+    chi2 = float(r @ r)
+    matrix = white.T @ white
+    vector = -(white.T @ r)
+    for residual, row in zip(extra, rows, strict=True):
+        matrix += np.outer(row, row)
+        vector -= residual * row
+    return ShotBlock(matrix, vector, chain, chi2, chi2 + sum(x * x for x in extra))
+
+
+def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:
+    """Return one shot's whitened squares with its priors; infinite where there is no trace."""
+    shared, _ = problem.shared_local(item, theta)
+    local = np.concatenate([shared, nuisance])
+    found = problem.model.predict(local, item.frame)
+    if not math.isfinite(found.rebound_ratio):
+        return math.inf
+    r = item.noise.whiten(found.signal - item.window.signal)
+    extra, _ = _prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
+    return float(r @ r) + sum(x * x for x in extra)

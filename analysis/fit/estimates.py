@@ -1,0 +1,148 @@
+"""What a joint fit says in logarithms: single parameters, the cell, a pair's reduced modulus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.joint import Fitted
+from analysis.fit.problem import (
+    SENSOR_FIELDS,
+    SENSOR_OFFSET,
+    FitShot,
+    JointProblem,
+    sensor_transform,
+)
+from analysis.model import solver
+
+HSD_FIELDS = ("hsd_n_per_v",)
+_CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
+
+Array = NDArray[np.float64]
+
+
+def positions(problem: JointProblem, names: Sequence[str]) -> list[int] | None:
+    """Return where these globals are, None unless all of them are parameters.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    names : sequence of str
+        Globals.
+
+    Returns
+    -------
+    list of int or None
+        In the order of ``names``.
+    """
+    found = [problem.index(n) for n in names]
+    known = [j for j in found if j is not None]
+    return known if len(known) == len(found) else None
+
+
+def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, float]:
+    """Return a global and its standard uncertainty.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    name : str
+        One of ``problem.names``.
+
+    Returns
+    -------
+    tuple of float
+        Logarithm (or an effect's coordinate) and u.
+    """
+    j = problem.names.index(name)
+    return float(fitted.theta[j]), math.sqrt(float(fitted.covariance[j, j]))
+
+
+def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | None:
+    """Return ln(M, k, mu, c) and covariance, None unless all four are parameters.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    tuple of ndarray, shapes (4,) and (4, 4), or None
+        In the order of ``SENSOR_FIELDS``.
+    """
+    at = positions(problem, _CELL)
+    if at is None:
+        return None
+    transform = sensor_transform()
+    logs = transform @ fitted.theta[at] + SENSOR_OFFSET
+    return logs, transform @ fitted.covariance[np.ix_(at, at)] @ transform.T
+
+
+def pair_modulus(
+    problem: JointProblem, fitted: Fitted, item: FitShot
+) -> tuple[float, float, Array] | None:
+    """Return ln E*, its standard uncertainty and its gradient by the globals.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    item : FitShot
+        Any shot of the pair.
+
+    Returns
+    -------
+    tuple or None
+        None in reduced units, where a stiffness is no modulus.
+    """
+    if item.radius_m is None:
+        return None
+    values, chain = problem.shared_local(item, fitted.theta)
+    log = float(values[0]) - math.log(4 / 3 * math.sqrt(item.radius_m))
+    gradient = chain[0]
+    return log, math.sqrt(float(gradient @ fitted.covariance @ gradient)), gradient
+
+
+def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tuple[float, Array]:
+    r"""Return the part of u(ln E*) that comes from the cell's stated values.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    item : FitShot
+        Any shot of the pair.
+
+    Returns
+    -------
+    u : float
+        Standard uncertainty, common to all fits that take the cell from one calibration. [1]
+    sensitivity : ndarray, shape (4,) or (1,)
+        d ln E* / d ln(M, k, mu, c) for KV, d ln E* / d ln S for HSD: how E* follows when the
+        stated values are wrong. Zeros where the cell is no complete parameter.
+
+    Notes
+    -----
+    With precision P of the priors and covariance :math:`\Sigma` of the fit, an error d of the
+    prior means moves the fit by :math:`\Sigma P d`; the rest of :math:`\Sigma` is this
+    recording's own noise and independent from shot to shot.
+    """
+    found = pair_modulus(problem, fitted, item)
+    at = [j for j, n in enumerate(problem.names) if n.startswith("sensor.")]
+    size = 1 if problem.model.kind == solver.HSD else len(SENSOR_FIELDS)
+    if found is None or not at:
+        return 0.0, np.zeros(size)
+    follows = found[2] @ fitted.covariance[:, at]
+    precision = problem.prior_precision[np.ix_(at, at)]
+    sensitivity = np.zeros(size)
+    if len(at) == size:
+        sensitivity = follows @ precision
+        if size > 1:
+            sensitivity = sensitivity @ np.linalg.inv(sensor_transform())
+    return math.sqrt(max(float(follows @ precision @ follows), 0.0)), sensitivity

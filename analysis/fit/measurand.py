@@ -1,0 +1,89 @@
+"""A measured quantity as JSON, and how Young's modulus follows from a plane-strain one."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from analysis.campaign import Quantity
+
+NORMAL95 = 1.959963984540054
+
+Json = dict[str, Any]
+
+
+def measurand(value: float, u: float, unit: str, *, log: bool = True) -> Json | None:
+    """Return a measurand as JSON: value, standard and expanded uncertainty, 95 % interval.
+
+    Parameters
+    ----------
+    value, u : float
+        Best estimate and standard uncertainty, in ``unit``.
+    unit : str
+        In UCUM's spelling as far as it goes.
+    log : bool
+        Whether a positive value's interval is symmetric in its logarithm, as fitted, rather than in
+        the value.
+
+    Returns
+    -------
+    dict or None
+        None where a number would not be finite.
+    """
+    if not (math.isfinite(value) and math.isfinite(u)):
+        return None
+    if log and value > 0:
+        factor = math.exp(min(NORMAL95 * u / value, 50.0))
+        interval = [value / factor, value * factor]
+    else:
+        interval = [value - NORMAL95 * u, value + NORMAL95 * u]
+    return {
+        "value": float(value),
+        "u": float(u),
+        "unit": unit,
+        "interval95": [float(x) for x in interval],
+        "expanded": {"U": NORMAL95 * float(u), "k": NORMAL95, "coverage": 0.95},
+    }
+
+
+def young_from_plane_strain(
+    log_plane: float, u_log: float, prior: Quantity | None, ratio: Quantity
+) -> tuple[float, float]:
+    r"""Return Young's modulus and its relative standard uncertainty from a fitted E'.
+
+    Parameters
+    ----------
+    log_plane, u_log : float
+        ln E' with E' in Pa, and its standard uncertainty.
+    prior : Quantity or None
+        Young's modulus as stated beforehand; None where it is to be found. [Pa]
+    ratio : Quantity
+        Poisson's ratio, which no normal impact can tell.
+
+    Returns
+    -------
+    tuple of float
+        E [Pa] and u(E)/E.
+
+    Notes
+    -----
+    Source: ln E' = a + b with a = ln E and b = -ln(1 - nu^2) independent beforehand; the fit fixes
+    their sum, the priors share it out. Without a prior on E all of u(b) goes to E. Validation:
+    against sampling in ``tests/analysis/fit/test_result.py``.
+    """
+    b = -math.log(1 - ratio.value**2)
+    var_b = (2 * ratio.value * ratio.u / (1 - ratio.value**2)) ** 2
+    if prior is None:
+        return math.exp(log_plane - b), math.sqrt(u_log**2 + var_b)
+    var_a = (prior.u / prior.value) ** 2
+    total = var_a + var_b
+    if total == 0.0:
+        return prior.value, 0.0
+    share = var_a / total
+    a = math.log(prior.value) + share * (log_plane - math.log(prior.value) - b)
+    return math.exp(a), math.sqrt(var_a * var_b / total + (share * u_log) ** 2)
+
+
+def as_quantity(measurand: Json) -> Quantity:
+    """Return a measurand of our JSON as a Quantity."""
+    return Quantity(float(measurand["value"]), float(measurand["u"]))

@@ -1,0 +1,154 @@
+"""What a joint fit says, as JSON: moduli by material, pairs, parameters."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from analysis.campaign import Sphere, Surface
+from analysis.fit.estimates import (
+    HSD_FIELDS,
+    calibration_part,
+    log_of,
+    pair_modulus,
+    sensor_logs,
+)
+from analysis.fit.joint import Fitted
+from analysis.fit.measurand import Json, measurand, young_from_plane_strain
+from analysis.fit.problem import SENSOR_FIELDS, UNKNOWN_LOG_U, JointProblem
+
+WITHHOLD_ABOVE = 0.25
+"""A relative standard uncertainty beyond which a modulus is withheld."""
+
+_CELL_FORMS = {
+    "sensor.ln_S": ("sensor.gain_N_per_V", 1.0, "N/V"),
+    "sensor.ln_w": ("sensor.natural_frequency_Hz", 1 / (2 * math.pi), "Hz"),
+    "sensor.ln_z": ("sensor.damping_ratio", 1.0, "1"),
+}
+_CELL_UNITS = ("kg", "N/m", "N s/m", "m/V")
+
+
+def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
+    """Return ``moduli`` of ``impactd-diagnosis/1``: by material, withheld where not known.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    dict
+        By material; a name that is both a sphere's and a surface's is preceded by which it is.
+    """
+    names = [n for n in problem.names if n.startswith(("sphere.", "surface."))]
+    plain = [n.split(".", 1)[1] for n in names]
+    found: Json = {}
+    for name, short in zip(names, plain, strict=True):
+        side = name.partition(".")[0]
+        materials = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
+        key = short if plain.count(short) == 1 else f"{side}:{short}"
+        found[key] = _modulus(*log_of(problem, fitted, name), side, materials[short])
+    return found
+
+
+def _modulus(log: float, u: float, side: str, material: Sphere | Surface) -> Json:
+    """Return one material's entry from ln E' and its standard uncertainty."""
+    if not u <= WITHHOLD_ABOVE:
+        return {
+            "youngs_modulus_Pa": None,
+            "plane_strain_modulus_Pa": None,
+            "side": side,
+            "status": "withheld",
+            "reason": (
+                f"these data leave a factor {math.exp(min(u, 2 * UNKNOWN_LOG_U)):.2g} open; drop a "
+                "reference sphere on it, or this sphere on a reference surface"
+            ),
+        }
+    plane = math.exp(log)
+    young = None
+    if material.poissons_ratio is not None:
+        e, u_e = young_from_plane_strain(
+            log, u, material.youngs_modulus_pa, material.poissons_ratio
+        )
+        young = measurand(e, e * u_e, "Pa")
+    return {
+        "youngs_modulus_Pa": young,
+        "plane_strain_modulus_Pa": measurand(plane, plane * u, "Pa"),
+        "side": side,
+        "status": "fitted" if material.youngs_modulus_pa is None else "reference",
+    }
+
+
+def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
+    """Return each pair's reduced modulus, or its stiffness in reduced units.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    dict
+        By ``sphere/surface``.
+    """
+    found: Json = {}
+    for item in problem.shots:
+        if item.pair in found:
+            found[item.pair]["shots"] += 1
+            continue
+        entry: Json = {"sphere": item.shot.sphere, "surface": item.shot.surface, "shots": 1}
+        modulus = pair_modulus(problem, fitted, item)
+        if modulus is not None:
+            value = math.exp(modulus[0])
+            entry["reduced_modulus_Pa"] = measurand(value, value * modulus[1], "Pa")
+            u_cell, sensitivity = calibration_part(problem, fitted, item)
+            entry["u_calibration_Pa"] = value * u_cell
+            fields = SENSOR_FIELDS if sensitivity.size > 1 else HSD_FIELDS
+            entry["d_ln_reduced_modulus_d_ln_sensor"] = dict(
+                zip(fields, sensitivity.tolist(), strict=True)
+            )
+        else:
+            values, chain = problem.shared_local(item, fitted.theta)
+            k = math.exp(values[0])
+            u = math.sqrt(float(chain[0] @ fitted.covariance @ chain[0]))
+            entry["stiffness_over_mass"] = measurand(k, k * u, "N m^-1.5 kg^-1")
+        found[item.pair] = entry
+    return found
+
+
+def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
+    """Return what was fitted, identifiable combinations first, with units.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    dict
+        Measurands by name.
+    """
+    found: Json = {}
+    for name, (label, factor, unit) in _CELL_FORMS.items():
+        if name in problem.names:
+            log, u = log_of(problem, fitted, name)
+            value = factor * math.exp(log)
+            found[label] = measurand(value, value * u, unit)
+    cell = sensor_logs(problem, fitted)
+    if cell is not None:
+        for field, log, u, unit in zip(
+            SENSOR_FIELDS, cell[0], np.sqrt(np.diag(cell[1])), _CELL_UNITS, strict=True
+        ):
+            value = math.exp(log)
+            found[f"sensor.{field}"] = measurand(value, value * u, unit)
+    for name in problem.names:
+        if name.startswith(("pair.", "sphere.", "surface.")):
+            log, u = log_of(problem, fitted, name)
+            value = math.exp(log)
+            unit = "N m^-1.5" if name.startswith("pair.") else "Pa"
+            found[name] = measurand(value, value * u, unit)
+    return found
