@@ -16,6 +16,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -48,6 +49,7 @@ from impactd.storage.shot_file import recording_of
 from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME, ShotStore
 from impactd.storage.shots import Shot, ShotTable
 from impactd.storage.tokens import SCOPES, Token, TokenTable
+from impactd.storage.version import software
 
 __all__ = [
     "ACTIVE_STATES",
@@ -76,6 +78,7 @@ __all__ = [
     "StoredShot",
     "Token",
     "VerifyFinding",
+    "software",
 ]
 
 INDEX_NAME = "index.sqlite"
@@ -190,18 +193,24 @@ class Archive:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+    def transaction(self) -> AbstractContextManager[None]:
+        """Let several changes become durable together, or not at all."""
+        return self._index.transaction()
+
     # Space
 
     def free_bytes(self) -> int:
-        """Return what the disk still offers, the reserve included. [B]"""
-        return shutil.disk_usage(self.directory).free
+        """Return what the disk still offers above the reserve; negative inside the reserve. [B]"""
+        return shutil.disk_usage(self.directory).free - self.reserve_bytes
 
     def check_space(self) -> None:
         """Raise StorageFullError when the reserve would be touched; ask before arming."""
-        free = self.free_bytes()
-        if free < self.reserve_bytes:
+        above = self.free_bytes()
+        if above < 0:
             raise StorageFullError(
-                str(self.directory), free_bytes=free, needed_bytes=self.reserve_bytes
+                str(self.directory),
+                free_bytes=above + self.reserve_bytes,
+                needed_bytes=self.reserve_bytes,
             )
 
     # Drops

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import sqlite3
+import threading
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,10 +68,16 @@ class JobTable:
     ----------
     index : Index
         Where it lives.
+
+    Attributes
+    ----------
+    arrival : threading.Event
+        Set whenever this process adds a job; whoever runs them clears it and need not poll.
     """
 
     def __init__(self, index: Index) -> None:
         self._index = index
+        self.arrival = threading.Event()
 
     def enqueue(
         self, kind: str, payload: dict[str, Any], subject: str, *, key: str | None = None
@@ -94,12 +101,17 @@ class JobTable:
                 "VALUES (?, ?, ?, ?, 'queued', 0, ?)",
                 (kind, subject, text, key, utc_now()),
             )
-            return self.get(number)
+            job = self.get(number)
+        self.arrival.set()
+        return job
 
     def claim(self) -> Job | None:
         """Take the oldest job that waits, ``None`` when none does."""
+        waiting = "SELECT id FROM jobs WHERE state='queued' ORDER BY id LIMIT 1"
+        if self._index.row(waiting) is None:  # asked often: without the write lock first
+            return None
         with self._index.transaction():
-            row = self._index.row("SELECT id FROM jobs WHERE state='queued' ORDER BY id LIMIT 1")
+            row = self._index.row(waiting)
             if row is None:
                 return None
             self._index.write(

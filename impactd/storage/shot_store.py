@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -94,14 +94,7 @@ class ShotStore:
             If the file is missing, or its SHA-256 is not the one that was stored.
         """
         path = self.directory / shot.file
-        content = _content(path)
-        found = hashlib.sha256(content).hexdigest()
-        if found != shot.sha256:
-            raise CorruptShotError(
-                str(path), f"its SHA-256 is {found[:12]}..., the index says {shot.sha256[:12]}..."
-            )
-        _, recording, about, drop = read_shot_file(content, str(path))
-        return StoredShot(shot, recording, about, drop)
+        return replace(read_shot(path, shot.sha256), shot=shot)
 
     def find(self, path: Path) -> FoundShot:
         """Return what a shot file says of itself; for rebuilding the index.
@@ -116,6 +109,36 @@ class ShotStore:
         if path != self.path(number):
             raise CorruptShotError(str(path), f"it holds shot {number}")
         return FoundShot(_row(number, content, recording, about), drop)
+
+
+def read_shot(path: Path, sha256: str) -> StoredShot:
+    """Return a shot from its file, without an index; workers do this.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    sha256 : str
+        What the whole file must hash to.
+
+    Returns
+    -------
+    StoredShot
+        With the row that the file deserves.
+
+    Raises
+    ------
+    CorruptShotError
+        If the file is missing or is not the one that was stored.
+    """
+    content = _content(path)
+    found = hashlib.sha256(content).hexdigest()
+    if found != sha256:
+        raise CorruptShotError(
+            str(path), f"its SHA-256 is {found[:12]}..., the index says {sha256[:12]}..."
+        )
+    number, recording, about, drop = read_shot_file(content, str(path))
+    return StoredShot(_row(number, content, recording, about), recording, about, drop)
 
 
 def _content(path: Path) -> bytes:

@@ -1,0 +1,147 @@
+"""From a job of the queue to an order that a worker can carry out without the archive.
+
+An order is JSON: paths and hashes of the shots, and everything that is known today of materials,
+load cell and release. It is made when the job is started, so a fit always uses the calibration in
+force at that moment and says which.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from analysis.calibration import sensor_from_json
+from analysis.campaign import Sensor
+from impactd.materials import Materials
+from impactd.settings import Settings
+from impactd.storage.archive import Archive, ArchiveError, Shot
+from impactd.storage.jobs import Job
+from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surface_to_json
+
+FIT_SHOT = "fit_shot"
+FIT_CAMPAIGN = "fit_campaign"
+CALIBRATE = "calibrate"
+SHOT_MODELS = ("hsd", "kv")
+"""Both are fitted to every shot: the difference is what a rigid cell would have made of it."""
+
+Json = dict[str, Any]
+
+
+def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | None = None) -> Job:
+    """Ask for a fit: one shot by itself, several together.
+
+    Parameters
+    ----------
+    archive : Archive
+        Where the shots are.
+    shots : list of int
+        At least one number.
+    model : str
+        E.g. ``kv``; the caller has checked that the analysis knows it.
+    key : str, optional
+        The client's idempotency key.
+
+    Returns
+    -------
+    Job
+        Queued, or the old one of the same key.
+
+    Raises
+    ------
+    NotFoundError
+        If a shot does not exist.
+    ArchiveError
+        If there is no shot in the list.
+    IdempotencyConflictError
+        If the key belongs to another request.
+    """
+    if not shots:
+        raise ArchiveError("A fit needs at least one shot.")
+    for number in shots:
+        archive.shot(number)
+    if len(shots) == 1:
+        payload: Json = {"shot": shots[0], "models": [model]}
+        return archive.jobs.enqueue(FIT_SHOT, payload, f"shot {shots[0]}", key=key)
+    payload = {"shots": shots, "model": model}
+    subject = f"shots {', '.join(map(str, shots[:5]))}{' ...' if len(shots) > 5 else ''}"
+    return archive.jobs.enqueue(FIT_CAMPAIGN, payload, subject, key=key)
+
+
+def request_calibration_fit(archive: Archive, calibration: int) -> Job:
+    """Ask for the joint fit of a calibration run whose drops are all there."""
+    payload = {"calibration": calibration}
+    return archive.jobs.enqueue(CALIBRATE, payload, f"calibration {calibration}")
+
+
+def order_for(job: Job, archive: Archive, settings: Settings, materials: Materials) -> Json:
+    """Return what the worker needs for a job.
+
+    Parameters
+    ----------
+    job : Job
+        From the queue.
+    archive : Archive
+        Shots and calibrations.
+    settings : Settings
+        Certificate of the cell, gravity, release.
+    materials : Materials
+        Spheres and surfaces of today.
+
+    Returns
+    -------
+    dict
+        JSON-ready.
+
+    Raises
+    ------
+    ArchiveError
+        If a shot is not there, or there is nothing to fit.
+    """
+    numbers = _numbers(job, archive)
+    if not numbers:
+        raise ArchiveError(f"{job.subject}: there is no stored shot to fit.")
+    # A calibration starts from the certificate, not from the last calibration: were that a prior,
+    # a drifting cell would hide its own drift.
+    calibration = None if job.kind == CALIBRATE else archive.calibrations.current()
+    known = settings.sensor.sensor()
+    if calibration is not None and calibration.result is not None:
+        known = _calibrated(calibration.result, known)
+    return {
+        "shots": [_where(archive, archive.shot(number)) for number in numbers],
+        "models": list(job.payload.get("models", SHOT_MODELS)),
+        "model": job.payload.get("model", "kv"),
+        "sensor": sensor_to_json(known),
+        "calibration": None if calibration is None else calibration.number,
+        "gravity_m_per_s2": settings.release.gravity_m_per_s2,
+        "speed_repeatability": settings.release.speed_repeatability,
+        "spheres": {name: sphere_to_json(one) for name, one in materials.spheres.items()},
+        "surfaces": {name: surface_to_json(one) for name, one in materials.surfaces.items()},
+    }
+
+
+def _calibrated(result: Json, certificate: Sensor) -> Sensor:
+    found = sensor_from_json(result)
+    if found.hsd_n_per_v is not None or certificate.hsd_n_per_v is None:
+        return found
+    return Sensor(
+        compliance_m_per_v=found.compliance_m_per_v,
+        crystal_mass_kg=found.crystal_mass_kg,
+        crystal_stiffness_n_per_m=found.crystal_stiffness_n_per_m,
+        crystal_damping_n_s_per_m=found.crystal_damping_n_s_per_m,
+        hsd_n_per_v=certificate.hsd_n_per_v,
+        covariance=found.covariance,
+    )
+
+
+def _numbers(job: Job, archive: Archive) -> list[int]:
+    if job.kind == CALIBRATE:
+        calibration = archive.calibrations.get(job.payload["calibration"])
+        drops = [archive.drop(number) for number in calibration.drops]
+        return [drop.shot for drop in drops if drop.shot is not None]
+    if job.kind == FIT_SHOT:
+        return [job.payload["shot"]]
+    return list(job.payload["shots"])
+
+
+def _where(archive: Archive, shot: Shot) -> Json:
+    path = archive.directory / shot.file
+    return {"number": shot.number, "path": str(path.resolve()), "sha256": shot.sha256}

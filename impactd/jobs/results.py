@@ -1,0 +1,114 @@
+"""What becomes of a finished job: fits and calibrations are written, drops move on, events go out.
+
+Everything one job brings is one transaction where it matters: a drop is ``analysed`` only when its
+fits can be read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from analysis.calibration import drift
+from impactd.jobs.orders import CALIBRATE, FIT_SHOT
+from impactd.settings import Settings
+from impactd.storage.archive import Archive, Problem
+from impactd.storage.drops import Drop
+from impactd.storage.errors import NotFoundError
+from impactd.storage.jobs import Job
+from impactd.storage.moment import utc_after
+
+Json = dict[str, Any]
+Announce = Callable[[str, Json], None]
+
+
+class ResultWriter:
+    """Writes what jobs brought.
+
+    Parameters
+    ----------
+    archive : Archive
+        Where it goes.
+    settings : Settings
+        How long a calibration is valid.
+    announce : callable
+        Gets kind and data of each event.
+    """
+
+    def __init__(self, archive: Archive, settings: Settings, announce: Announce) -> None:
+        self._archive = archive
+        self._settings = settings
+        self._announce = announce
+
+    def finish(self, job: Job, result: Json) -> None:
+        """Write the result of a job."""
+        if job.kind == CALIBRATE:
+            self._finish_calibration(job, result["calibration"])
+            return
+        shot = job.payload["shot"] if job.kind == FIT_SHOT else None
+        results = result["fits"] if job.kind == FIT_SHOT else [result["fit"]]
+        with self._archive.transaction():
+            fits = [
+                self._archive.fits.add(shot, one["model"], one["calibration"], one, job=job.id)
+                for one in results
+            ]
+            self._archive.jobs.finish(job.id, {"fits": [fit.id for fit in fits]})
+            drop = self._drop(shot)
+            if drop is not None and drop.state == "stored":
+                self._archive.set_drop_state(drop.number, "analysed")
+        for fit in fits:
+            told = {"id": fit.id, "job": job.id, "shot": shot, "model": fit.model}
+            self._announce("fit.done", {**told, "outcome": fit.result["outcome"]["status"]})
+        if drop is not None:
+            self._announce("drop.analysed", {"number": drop.number, "shot": shot})
+
+    def fail(self, job: Job, reason: str, *, retry: bool) -> None:
+        """Write why a job gave no result; with ``retry`` it is tried once more."""
+        failed = self._archive.jobs.fail(job.id, reason, retry=retry)
+        told = {"job": job.id, "kind": job.kind, "subject": job.subject, "reason": reason}
+        if failed.state == "queued":
+            self._announce("job.retried", told)
+            return
+        problem = Problem(
+            type="fit-failed",
+            title="Fit failed",
+            status=500,
+            detail=reason,
+            remedy="The shot is safe. Look at its trace, then ask for another fit.",
+        )
+        if job.kind == CALIBRATE:
+            self._archive.calibrations.fail(job.payload["calibration"], problem)
+            self._announce(
+                "calibration.failed", {"number": job.payload["calibration"], "reason": reason}
+            )
+        elif job.kind == FIT_SHOT:
+            drop = self._drop(job.payload["shot"])
+            if drop is not None:
+                self._archive.set_drop_state(drop.number, drop.state, problem)
+        self._announce("job.failed", told)
+
+    def _drop(self, shot: int | None) -> Drop | None:
+        if shot is None:
+            return None
+        try:
+            return self._archive.drop(shot)
+        except NotFoundError:  # an import has no drop
+            return None
+
+    def _finish_calibration(self, job: Job, result: Json) -> None:
+        number = job.payload["calibration"]
+        outcome = result["outcome"]
+        if outcome["status"] != "converged":
+            self.fail(
+                job, f"The calibration {outcome['status']}: {outcome['message']}", retry=False
+            )
+            return
+        previous = self._archive.calibrations.current()
+        if previous is not None and previous.result is not None:
+            moved = drift(previous.result, result)
+            result = {**result, "drift": {**moved, "against": previous.number}}
+        valid_until = utc_after(self._settings.calibration.validity_days)
+        with self._archive.transaction():
+            self._archive.calibrations.finish(number, result, valid_until)
+            self._archive.jobs.finish(job.id, {"calibration": number})
+        self._announce("calibration.done", {"number": number, "valid_until_utc": valid_until})

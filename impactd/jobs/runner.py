@@ -1,0 +1,199 @@
+"""Takes jobs from the queue, has them done, writes what they bring. One thread, warm workers."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
+from pathlib import Path
+from typing import Any
+
+import structlog
+
+from impactd.jobs.errors import StoppedError, TaskError, WorkerLostError
+from impactd.jobs.executors import WorkerExecutor
+from impactd.jobs.orders import order_for
+from impactd.jobs.results import ResultWriter
+from impactd.jobs.tasks import TASKS, warm_up
+from impactd.jobs.worker_process import WorkerLimits
+from impactd.materials import Materials, load_materials
+from impactd.settings import Settings
+from impactd.storage.archive import Archive, ArchiveError
+from impactd.storage.jobs import Job
+
+_log = structlog.get_logger("impactd.jobs")
+POLL_S = 0.5
+"""Jobs that other processes add are seen after so long; our own ring a bell."""
+ALIVE_S = 30.0
+
+Task = Callable[[dict[str, Any]], dict[str, Any]]
+
+
+class JobRunner:
+    """Takes jobs from the queue and has them done by warm workers.
+
+    Parameters
+    ----------
+    archive : Archive
+        Queue, shots and results.
+    settings : Settings
+        Limits, certificate, release.
+    on_event : callable
+        Gets kind and data of each event: ``job.started``, ``job.progress``, ``job.retried``,
+        ``job.failed``, ``fit.done``, ``drop.analysed``, ``calibration.done``,
+        ``calibration.failed``.
+    materials : Materials, optional
+        Spheres and surfaces; read from the settings' file when absent.
+    tasks : mapping, optional
+        What a kind of job calls; tests bring their own, which crash and hang.
+    import_paths : sequence of Path
+        Where workers find the modules of such tasks.
+    """
+
+    def __init__(
+        self,
+        archive: Archive,
+        settings: Settings,
+        on_event: Callable[[str, dict[str, Any]], None],
+        *,
+        materials: Materials | None = None,
+        tasks: Mapping[str, Task] | None = None,
+        import_paths: Sequence[Path] = (),
+    ) -> None:
+        self._archive = archive
+        self._settings = settings
+        self._announce = on_event
+        self._materials = materials or load_materials(settings.materials.file)
+        self._tasks = TASKS if tasks is None else tasks
+        self._warm_up = warm_up if tasks is None else None
+        self._import_paths = import_paths
+        self._results = ResultWriter(archive, settings, on_event)
+        self._executor: WorkerExecutor | None = None
+        self._thread: threading.Thread | None = None
+        self._stop = threading.Event()
+        self._free = threading.Semaphore(settings.jobs.workers)
+        self._running: dict[Future[Any], Job] = {}
+        self._last_turn_s = 0.0
+
+    def start(self) -> None:
+        """Start the workers, which warm up in the background, and begin to take jobs."""
+        if self._thread is not None:
+            return
+        jobs = self._settings.jobs
+        self._stop.clear()
+        self._executor = WorkerExecutor(
+            WorkerLimits(jobs.fit_time_limit_s, jobs.fit_memory_bytes),
+            workers=jobs.workers,
+            warm_up=self._warm_up,
+            import_paths=self._import_paths,
+            on_progress=self._on_progress,
+        )
+        self._last_turn_s = time.monotonic()
+        self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the workers; a job that runs waits again, as if it had not been started."""
+        if self._thread is None or self._executor is None:
+            return
+        self._stop.set()
+        self._archive.jobs.arrival.set()
+        self._free.release()
+        self._thread.join()
+        self._executor.shutdown()
+        self._thread = None
+        self._executor = None
+        self._free = threading.Semaphore(self._settings.jobs.workers)
+
+    def alive(self) -> bool:
+        """Return whether the queue was looked at lately; fits may take as long as they do."""
+        thread, executor = self._thread, self._executor
+        if thread is None or executor is None or not thread.is_alive() or not executor.alive():
+            return False
+        return time.monotonic() - self._last_turn_s < ALIVE_S
+
+    def wait_warm(self, timeout_s: float) -> bool:
+        """Wait until a worker is warm; the first fit then takes no longer than any other.
+
+        Parameters
+        ----------
+        timeout_s : float
+            [s]
+
+        Returns
+        -------
+        bool
+            Whether one is.
+        """
+        return self._executor is not None and self._executor.wait_warm(timeout_s)
+
+    def _run(self) -> None:
+        arrival = self._archive.jobs.arrival
+        while not self._stop.is_set():
+            self._last_turn_s = time.monotonic()
+            if not self._free.acquire(timeout=POLL_S):
+                continue
+            arrival.clear()
+            job = None
+            try:
+                job = None if self._stop.is_set() else self._archive.jobs.claim()
+            except ArchiveError:
+                _log.exception("the queue does not answer")
+                self._stop.wait(POLL_S)
+            if job is None:
+                self._free.release()
+                arrival.wait(POLL_S)
+            else:
+                self._submit(job)
+
+    def _submit(self, job: Job) -> None:
+        assert self._executor is not None
+        try:
+            task = self._task(job.kind)
+            order = order_for(job, self._archive, self._settings, self._materials)
+        except Exception as error:  # whatever is wrong with one job must not stop the queue
+            self._end(job, error)
+            return
+        self._announce("job.started", {"job": job.id, "kind": job.kind, "subject": job.subject})
+        future = self._executor.submit(task, order)
+        self._running[future] = job
+        future.add_done_callback(self._done)
+
+    def _task(self, kind: str) -> Task:
+        if kind not in self._tasks:
+            raise ArchiveError(f"This version knows no job of the kind {kind!r}.")
+        return self._tasks[kind]
+
+    def _done(self, future: Future[Any]) -> None:
+        job = self._running.pop(future)
+        error = future.exception()
+        if error is not None:
+            self._end(job, error)
+            return
+        try:
+            self._results.finish(job, future.result())
+        except Exception as problem:  # a result that cannot be written is this job's failure
+            self._end(job, problem)
+        else:
+            self._free.release()
+
+    def _end(self, job: Job, error: BaseException) -> None:
+        try:
+            if isinstance(error, StoppedError):
+                self._archive.jobs.give_back(job.id)
+            else:
+                if not isinstance(error, TaskError | ArchiveError):
+                    _log.error("a job failed in the daemon", job=job.id, exc_info=error)
+                retry = isinstance(error, WorkerLostError)
+                self._results.fail(job, str(error), retry=retry)
+        except Exception:  # the thread of a worker must live on
+            _log.exception("a job's failure could not be written", job=job.id)
+        finally:
+            self._free.release()
+
+    def _on_progress(self, future: Future[Any], text: str, share: float) -> None:
+        job = self._running.get(future)
+        if job is not None:
+            told = {"job": job.id, "subject": job.subject, "text": text, "share": share}
+            self._announce("job.progress", told)

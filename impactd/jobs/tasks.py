@@ -1,0 +1,253 @@
+"""What a worker can do: every function takes an order and gives a result, both JSON.
+
+This is the one place where the daemon calls the analysis for stored shots. An order comes from
+`impactd.jobs.orders`, a result goes to `impactd.jobs.results`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from analysis import calibrate as analysis_calibrate
+from analysis import fit_campaign as analysis_fit_campaign
+from analysis import restitution_from_bounce
+from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface
+from analysis.errors import AnalysisError
+from analysis.fit.result import FitResult
+from impactd.jobs.progress import report
+from impactd.storage.assemble import assemble_campaign
+from impactd.storage.json_fields import Fields
+from impactd.storage.materials_json import (
+    SENSOR_KEYS,
+    sensor_from_json,
+    sphere_from_json,
+    surface_from_json,
+)
+from impactd.storage.shot_about import ShotAbout, StoredShot
+from impactd.storage.shot_store import read_shot
+from impactd.storage.version import software
+
+Json = dict[str, Any]
+FORMAT = "impactd-shot-fit/1"
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Materials as an order carries them."""
+
+    spheres: dict[str, Sphere]
+    surfaces: dict[str, Surface]
+
+
+def fit_shot(order: Json) -> Json:
+    """Fit one shot with each of the order's models.
+
+    Parameters
+    ----------
+    order : dict
+        From `orders.order_for`.
+
+    Returns
+    -------
+    dict
+        ``fits``: one result for each model.
+    """
+    (stored,) = _read(order)
+    campaign = _campaign(order, [stored])
+    fits = []
+    for position, model in enumerate(order["models"]):
+        report(f"fitting {model}", position / len(order["models"]))
+        try:
+            found = _shot_result(_fit_one(campaign, model), stored)
+        except AnalysisError as error:
+            # This model cannot be fitted to this shot; the others may. An outcome, not a failure.
+            outcome = {"status": "not_evaluable", "message": str(error)}
+            found = {"format": FORMAT, "model": model, "outcome": outcome, "flags": []}
+        fits.append({**found, **_provenance(order, [stored])})
+    return {"fits": fits}
+
+
+def fit_campaign(order: Json) -> Json:
+    """Fit several shots together.
+
+    Parameters
+    ----------
+    order : dict
+        From `orders.order_for`.
+
+    Returns
+    -------
+    dict
+        ``fit``: ``impactd-fit/1``.
+    """
+    shots = _read(order)
+    result = analysis_fit_campaign(_campaign(order, shots), order["model"], progress=report)
+    return {"fit": {**result.to_json(), **_provenance(order, shots)}}
+
+
+def calibrate(order: Json) -> Json:
+    """Calibrate the load cell from drops of known spheres on known surfaces.
+
+    Parameters
+    ----------
+    order : dict
+        From `orders.order_for`.
+
+    Returns
+    -------
+    dict
+        ``calibration``: ``impactd-calibration/1``.
+    """
+    shots = _read(order)
+    result = analysis_calibrate(_campaign(order, shots), order["model"], progress=report)
+    return {"calibration": {**result.to_json(), **_provenance(order, shots)}}
+
+
+def warm_up() -> None:
+    """Load, or compile, what the first fit would have to wait for."""
+    rate_hz, trigger, samples = 1e6, 2000, 8000
+    generator = np.random.default_rng(0)
+    signal = generator.normal(0.0, 1e-3, samples)
+    signal[trigger : trigger + 100] += 2.0 * np.sin(np.linspace(0.0, np.pi, 100))
+    known = Quantity(3e9, 6e7), Quantity(0.35, 0.01)
+    campaign = Campaign(
+        shots=(
+            Shot(
+                name="warm-up",
+                signal=signal,
+                sample_rate_hz=rate_hz,
+                trigger_index=trigger,
+                sphere="sphere",
+                surface="surface",
+                drop_height_m=0.047,
+                restitution=Quantity(0.8, 0.01),
+            ),
+        ),
+        spheres={"sphere": Sphere("sphere", 4.76e-3, 0.6e-3, *known)},
+        surfaces={"surface": Surface("surface", *known)},
+        sensor=Sensor(
+            compliance_m_per_v=Quantity(5.6e-9, 2e-10),
+            crystal_mass_kg=Quantity(35.4e-3, 3.1e-3),
+            crystal_stiffness_n_per_m=Quantity(4.16e8, 4.2e7),
+            crystal_damping_n_s_per_m=Quantity(560.0, 60.0),
+            hsd_n_per_v=Quantity(1.78, 0.09),
+        ),
+        speed_repeatability=0.003,
+    )
+    for model in ("hsd", "kv"):
+        _fit_one(campaign, model)
+
+
+def _fit_one(campaign: Campaign, model: str) -> FitResult:
+    return analysis_fit_campaign(campaign, model, by_pair=True, heldout=False)
+
+
+def _read(order: Json) -> list[StoredShot]:
+    return [read_shot(Path(one["path"]), one["sha256"]) for one in order["shots"]]
+
+
+def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
+    """Return the shots with all that is known today, restitution from the bounce included."""
+    known = _Known(
+        {name: sphere_from_json(name, _fields(one)) for name, one in order["spheres"].items()},
+        {name: surface_from_json(name, _fields(one)) for name, one in order["surfaces"].items()},
+    )
+    sensor = sensor_from_json(Fields(order["sensor"], file="order", known=SENSOR_KEYS))
+    about = shots[0].about
+    if about.source == "import":
+        # Recorded elsewhere: our load cell and our release have nothing to do with it.
+        campaign = assemble_campaign(
+            shots,
+            known,
+            about.sensor or Sensor(),
+            about.gravity_m_per_s2,
+            about.speed_repeatability,
+        )
+    else:
+        campaign = assemble_campaign(
+            shots, known, sensor, order["gravity_m_per_s2"], order["speed_repeatability"]
+        )
+    by_number = sorted(shots, key=lambda one: one.shot.number)
+    bounced = [
+        _with_restitution(shot, stored.about)
+        for shot, stored in zip(campaign.shots, by_number, strict=True)
+    ]
+    return dataclasses.replace(campaign, shots=tuple(bounced))
+
+
+def _fields(value: object) -> Fields:
+    return Fields(value, file="order")
+
+
+def _with_restitution(shot: Shot, about: ShotAbout) -> Shot:
+    speed = about.impact_speed_m_per_s
+    if shot.restitution is not None or speed is None:
+        return shot
+    return dataclasses.replace(
+        shot,
+        restitution=restitution_from_bounce(
+            shot.signal,
+            shot.sample_rate_hz,
+            shot.trigger_index,
+            impact_speed_m_per_s=speed,
+            impact_speed_u_m_per_s=speed * (about.speed_repeatability or 0.0),
+            gravity_m_per_s2=about.gravity_m_per_s2,
+        ),
+    )
+
+
+def _shot_result(result: FitResult, stored: StoredShot) -> Json:
+    """Return a one-shot fit as the archive keeps it: the pair's number first."""
+    whole = result.to_json()
+    kept = {key: whole.get(key) for key in ("model", "outcome", "covariance", "parameters")}
+    if not whole["shots"]:
+        return {"format": FORMAT, **kept, "flags": [result.outcome.status]}
+    (shot,) = whole["shots"]
+    (pair,) = whole["pairs"].values()
+    reduced = pair.get("reduced_modulus_Pa")
+    if reduced is not None:
+        reduced = {**reduced, "u_calibration": pair["u_calibration_Pa"]}
+    measured = result.problem.shots[0].shot.restitution
+    return {
+        "format": FORMAT,
+        **kept,
+        "sphere": shot["sphere"],
+        "surface": shot["surface"],
+        "drop_height_m": shot["drop_height_m"],
+        "reduced_modulus_Pa": reduced,
+        "d_ln_reduced_modulus_d_ln_sensor": pair.get("d_ln_reduced_modulus_d_ln_sensor"),
+        "stiffness_over_mass": pair.get("stiffness_over_mass"),
+        "restitution": shot["restitution"],
+        "restitution_from_bounce": None if measured is None else dataclasses.asdict(measured),
+        "impact_speed_m_per_s": shot["impact_speed_m_per_s"],
+        "contact_time_s": shot["contact_time_s"],
+        "touch_down_s": shot["touch_down_s"],
+        "peak": shot["peak"],
+        "rms": shot["rms"],
+        "noise_rms": whole["noise_rms_V"],
+        "r2": shot["r2"],
+        "nrmse": shot["nrmse"],
+        "chi2_per_dof": shot["chi2_per_dof"],
+        "degrees_of_freedom": whole["degrees_of_freedom"],
+        "uncertainty_widened_by": whole["uncertainty_widened_by"],
+        "assumptions": whole["assumptions"],
+        "flags": sorted({*whole["flags"], *shot["flags"]}),
+    }
+
+
+def _provenance(order: Json, shots: list[StoredShot]) -> Json:
+    return {
+        "calibration": order["calibration"],
+        "shot_numbers": [one.shot.number for one in shots],
+        "file_sha256": [one.shot.sha256 for one in shots],
+        "software": software(),
+    }
+
+
+TASKS = {"fit_shot": fit_shot, "fit_campaign": fit_campaign, "calibrate": calibrate}
+"""By the kind of job."""
