@@ -7,6 +7,8 @@ Global parameters (all logarithms):
 ``sphere.<name>``               plane-strain modulus E' of a sphere's material [Pa]
 ``surface.<name>``              plane-strain modulus E' of a coupon [Pa]
 ``pair.<sphere>/<surface>``     contact stiffness K of a pair, where no moduli can be told apart
+``<effect>.<parameter>``        an effect's number, in the effect's own coordinate; ``[name]`` behind
+                                it where it belongs to a surface, a sphere or a pair
 ==============================  ===============================================================
 """
 
@@ -23,7 +25,7 @@ from analysis.errors import AnalysisError, ShotRejectedError
 from analysis.fit.window import Window, campaign_noise, cut
 from analysis.model import solver
 from analysis.model.hertz import plane_strain_modulus
-from analysis.model.impact_model import ImpactModel, ShotFrame
+from analysis.model.impact_model import SHARED, ImpactModel, ShotFrame
 from analysis.noise import NoiseModel
 
 UNKNOWN_LOG_U = 4.0
@@ -126,6 +128,15 @@ class JointProblem:
             return None
         return f"sphere.{shot.shot.sphere}", f"surface.{shot.shot.surface}"
 
+    def effect_key(self, row: int, shot: FitShot) -> str:
+        """Return the global's name of an effect's shared local parameter for this shot."""
+        name = self.model.shared[row]
+        effect, _, parameter = name.partition(".")
+        found = next(e for e in self.model.effects if e.id == effect)
+        scope = next(p.scope for p in found.parameters if p.name == parameter)
+        owner = {"surface": shot.shot.surface, "sphere": shot.shot.sphere, "pair": shot.pair}
+        return name if scope == "rig" else f"{name}[{owner[scope] or '?'}]"
+
     def shared_local(
         self, shot: FitShot, theta: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -161,7 +172,10 @@ class JointProblem:
             chain[0, k] += math.exp(-theta[k]) / inverse
         for row, name in enumerate(names[1:], start=1):
             column = self.index(f"sensor.{name}")
-            if name == "ln_S" and shot.fixed_gain is not None:
+            if row >= len(SHARED[self.model.kind]):
+                column = self.names.index(self.effect_key(row, shot))
+                values[row], chain[row, column] = theta[column], 1.0
+            elif name == "ln_S" and shot.fixed_gain is not None:
                 values[row] = shot.fixed_gain
             elif name == "ln_M" and shot.heavy_crystal is not None:
                 values[row] = shot.heavy_crystal
@@ -220,11 +234,24 @@ def modulus_prior(modulus: Quantity | None, ratio: Quantity | None) -> Prior | N
     return Prior(math.log(plane_strain_modulus(modulus.value, nu.value)), max(u, 1e-6))
 
 
-def _frame_of(shot: Shot, window: Window, sphere: Sphere | None, gravity: float) -> ShotFrame:
-    mass = sphere.mass_kg if sphere and sphere.mass_kg else 1.0
-    if not (sphere and sphere.mass_kg) and shot.quantity != "acceleration_m_per_s2":
+def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
+    sphere = campaign.spheres.get(shot.sphere or "")
+    surface = campaign.surfaces.get(shot.surface or "")
+    mass = sphere.mass_kg if sphere else None
+    gravity = campaign.gravity_m_per_s2
+    if mass is None and shot.quantity != "acceleration_m_per_s2":
         gravity = 0.0  # speeds are in reduced units: nothing to compare 9.8 m/s^2 with
-    return ShotFrame(shot.sample_rate_hz, window.signal.size, mass, gravity)
+    return ShotFrame(
+        shot.sample_rate_hz,
+        window.signal.size,
+        mass or 1.0,
+        gravity,
+        window_start_s=window.first / shot.sample_rate_hz,
+        radius_m=sphere.radius_m if sphere else None,
+        drop_height_m=shot.drop_height_m,
+        coupon_mass_kg=surface.coupon_mass_kg if surface else None,
+        coupon_thickness_m=surface.coupon_thickness_m if surface else None,
+    )
 
 
 def _gain_of(shot: Shot, frame: ShotFrame, *, known_gain: bool) -> float | None:
@@ -240,7 +267,7 @@ def _fit_shot(
 ) -> FitShot:
     sphere = campaign.spheres.get(shot.sphere or "")
     window = cut(shot)
-    frame = _frame_of(shot, window, sphere, campaign.gravity_m_per_s2)
+    frame = _frame_of(shot, window, campaign)
     physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
     speed = None
     if shot.drop_height_m is not None:
@@ -354,6 +381,8 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     priors = _material_priors(campaign, [s for s in shots if problem.material_keys(s)])
     names.extend(sorted(priors))
     names.extend(sorted({f"pair.{s.pair}" for s in shots if problem.material_keys(s) is None}))
+    for row in range(len(SHARED[model.kind]), len(model.shared)):
+        names.extend(sorted({problem.effect_key(row, s) for s in shots}))
     _set_priors(problem, priors)
     if any(s.speed_prior for s in shots) and campaign.speed_repeatability is None:
         problem.assumptions.append(

@@ -143,7 +143,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
     """
     kind = problem.model.kind
     omega0, zeta = _ring_start(problem) if kind == solver.KV else (1.0, 0.1)
-    nuisances = np.empty((len(problem.shots), 4))
+    nuisances = np.zeros((len(problem.shots), len(problem.model.nuisances)))
     stiffness = np.empty(len(problem.shots))
     log_gain = np.empty(len(problem.shots))
     known_gain = _known_gain(problem)
@@ -157,7 +157,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
         log_gain[row] = -math.log(amplitude)
         stiffness[row] = math.log(_stiffness_for(duration, item.frame.mass_kg, speed))
         t0_us = shift / item.frame.sample_rate_hz * 1e6
-        nuisances[row] = math.log(speed), math.log(e), t0_us, item.window.baseline
+        nuisances[row, :4] = math.log(speed), math.log(e), t0_us, item.window.baseline
     _complete(problem, stiffness, log_gain, omega0, zeta)
     return nuisances
 
@@ -206,6 +206,8 @@ def _complete(
         elif name.startswith("pair."):
             rows = [i for i, s in enumerate(problem.shots) if f"pair.{s.pair}" == name]
             start[j] = float(np.median(stiffness[rows]))
+        else:
+            start[j] = _effect_start(problem, name)
     _start_moduli(problem, stiffness, start)
     information = problem.prior_mean
     weak = np.diag(problem.prior_precision) <= 0
@@ -215,6 +217,16 @@ def _complete(
         problem.prior_precision + 1e-12 * np.eye(start.size), information
     )
     problem.start = start
+
+
+def _effect_start(problem: JointProblem, name: str) -> float:
+    """Return the coordinate an effect's parameter starts from; 0 for anything else."""
+    plain = name.split("[", 1)[0]
+    for effect in problem.model.effects:
+        for parameter in effect.parameters:
+            if plain == f"{effect.id}.{parameter.name}":
+                return parameter.coordinate(parameter.starts[0])
+    return 0.0
 
 
 def _start_moduli(

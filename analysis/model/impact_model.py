@@ -17,7 +17,9 @@ t0_us      touch-down, in microseconds  after the window's first sample (nuisanc
 baseline   offset                       unit of the signal (nuisance)
 ========== ============================ ======================================================
 
-The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline.
+The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline. Effects add shared local
+parameters named ``<effect>.<parameter>``, in the coordinate that the effect states; what has no
+effect runs through the base solver alone.
 """
 
 from __future__ import annotations
@@ -28,13 +30,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.effects.effect import Effect, ShotContext
+from analysis.effects.library import contact_terms, effect_named
 from analysis.errors import UnknownModelError
 from analysis.model import solver
+from analysis.model.effect_solver import integrate_with_effects
 from analysis.model.hertz import contact_time, damping_coefficient
+from analysis.model.structure import Structure
 
 SHARED = {solver.HSD: ("ln_K", "ln_S"), solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M")}
 NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
 
+Array = NDArray[np.float64]
+
+_LARGEST_COORDINATE = 200.0
+"""Beyond this a logarithm overflows; such a point has no trace, and a fit steps back from it."""
 _LOG_STEP = 1e-4
 _TIME_STEP_US = 2e-2
 
@@ -53,12 +63,21 @@ class ShotFrame:
         Sphere mass; 1 in reduced units. [kg]
     gravity_m_per_s2 : float
         [m/s^2]
+    window_start_s : float
+        First sample of the window after the record's first. [s]
+    radius_m, drop_height_m, coupon_mass_kg, coupon_thickness_m : float or None
+        For effects that need them; None where unknown.
     """
 
     sample_rate_hz: float
     samples: int
     mass_kg: float
     gravity_m_per_s2: float
+    window_start_s: float = 0.0
+    radius_m: float | None = None
+    drop_height_m: float | None = None
+    coupon_mass_kg: float | None = None
+    coupon_thickness_m: float | None = None
 
 
 @dataclass(frozen=True)
@@ -85,30 +104,49 @@ class Prediction:
 
 @dataclass(frozen=True)
 class ImpactModel:
-    """A base model by name.
+    """A base model by name, with the effects added to it.
 
     Attributes
     ----------
-    name : str
+    base : str
         ``hsd`` or ``kv``.
     kind : int
         `solver.HSD` or `solver.KV`.
+    effects : tuple of Effect
+        In the order they were added.
     """
 
-    name: str
+    base: str
     kind: int
+    effects: tuple[Effect, ...] = ()
+
+    @property
+    def name(self) -> str:
+        """Return the name, e.g. ``kv+coupler_highpass``."""
+        return "+".join((self.base, *(e.id for e in self.effects)))
 
     @property
     def shared(self) -> tuple[str, ...]:
         """Return the names of the shared local parameters, in order."""
-        return SHARED[self.kind]
+        extra = tuple(f"{e.id}.{p.name}" for e in self.effects for p in e.parameters)
+        return SHARED[self.kind] + extra
 
     @property
     def names(self) -> tuple[str, ...]:
         """Return all local parameters: shared, then nuisances."""
-        return self.shared + NUISANCE
+        return self.shared + self.nuisances
 
-    def steps(self, local: NDArray[np.float64], frame: ShotFrame) -> int:
+    @property
+    def nuisances(self) -> tuple[str, ...]:
+        """Return the names of a shot's own parameters."""
+        extra = (f"{e.id}.basis{i}" for e in self.effects for i in range(e.basis_size))
+        return (*NUISANCE, *extra)
+
+    def with_effect(self, effect: Effect) -> ImpactModel:
+        """Return this model with one more effect."""
+        return ImpactModel(self.base, self.kind, (*self.effects, effect))
+
+    def steps(self, local: Array, frame: ShotFrame) -> int:
         """Return the solver's steps for these parameters; kept while derivatives are taken."""
         duration = contact_time(
             math.exp(local[0]), frame.mass_kg, math.exp(local[len(self.shared)])
@@ -116,9 +154,7 @@ class ImpactModel:
         omega0 = math.exp(local[2]) if self.kind == solver.KV else 0.0
         return solver.contact_steps(omega0, duration)
 
-    def predict(
-        self, local: NDArray[np.float64], frame: ShotFrame, *, steps: int | None = None
-    ) -> Prediction:
+    def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
         """Return the trace of one shot.
 
         Parameters
@@ -136,24 +172,43 @@ class ImpactModel:
             NaN rebound when the contact did not end.
         """
         signal = np.zeros(frame.samples)
+        if not np.abs(local[: len(self.shared) + 2]).max() < _LARGEST_COORDINATE:
+            return Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
         if steps is None:
             steps = self.steps(local, frame)
-        duration, rebound, deepest = self._add_to(signal, local, frame, steps)
-        signal += local[-1]
-        return Prediction(signal, rebound / math.exp(local[-4]), duration, deepest)
+        if self.effects:
+            duration, rebound, deepest = self._add_with_effects(signal, local, frame, steps)
+        else:
+            duration, rebound, deepest = self._add_to(signal, local, frame, steps)
+        at = len(self.shared)
+        signal += local[at + 3]
+        if self.effects:
+            self._add_basis(signal, local, frame)
+        return Prediction(signal, rebound / math.exp(local[at]), duration, deepest)
+
+    def _add_basis(self, signal: Array, local: Array, frame: ShotFrame) -> None:
+        """Add the signals of free size, each with this shot's own coefficients."""
+        at = len(self.shared) + len(NUISANCE)
+        for effect in self.effects:
+            if effect.basis is not None:
+                columns = effect.basis(frame.samples, self.context(local, frame))
+                signal += columns @ local[at : at + effect.basis_size]
+                at += effect.basis_size
+
+    def _crystal(self, local: Array) -> tuple[float, float, float, float]:
+        """Return M, k, mu and the gain on the output, from the identifiable forms."""
+        if self.kind != solver.KV:
+            return math.nan, math.nan, math.nan, math.exp(-local[1])
+        omega0, zeta, mass = math.exp(local[2]), math.exp(local[3]), math.exp(local[4])
+        k = mass * omega0**2
+        return mass, k, 2 * zeta * mass * omega0, k * math.exp(-local[1])
 
     def _add_to(
-        self, signal: NDArray[np.float64], local: NDArray[np.float64], frame: ShotFrame, steps: int
+        self, signal: Array, local: Array, frame: ShotFrame, steps: int
     ) -> tuple[float, float, float]:
-        """Integrate into ``signal``; the crystal's M, k, mu come from its identifiable forms."""
-        ln_v0, ln_e, t0_us = local[-4:-1]
-        if self.kind == solver.KV:
-            omega0, zeta, crystal_mass = np.exp(local[2:5])
-            k = crystal_mass * omega0**2
-            mu = 2 * zeta * crystal_mass * omega0
-            gain = k * math.exp(-local[1])
-        else:
-            crystal_mass, k, mu, gain = math.nan, math.nan, math.nan, math.exp(-local[1])
+        """Integrate the base model into ``signal``."""
+        crystal_mass, k, mu, gain = self._crystal(local)
+        ln_v0, ln_e, t0_us = local[len(self.shared) : len(self.shared) + 3]
         found = solver.integrate(
             signal,
             self.kind,
@@ -172,9 +227,137 @@ class ImpactModel:
         )
         return float(found[0]), float(found[1]), float(found[2])
 
-    def linearise(
-        self, local: NDArray[np.float64], frame: ShotFrame
-    ) -> tuple[Prediction, NDArray[np.float64], NDArray[np.float64]]:
+    def context(self, local: Array, frame: ShotFrame) -> ShotContext:
+        """Return what the effects may know of a shot at these local parameters."""
+        at = len(self.shared)
+        return ShotContext(
+            sample_rate_hz=frame.sample_rate_hz,
+            window_start_s=frame.window_start_s,
+            mass_kg=frame.mass_kg,
+            stiffness=math.exp(local[0]),
+            speed_m_per_s=math.exp(local[at]),
+            touch_down_s=float(local[at + 2]) * 1e-6,
+            radius_m=frame.radius_m,
+            drop_height_m=frame.drop_height_m,
+            coupon_mass_kg=frame.coupon_mass_kg,
+            coupon_thickness_m=frame.coupon_thickness_m,
+            gravity_m_per_s2=frame.gravity_m_per_s2,
+        )
+
+    def speed_shift(self, local: Array, frame: ShotFrame) -> float:
+        """Return by how much effects shift ln of the speed that the drop height promises."""
+        having = [e for e in self.effects if e.speed is not None]
+        if not having:
+            return 0.0
+        values, context = self.effect_values(local), self.context(local, frame)
+        return sum(e.speed(values[e.id], context) for e in having if e.speed is not None)
+
+    def effect_values(self, local: Array) -> dict[str, dict[str, float]]:
+        """Return the effects' physical values at these local parameters.
+
+        Parameters
+        ----------
+        local : ndarray, shape (p,)
+            Local parameters; only the shared ones are read.
+
+        Returns
+        -------
+        dict of dict
+            By effect id, by parameter name.
+        """
+        at = len(SHARED[self.kind])
+        values: dict[str, dict[str, float]] = {}
+        for effect in self.effects:
+            own = {}
+            for parameter in effect.parameters:
+                own[parameter.name] = parameter.value(float(local[at]))
+                at += 1
+            values[effect.id] = own
+        return values
+
+    def _add_with_effects(
+        self, signal: Array, local: Array, frame: ShotFrame, steps: int
+    ) -> tuple[float, float, float]:
+        """Integrate the model with its effects into ``signal``, then read it through the chain."""
+        values = self.effect_values(local)
+        context = self.context(local, frame)
+        if any(e.in_solver for e in self.effects):
+            found = self._solve_with_effects(signal, local, frame, steps, values, context)
+        else:
+            found = self._add_to(signal, local, frame, steps)
+        for effect in self.effects:
+            if effect.again is not None:
+                self._add_again(signal, local, frame, steps, effect.again(values[effect.id]))
+        for effect in sorted(self.effects, key=lambda e: e.order):
+            if effect.output is not None:
+                signal[:] = effect.output(signal, values[effect.id], context)
+        return found
+
+    def _add_again(
+        self,
+        signal: Array,
+        local: Array,
+        frame: ShotFrame,
+        steps: int,
+        second: tuple[float, float],
+    ) -> None:
+        """Add a second contact, (delay [s], speed over the first speed), in the base model."""
+        at, (delay_s, ratio) = len(self.shared), second
+        later = local.copy()
+        later[at] += math.log(ratio)
+        later[at + 2] += delay_s * 1e6
+        self._add_to(signal, later, frame, steps)
+
+    def _solve_with_effects(
+        self,
+        signal: Array,
+        local: Array,
+        frame: ShotFrame,
+        steps: int,
+        values: dict[str, dict[str, float]],
+        context: ShotContext,
+    ) -> tuple[float, float, float]:
+        terms, places = contact_terms()
+        packed = np.zeros((max(len(terms), 1), 5))
+        active, share = [], 0.0
+        crystal_mass, k, mu, gain = self._crystal(local)
+        structure = Structure.kelvin_voigt(crystal_mass, k, mu)
+        for effect in self.effects:
+            own = values[effect.id]
+            if effect.contact is not None and effect.pack is not None:
+                packed[places[effect.id], :4] = effect.pack(own, context)
+                active.append(places[effect.id])
+            if effect.share is not None:
+                share = effect.share(own)
+            if effect.structure is not None:
+                effect.structure(structure, own, context)
+        system, load, reading, top = structure.assemble()
+        if self.kind == solver.HSD:
+            system, load, reading, top = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0
+        ln_v0, ln_e, t0_us = local[len(self.shared) : len(self.shared) + 3]
+        found = integrate_with_effects(
+            signal,
+            -t0_us * 1e-6,
+            1.0 / frame.sample_rate_hz,
+            math.exp(local[0]),
+            frame.mass_kg,
+            math.exp(ln_v0),
+            damping_coefficient(math.exp(ln_e)),
+            frame.gravity_m_per_s2,
+            share,
+            terms,
+            np.array(sorted(active), dtype=np.int64),
+            packed,
+            system,
+            load,
+            reading,
+            top,
+            gain,
+            steps,
+        )
+        return float(found[0]), float(found[1]), float(found[2])
+
+    def linearise(self, local: Array, frame: ShotFrame) -> tuple[Prediction, Array, Array]:
         """Return the trace with the derivatives of signal and rebound ratio.
 
         Parameters
@@ -196,17 +379,18 @@ class ImpactModel:
         Notes
         -----
         Central differences on one grid: the solver is smooth in every parameter, so a step of
-        1e-4 leaves 1e-8 relative. Gain and baseline are analytic.
+        1e-4 leaves 1e-8 relative. Baseline is analytic, and so is the gain of a linear chain.
         """
         steps = self.steps(local, frame)
         centre = self.predict(local, frame, steps=steps)
         jacobian = np.empty((frame.samples, local.size), order="F")
         gradient = np.zeros(local.size)
+        linear = not any(e.output is not None or e.basis is not None for e in self.effects)
         for j, name in enumerate(self.names):
             if name == "baseline":
                 jacobian[:, j] = 1.0
-            elif name == "ln_S":
-                jacobian[:, j] = local[-1] - centre.signal
+            elif name == "ln_S" and linear:
+                jacobian[:, j] = local[len(self.shared) + 3] - centre.signal
             else:
                 step = _TIME_STEP_US if name == "t0_us" else _LOG_STEP
                 moved = local.copy()
@@ -220,7 +404,7 @@ class ImpactModel:
         return centre, jacobian, gradient
 
 
-MODELS = {"hsd": ImpactModel("hsd", solver.HSD), "kv": ImpactModel("kv", solver.KV)}
+BASES = {"hsd": solver.HSD, "kv": solver.KV}
 
 
 def model_named(name: str) -> ImpactModel:
@@ -229,7 +413,7 @@ def model_named(name: str) -> ImpactModel:
     Parameters
     ----------
     name : str
-        ``hsd`` or ``kv``.
+        ``hsd`` or ``kv``, then effects: ``kv+coupler_highpass+echo``.
 
     Returns
     -------
@@ -239,11 +423,14 @@ def model_named(name: str) -> ImpactModel:
     Raises
     ------
     UnknownModelError
-        If there is no such model; the message lists those there are.
+        If there is no such base or effect; the message lists those there are.
     """
-    try:
-        return MODELS[name]
-    except KeyError:
+    base, *effects = name.split("+")
+    if base not in BASES:
         raise UnknownModelError(
-            f"There is no model {name!r}; known are {', '.join(sorted(MODELS))}."
-        ) from None
+            f"There is no base model {base!r}; known are {', '.join(sorted(BASES))}, each with "
+            "effects added as in kv+coupler_highpass."
+        )
+    if len(set(effects)) != len(effects):
+        raise UnknownModelError(f"{name!r} names an effect twice.")
+    return ImpactModel(base, BASES[base], tuple(effect_named(e) for e in effects))

@@ -264,8 +264,7 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
             y1, u1, D1, w1, t1 = _step(y, u, D, w, t, part, Km, cd, KM, w2, g2, g)
             y1 = 0.0
             ended = True
-        if y1 > deepest:
-            deepest = y1
+        deepest = max(deepest, y1)
         if i < n and start + i * dt <= t1:
             length = t1 - t
             f0, f1 = y**6, y1**6

@@ -1,0 +1,174 @@
+"""The form of an effect: what it changes, with which numbers, and where those belong.
+
+An effect is one file in this folder that defines ``EFFECT = Effect(...)``; nothing else registers
+it. It hooks into the model at one or more of these places:
+
+``contact``    a compiled term of the contact law (``analysis.model.effect_solver.TERM``)
+``pack``       the effect's values and the shot's context -> the four numbers of its term
+``share``      the part of the dissipative force that also loads the structure
+``structure``  adds masses and links below the sphere (``analysis.model.structure``)
+``output``     changes the sampled signal, baseline not yet added
+``speed``      shifts ln of the impact speed that the drop height promises
+``again``      a second contact: (delay [s], its speed over the first one's)
+``basis``      signals of free size in every shot, columns over the window
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.model.structure import Structure
+
+Array = NDArray[np.float64]
+Values = Mapping[str, float]
+
+SLOTS = ("release", "contact", "mounting", "sensor", "electronics")
+SCOPES = ("rig", "surface", "sphere", "pair")
+
+
+@dataclass(frozen=True)
+class ShotContext:
+    """What an effect may know of the shot it acts on.
+
+    Attributes
+    ----------
+    sample_rate_hz : float
+        [Hz]
+    window_start_s : float
+        First sample of the window after the record's first sample. [s]
+    mass_kg : float
+        Sphere mass, 1 in reduced units. [kg]
+    stiffness : float
+        K of the pair. [N m^-1.5]
+    speed_m_per_s : float
+        Impact speed. [m/s]
+    touch_down_s : float
+        After the window's first sample. [s]
+    radius_m, drop_height_m, coupon_mass_kg, coupon_thickness_m : float or None
+        None where unknown.
+    gravity_m_per_s2 : float
+        [m/s^2]
+    """
+
+    sample_rate_hz: float
+    window_start_s: float
+    mass_kg: float
+    stiffness: float
+    speed_m_per_s: float
+    touch_down_s: float
+    radius_m: float | None
+    drop_height_m: float | None
+    coupon_mass_kg: float | None
+    coupon_thickness_m: float | None
+    gravity_m_per_s2: float
+
+
+@dataclass(frozen=True)
+class EffectParameter:
+    """One number of an effect.
+
+    Attributes
+    ----------
+    name : str
+        With its unit suffix.
+    unit : str
+        In words for people, SI.
+    scope : str
+        What it belongs to: rig, surface, sphere or pair.
+    form : str
+        The coordinate it is fitted in: ``log`` (ln of the value), ``linear`` (value / scale; neutral
+        at 0) or ``inverse`` (scale / value; neutral at infinity, coordinate 0).
+    scale : float
+        Of the coordinate; a value of this size is neither tiny nor huge.
+    low, high : float
+        Physical bounds of the value; a fit that ends outside has not found this effect.
+    starts : tuple of float
+        Values from which a fit is started.
+    description : str
+        One line.
+    """
+
+    name: str
+    unit: str
+    scope: str
+    form: str
+    scale: float
+    low: float
+    high: float
+    starts: tuple[float, ...]
+    description: str
+
+    def value(self, coordinate: float) -> float:
+        """Return the physical value at a coordinate."""
+        if self.form == "log":
+            return math.exp(coordinate)
+        if self.form == "linear":
+            return self.scale * coordinate
+        return self.scale / coordinate if coordinate != 0.0 else math.inf
+
+    def coordinate(self, value: float) -> float:
+        """Return the coordinate of a physical value."""
+        if self.form == "log":
+            return math.log(value)
+        if self.form == "linear":
+            return value / self.scale
+        return self.scale / value
+
+    def slope(self, coordinate: float) -> float:
+        """Return d value / d coordinate, to carry an uncertainty over."""
+        if self.form == "log":
+            return math.exp(coordinate)
+        if self.form == "linear":
+            return self.scale
+        return -self.scale / coordinate**2 if coordinate != 0.0 else math.inf
+
+
+@dataclass(frozen=True)
+class Effect:
+    """Something a real rig does and the base model lacks.
+
+    Attributes
+    ----------
+    id, slot, title : str
+        Name, place in the instrument, one line for people.
+    tell_tale : str
+        How it shows in a residual.
+    source, validation : str
+        Where the equation is from; how it was checked, or "not validated".
+    parameters : tuple of EffectParameter
+        What is fitted.
+    order : int
+        Outputs are applied in rising order along the signal's way.
+    needs : tuple of str
+        Fields of the context that must be known, else the effect cannot be tried.
+    """
+
+    id: str
+    slot: str
+    title: str
+    tell_tale: str
+    source: str
+    validation: str
+    parameters: tuple[EffectParameter, ...]
+    order: int = 0
+    needs: tuple[str, ...] = ()
+    contact: Any = None
+    pack: Callable[[Values, ShotContext], tuple[float, float, float, float]] | None = None
+    share: Callable[[Values], float] | None = None
+    structure: Callable[[Structure, Values, ShotContext], None] | None = None
+    output: Callable[[Array, Values, ShotContext], Array] | None = None
+    speed: Callable[[Values, ShotContext], float] | None = None
+    again: Callable[[Values], tuple[float, float]] | None = None
+    basis: Callable[[int, ShotContext], Array] | None = None
+    basis_size: int = field(default=0)
+
+    @property
+    def in_solver(self) -> bool:
+        """Whether it changes the equations of motion, not only what is read."""
+        return any(x is not None for x in (self.contact, self.share, self.structure))

@@ -1,0 +1,36 @@
+r"""Stress relaxation: a standard linear solid instead of an elastic contact.
+
+.. math:: F_{el} \to F_{el} + g K (\delta^{3/2} - z), \quad \dot z = (\delta^{3/2} - z)/\tau
+
+Source: Lee & Radok, J. Appl. Mech. 27 (1960) 438, in the internal-variable form for growing and
+shrinking contact. Validity: small strain; during unloading an approximation. Validation: limits
+tau -> 0 (no effect) and tau -> infinity (K (1 + g)) in the tests.
+"""
+
+from numba import njit
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.model.effect_solver import TERM
+
+
+@njit(TERM, cache=True)
+def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+    return p0 * (elastic - z), 0.0, (elastic - z) / p1, 0.0
+
+
+EFFECT = Effect(
+    id="stress_relaxation",
+    slot="contact",
+    title="the material relaxes within the contact",
+    tell_tale="stiffness depends on contact time",
+    source="Lee & Radok 1960",
+    validation="limits of the relaxation time",
+    parameters=(
+        EffectParameter("strength", "1", "rig", "linear", 0.1, 0.0, 3.0, (0.1,),
+                        "unrelaxed over relaxed stiffness, less one"),
+        EffectParameter("relaxation_time_s", "s", "rig", "log", 1e-5, 2e-7, 2e-3,
+                        (5e-6, 3e-5, 1.5e-4), "time constant"),
+    ),
+    contact=_term,
+    pack=lambda v, c: (v["strength"], v["relaxation_time_s"], 0.0, 0.0),
+)
