@@ -1,0 +1,187 @@
+"""Calibration and campaign of the demo, over HTTP, shown as they happen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from typing import Any
+
+from rich.console import Console
+
+from impactd.console.client import Client, fresh_key
+from impactd.console.failure import Failure
+from impactd.console.tables import measured
+
+SPHERES = ("acetal", "polypropylene", "hdpe")
+SURFACES = ("specimen", "polycarbonate")
+DROP_HEIGHTS_M = (0.020, 0.045, 0.070)
+
+Json = dict[str, Any]
+
+_POLL_S = 0.03
+_DROP_LIMIT_S = 60.0
+_FIT_LIMIT_S = 180.0
+_ENDED = ("analysed", "failed", "aborted", "interrupted")
+
+
+def plan() -> list[tuple[str, str, float]]:
+    """Return the campaign: every sphere on every surface from every height.
+
+    Returns
+    -------
+    list of tuple
+        Sphere, surface, drop height [m].
+    """
+    return [
+        (sphere, surface, height_m)
+        for surface in SURFACES
+        for sphere in SPHERES
+        for height_m in DROP_HEIGHTS_M
+    ]
+
+
+def calibrate(client: Client, console: Console) -> Json:
+    """Run a calibration of the load cell and show its drops.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to the daemon.
+    console : Console
+        Where to show.
+
+    Returns
+    -------
+    dict
+        The finished calibration as the API gives it.
+
+    Raises
+    ------
+    Failure
+        If it fails.
+    """
+    body = {"slot": None, "plan": None, "unattended": False}
+    number = client.send("POST", "/v1/calibrations", body, key=fresh_key())["number"]
+    shown: set[int] = set()
+    with console.status("calibrating the load cell ..."):
+        for run in _until(client, f"/v1/calibrations/{number}", ("done", "failed"), _FIT_LIMIT_S):
+            for drop_number in run["drops"]:
+                drop = client.get(f"/v1/drops/{drop_number}")
+                if drop_number not in shown and drop["shot"]:
+                    shown.add(drop_number)
+                    shot = client.get(f"/v1/shots/{drop['shot']}")
+                    console.print(_line(shot), highlight=False)
+    if run["state"] == "failed":
+        problem = run["problem"] or {"detail": "it does not say why", "remedy": ""}
+        raise Failure(f"the calibration failed: {problem['detail']} {problem['remedy']}".strip())
+    return run
+
+
+def drop_all(client: Client, console: Console) -> list[Json]:
+    """Drop the whole campaign, one sphere after another.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to the daemon.
+    console : Console
+        Where to show.
+
+    Returns
+    -------
+    list of dict
+        The shots with their fits, as the API gives them.
+
+    Raises
+    ------
+    Failure
+        If a drop ends without a shot.
+    """
+    shots = []
+    for sphere, surface, height_m in plan():
+        body = {
+            "sphere": sphere,
+            "surface": surface,
+            "drop_height_m": height_m,
+            "operator": "demo",
+        }
+        asked = time.monotonic()
+        number = client.send("POST", "/v1/drops", body, key=fresh_key())["number"]
+        with console.status(f"{sphere} on {surface} from {height_m * 1e3:g} mm ...") as status:
+            for drop in _until(client, f"/v1/drops/{number}", _ENDED, _DROP_LIMIT_S):
+                status.update(f"{sphere} on {surface} from {height_m * 1e3:g} mm: {drop['state']}")
+                if drop["state"] == "stored" and drop["problem"]:
+                    break
+        if not drop["shot"]:
+            problem = drop["problem"] or {"detail": f"it is {drop['state']}", "remedy": ""}
+            raise Failure(f"drop {number} failed: {problem['detail']} {problem['remedy']}".strip())
+        shot = client.get(f"/v1/shots/{drop['shot']}")
+        console.print(_line(shot, waited_s=time.monotonic() - asked), highlight=False)
+        shots.append(shot)
+    return shots
+
+
+def fit_together(client: Client, shots: list[Json], model: str, console: Console) -> Json:
+    """Have the daemon fit the campaign as a whole.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to the daemon.
+    shots : list of dict
+        The campaign's shots.
+    model : str
+        ``hsd`` or ``kv``.
+    console : Console
+        Where to show.
+
+    Returns
+    -------
+    dict
+        ``impactd-fit/1``.
+
+    Raises
+    ------
+    Failure
+        If the fit failed.
+    """
+    body = {"shots": [shot["number"] for shot in shots], "model": model}
+    job = client.send("POST", "/v1/fits", body, key=fresh_key())
+    with console.status(f"fitting {len(shots)} shots together with {model.upper()} ..."):
+        for answer in _until(client, f"/v1/fits/{job['id']}", ("done", "failed"), _FIT_LIMIT_S):
+            job = answer
+    if job["state"] == "failed" or not job["fits"]:
+        raise Failure(f"the joint {model.upper()} fit failed: {job['reason']}")
+    result: Json = job["fits"][0]["result"]
+    return result
+
+
+def _until(client: Client, path: str, ended: tuple[str, ...], limit_s: float) -> Iterator[Json]:
+    """Yield a resource again and again until its state is one of the last ones."""
+    deadline = time.monotonic() + limit_s
+    while True:
+        answer = client.get(path)
+        yield answer
+        if answer["state"] in ended:
+            return
+        if time.monotonic() > deadline:
+            raise Failure(f"{path} was still {answer['state']} after {limit_s:g} s.")
+        time.sleep(_POLL_S)
+
+
+def _line(shot: Json, *, waited_s: float | None = None) -> str:
+    """Return what a technician wants to read of a shot."""
+    what = f"{shot['sphere']} on {shot['surface']}"
+    parts = [
+        f"  shot {shot['number']:>2}  {what:<28}{shot['drop_height_m'] * 1e3:5.1f} mm",
+        f"peak {shot['peak']:6.3f} V",
+    ]
+    parts += [
+        f"E* = {measured(fit['result'].get('reduced_modulus_Pa'), scale=1e-9)} GPa"
+        for fit in shot["fits"] or []
+        if fit["model"] == "kv"
+    ]
+    if waited_s is not None:
+        parts.append(f"{waited_s:.1f} s")
+        parts.append(str(shot["advice"] or "not analysed"))
+    return "  ".join(parts)

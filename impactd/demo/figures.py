@@ -1,0 +1,122 @@
+"""The pictures of the demo: one trace with both models, and every modulus against the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from analysis import Campaign, fit_campaign
+from analysis.fit.result import ShotFit
+from impactd.demo.outcome import Estimate, Outcome, Row
+
+MEASURED, HSD, KV, TRUTH = "#8a8f98", "#d9822b", "#1c6dd0", "#202124"
+"""Colours that stay apart in grey and for the colour-blind."""
+
+_LOOK = {"HSD": (HSD, "s", -0.16), "KV": (KV, "o", 0.16)}
+"""Colour, marker and shift of each model's whiskers."""
+
+# Any: matplotlib's own type names each of its hundreds of keys
+_STYLE: Any = {
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e4e6ea",
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "savefig.dpi": 130,
+}
+
+
+def draw_trace(file: Path, campaign: Campaign, title: str) -> None:
+    """Draw one shot with both fitted models and what they leave over.
+
+    Parameters
+    ----------
+    file : Path
+        PNG to write.
+    campaign : Campaign
+        With exactly one shot.
+    title : str
+        Over the picture.
+    """
+    fits = {model.upper(): fit_campaign(campaign, model).shots[0] for model in ("hsd", "kv")}
+    kv = fits["KV"]
+    time_us = _time_us(kv)
+    pulse_us = kv.contact_time_s * 1e6
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(7.2, 5.2), layout="constrained")
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.35])
+        upper.plot(time_us, kv.item.window.signal, ".", color=MEASURED, ms=5, label="measured")
+        for (name, fit), colour in zip(fits.items(), (HSD, KV), strict=True):
+            label = f"{name}, residual {fit.rms * 1e3:.1f} mV rms"
+            upper.plot(_time_us(fit), fit.prediction, color=colour, lw=1.3, label=label)
+            lower.plot(_time_us(fit), fit.residual * 1e3, color=colour, lw=1.0)
+        upper.set_ylabel("signal / V")
+        upper.set_title(title, loc="left", fontsize=11)
+        upper.legend(loc="upper right")
+        lower.set_ylabel("residual / mV")
+        lower.set_xlabel("time since touch-down / µs")
+        lower.set_xlim(-0.6 * pulse_us, 6 * pulse_us)
+        figure.savefig(file)
+
+
+def _time_us(fit: ShotFit) -> NDArray[np.float64]:
+    """Return each sample's time since the fitted touch-down. [us]"""
+    shot, window = fit.item.shot, fit.item.window
+    touch_s = float(fit.to_json()["touch_down_s"]["value"])
+    samples = window.first + np.arange(window.signal.size)
+    return np.asarray((samples / shot.sample_rate_hz - touch_s) * 1e6, dtype=np.float64)
+
+
+def draw_moduli(file: Path, outcome: Outcome) -> None:
+    """Draw every modulus as its deviation from the truth, with its 95 % interval.
+
+    Parameters
+    ----------
+    file : Path
+        PNG to write.
+    outcome : Outcome
+        Pairs and materials.
+    """
+    groups = [("reduced modulus E* of each pair", outcome.pairs)]
+    if outcome.materials:
+        groups.append(("Young's modulus of each material", outcome.materials))
+    with mpl.rc_context(_STYLE):
+        heights = [len(rows) + 1.2 for _, rows in groups]
+        figure = Figure(figsize=(7.2, 0.42 * sum(heights) + 0.6), layout="constrained")
+        all_axes = figure.subplots(
+            len(groups), 1, sharex=True, height_ratios=heights, squeeze=False
+        )[:, 0]
+        for axes, (title, rows) in zip(all_axes, groups, strict=True):
+            axes.axvline(0, color=TRUTH, lw=1.2)
+            for place, row in enumerate(rows):
+                _whisker(axes, place, row, "HSD", row.hsd)
+                _whisker(axes, place, row, "KV", row.kv)
+            axes.set_yticks(range(len(rows)), [row.name for row in rows])
+            axes.set_ylim(len(rows) - 0.4, -0.6)
+            axes.set_title(title, loc="left", fontsize=11)
+            axes.grid(visible=False, axis="y")
+        all_axes[0].legend(loc="best")
+        all_axes[-1].set_xlabel("deviation from the simulated rig's truth / %   (bars: 95 %)")
+        figure.savefig(file)
+
+
+def _whisker(axes: Axes, place: int, row: Row, model: str, estimate: Estimate | None) -> None:
+    """Draw one estimate relative to its truth."""
+    colour, marker, shift = _LOOK[model]
+    if estimate is None:
+        axes.text(0, place + shift, "  withheld", va="center", color=colour, fontsize=8)
+        return
+    low, high = (100 * (limit / row.truth_pa - 1) for limit in estimate.interval95_pa)
+    middle = 100 * (estimate.value_pa / row.truth_pa - 1)
+    height = place + shift
+    axes.plot([low, high], [height, height], color=colour, lw=2, solid_capstyle="butt")
+    label = model if place == 0 else None
+    axes.plot(middle, height, marker, color=colour, ms=6, mec="white", label=label)
