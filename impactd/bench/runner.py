@@ -18,6 +18,8 @@ from impactd.bench.figure import Figure
 BENCHMARKS = ("solver", "stream", "store")
 """Modules of this package, in the order they run; each has ``measure() -> list[Figure]``."""
 
+_WIDTH_IN_A_PIPE = 120
+
 
 def run(json_out: Path | None, only: list[str] | None = None) -> int:
     """Run benchmarks and print each figure as a ratio to its reference.
@@ -36,6 +38,8 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
         differ), 1 when one could not, 2 for an unknown name.
     """
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=_WIDTH_IN_A_PIPE)
     names = list(only or BENCHMARKS)
     unknown = [name for name in names if name not in BENCHMARKS]
     if unknown:

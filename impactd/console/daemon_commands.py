@@ -47,10 +47,14 @@ def demo(
     """Do the main job in one go on the simulated rig, through HTTP, USB and serial."""
     from impactd.demo import run_demo
 
-    run_demo(seed=seed, effect=effect, out=out)
+    raise typer.Exit(run_demo(seed=seed, effect=effect, out=out))
 
 
 def bench(
+    only: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="[NAME]...", help="solver, stream, store; all without a name."),
+    ] = None,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the figures here.")
     ] = None,
@@ -58,7 +62,7 @@ def bench(
     """Measure speed, each figure as a ratio within the same run."""
     from impactd.bench import run
 
-    run(json_out)
+    raise typer.Exit(run(json_out, only or None))
 
 
 def doctor(config: Config = None, data: Data = None, as_json: Json = False) -> None:
