@@ -120,6 +120,9 @@ def translated(doing: str) -> Iterator[None]:
         raise no_libusb() from error
     except usb.core.USBError as error:
         raise translate(error, doing) from error
+    except ValueError as error:
+        # pyusb swallows a failing descriptor and then misses the endpoint it describes.
+        raise translate(usb.core.USBError(str(error), -5), doing) from error
 
 
 def no_libusb() -> ConfigurationError:

@@ -18,6 +18,7 @@ from drivers.daq3500.registers import (
     pacer_words,
 )
 from drivers.daq3500.settings import Daq3500Settings
+from drivers.errors import DriverError
 
 
 def reset(link: Daq3500Link) -> None:
@@ -111,6 +112,16 @@ class Daq3500Converter:
         return self._link.read_register(Register.ACQUISITION)
 
     def stop_acquiring(self) -> None:
-        """Stop the converter and drain what it left behind."""
-        reset(self._link)
+        """Stop the converter and drain what it left behind.
+
+        Raises
+        ------
+        DriverError
+            If it could not be told to, twice.
+        """
+        try:
+            reset(self._link)
+        except DriverError:
+            # One bad transfer must not leave the converter running.
+            reset(self._link)
         self._link.drain()
