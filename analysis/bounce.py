@@ -19,7 +19,7 @@ from analysis.campaign import Quantity
 BLOCK_S = 64e-6
 """The record is looked at in blocks about as long as a period of the crystal."""
 QUIET_BEFORE_S = 1e-3
-"""An onset stands out from so much record before it; rings have died down by then or are falling."""
+"""An onset stands out from so much record before it; rings are falling by then."""
 STEP_UP = 3.0
 """An onset is so many times larger than what was there before it."""
 SHORTEST_FLIGHT_S = 2e-3

@@ -14,29 +14,23 @@ from typing import Any
 
 import numpy as np
 
+from analysis.calibration_document import FORMAT, IDENTIFIABLE, drift, sensor_from_json
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.errors import AnalysisError
 from analysis.fit.campaign_fit import Progress, fit_campaign
 from analysis.fit.problem import SENSOR_FIELDS
-from analysis.fit.result import FitResult, as_quantity
+from analysis.fit.result import FitResult
 
-FORMAT = "impactd-calibration/1"
+__all__ = ["CalibrationResult", "calibrate", "drift", "sensor_from_json"]
+
 Json = dict[str, Any]
 
-IDENTIFIABLE = {
-    "sensor.gain_N_per_V": "gain_N_per_V",
-    "sensor.natural_frequency_Hz": "natural_frequency_Hz",
-    "sensor.damping_ratio": "damping_ratio",
-}
-"""Names in a fit's parameters and in a calibration's JSON."""
 LOOSENED_U = 0.5
 """An earlier calibration only starts the fit; were it a prior, drift would be hidden by itself."""
 SHORT_CONTACT_PERIODS = 0.5
 """A contact shorter than this share of the crystal's period hardly shows the contact law."""
 LITTLE_LEARNED = 0.7
 """Uncertainty after over before, above which the shots said little about a quantity."""
-DRIFT_LIMIT = 2.0
-"""Drift in combined standard uncertainties from which it is called one."""
 
 
 @dataclass(frozen=True)
@@ -125,21 +119,22 @@ def _why_not(shot: Shot, campaign: Campaign) -> str | None:
     """Return why a shot cannot calibrate, None where it can."""
     sphere = campaign.spheres.get(shot.sphere or "")
     surface = campaign.surfaces.get(shot.surface or "")
+    found = []
     if shot.quantity != "voltage":
-        return f"it is a recording of {shot.quantity}, not of the cell's voltage"
+        found.append(f"it is a recording of {shot.quantity}, not of the cell's voltage")
     if sphere is None or not (sphere.radius_m and sphere.mass_kg):
-        return "its sphere's radius and mass are not known"
+        found.append("its sphere's radius and mass are not known")
+    elif sphere.youngs_modulus_pa is None:
+        found.append(f"the sphere {sphere.name!r} has no stated modulus")
     if surface is None:
-        return "its surface is not known"
-    if sphere.youngs_modulus_pa is None:
-        return f"the sphere {sphere.name!r} has no stated modulus"
-    if surface.youngs_modulus_pa is None:
-        return f"the surface {surface.name!r} has no stated modulus"
+        found.append("its surface is not known")
+    elif surface.youngs_modulus_pa is None:
+        found.append(f"the surface {surface.name!r} has no stated modulus")
     if shot.drop_height_m is None:
-        return "its drop height is not known"
+        found.append("its drop height is not known")
     if shot.clipped:
-        return "it sits on a limit of the converter or amplifier"
-    return None
+        found.append("it sits on a limit of the converter or amplifier")
+    return "; ".join(found) or None
 
 
 def _prior_sensor(sensor: Sensor) -> tuple[Sensor, str | None]:
@@ -273,84 +268,3 @@ def _short_contacts(fit: FitResult) -> list[str]:
                 "not identifiable from it"
             )
     return found
-
-
-def sensor_from_json(calibration: Json) -> Sensor:
-    """Return the cell that a stored calibration describes.
-
-    Parameters
-    ----------
-    calibration : dict
-        ``impactd-calibration/1``, as `CalibrationResult.to_json` made it.
-
-    Returns
-    -------
-    Sensor
-        With the covariance of ln(M, k, mu, c).
-
-    Raises
-    ------
-    AnalysisError
-        If this is no such document, or the calibration did not converge.
-    """
-    if calibration.get("format") != FORMAT:
-        raise AnalysisError(
-            f"This is no calibration: its format is {calibration.get('format')!r}, not {FORMAT!r}."
-        )
-    outcome = calibration["outcome"]
-    if outcome["status"] != "converged":
-        raise AnalysisError(f"This calibration cannot be used: {outcome['message']}")
-    values = {name: as_quantity(q) for name, q in calibration["parameters"].items() if q}
-    covariance = calibration["covariance"]
-    hsd = calibration["hsd"]
-    return Sensor(
-        compliance_m_per_v=values.get("compliance_m_per_v"),
-        crystal_mass_kg=values.get("crystal_mass_kg"),
-        crystal_stiffness_n_per_m=values.get("crystal_stiffness_n_per_m"),
-        crystal_damping_n_s_per_m=values.get("crystal_damping_n_s_per_m"),
-        hsd_n_per_v=as_quantity(hsd["gain_N_per_V"]) if hsd else None,
-        covariance=np.array(covariance["matrix"]) if covariance else None,
-    )
-
-
-def drift(previous: Json | CalibrationResult, current: Json | CalibrationResult) -> Json:
-    """Return how far the cell moved between two calibrations.
-
-    Parameters
-    ----------
-    previous, current : dict or CalibrationResult
-        Two calibrations of one cell.
-
-    Returns
-    -------
-    dict
-        Per identifiable combination the relative ``change``, its standard uncertainty ``u`` and
-        ``in_u``, change over u; ``largest_in_u``; and one ``sentence``.
-
-    Notes
-    -----
-    Both calibrations share the reference materials' uncertainty, which would cancel; it is kept, so
-    the scores are on the careful side.
-    """
-    before, after = (x if isinstance(x, dict) else x.to_json() for x in (previous, current))
-    found: Json = {}
-    for label in IDENTIFIABLE.values():
-        a, b = before["identifiable"].get(label), after["identifiable"].get(label)
-        if not a or not b:
-            continue
-        change = math.log(b["value"] / a["value"])
-        u = math.hypot(a["u"] / a["value"], b["u"] / b["value"])
-        found[label] = {"change": math.expm1(change), "u": u, "in_u": change / u if u > 0 else 0.0}
-    if not found:
-        return {"combinations": {}, "largest_in_u": None, "sentence": "Nothing to compare."}
-    worst = max(found, key=lambda name: abs(found[name]["in_u"]))
-    size = abs(found[worst]["in_u"])
-    verdict = "drifted" if size > DRIFT_LIMIT else "is stable"
-    return {
-        "combinations": found,
-        "largest_in_u": size,
-        "sentence": (
-            f"The cell {verdict}: {worst} changed by {found[worst]['change']:+.2%}, "
-            f"{size:.1f} combined standard uncertainties."
-        ),
-    }

@@ -20,7 +20,23 @@ Json = dict[str, Any]
 CONTRADICTION_P = 0.01
 """Chance that any pair of a sound network is called contradicting."""
 NETWORK_P = 0.01
-"""Below this the network as a whole does not hold together and uncertainties are widened."""
+"""Below this the network as a whole does not hold together and uncertainty is added."""
+
+
+def contradiction_limit(pairs: int) -> float:
+    """Return the score beyond which a pair contradicts, so that a sound network rarely has one.
+
+    Parameters
+    ----------
+    pairs : int
+        How many are looked at.
+
+    Returns
+    -------
+    float
+        Standard deviations.
+    """
+    return float(norm.isf(CONTRADICTION_P / (2 * max(pairs, 1))))
 
 
 @dataclass(frozen=True)
@@ -44,14 +60,6 @@ class Network:
         if self.degrees_of_freedom < 1:
             return None
         return float(chi2_distribution.sf(self.chi2, self.degrees_of_freedom))
-
-    @property
-    def variance_factor(self) -> float:
-        """Return by how much variances are widened: 1 unless the network does not hold."""
-        p = self.p_value
-        if p is None or p >= NETWORK_P:
-            return 1.0
-        return max(self.chi2 / self.degrees_of_freedom, 1.0)
 
 
 @dataclass(frozen=True)
@@ -102,11 +110,15 @@ class ModuliResult:
     log_plane_strain : ndarray, shape (n,)
         ln E', E' in Pa.
     covariance : ndarray, shape (n, n)
-        Of ``log_plane_strain``, before widening by ``network.variance_factor``.
+        Of ``log_plane_strain``, dark uncertainty included.
     network : Network
-        Consistency of the whole.
+        Consistency of the whole with the uncertainties as the fits stated them.
+    dark_u : float
+        Added to each u(ln E*) so that the network holds together; 0 where it does. [1]
     checks : tuple of PairCheck
         Consistency by pair.
+    contradicting : tuple of str
+        Pairs that contradict the rest, worst first.
     anchored : tuple of bool
         Whether a material hangs together with a reference at all.
     spheres, surfaces : dict
@@ -120,22 +132,17 @@ class ModuliResult:
     log_plane_strain: NDArray[np.float64]
     covariance: NDArray[np.float64]
     network: Network
+    dark_u: float
     checks: tuple[PairCheck, ...]
+    contradicting: tuple[str, ...]
     anchored: tuple[bool, ...]
     spheres: dict[str, Sphere]
     surfaces: dict[str, Surface]
     shots: tuple[str, ...]
     calibrations: tuple[str, ...]
 
-    def contradicting(self) -> tuple[PairCheck, ...]:
-        """Return the pairs that contradict the rest, worst first."""
-        scored = [c for c in self.checks if c.score is not None]
-        limit = float(norm.isf(CONTRADICTION_P / (2 * max(len(scored), 1))))
-        found = [c for c in scored if abs(c.score or 0.0) > limit]
-        return tuple(sorted(found, key=lambda c: -abs(c.score or 0.0)))
-
     def plane_strain(self, name: str) -> tuple[float, float]:
-        """Return ln E' and its standard uncertainty, widened where the network does not hold.
+        """Return ln E' and its standard uncertainty.
 
         Parameters
         ----------
@@ -148,7 +155,7 @@ class ModuliResult:
             ln E' with E' in Pa, and u.
         """
         j = self.names.index(name)
-        u = math.sqrt(float(self.covariance[j, j]) * self.network.variance_factor)
+        u = math.sqrt(float(self.covariance[j, j]))
         return float(self.log_plane_strain[j]), u
 
     def _material(self, name: str) -> Sphere | Surface:
@@ -219,20 +226,26 @@ class ModuliResult:
             found.append("no observation is redundant: nothing checks these moduli")
         elif p < NETWORK_P:
             found.append(
-                f"the pairs do not fit together (p = {p:.2g}); uncertainties were widened by "
-                f"{math.sqrt(self.network.variance_factor):.2f}"
+                f"the pairs do not fit together (p = {p:.2g}); {self.dark_u:.2%} was added to the "
+                "uncertainty of every reduced modulus: look at the model before the moduli"
             )
+        if 2 * len(self.contradicting) > len(self.checks):
+            found.append(
+                f"{len(self.contradicting)} of {len(self.checks)} pairs contradict the others: "
+                f"this model ({self.model}) or this calibration does not describe the rig"
+            )
+            return found
         found.extend(
             f"{c.pair} contradicts the rest: its E* is "
             f"{math.expm1(c.log_observed - c.log_adjusted):+.1%} from what the others say "
             f"({abs(c.score or 0.0):.1f} standard deviations)"
-            for c in self.contradicting()
+            for c in self.checks
+            if c.pair in self.contradicting
         )
         return found
 
     def to_json(self) -> Json:
         """Return the result as ``impactd-moduli/1``; NaN and infinity never appear."""
-        factor = self.network.variance_factor
         return {
             "format": FORMAT,
             "model": self.model,
@@ -242,13 +255,13 @@ class ModuliResult:
                 "chi2": self.network.chi2,
                 "degrees_of_freedom": self.network.degrees_of_freedom,
                 "p_value": self.network.p_value,
-                "uncertainty_widened_by": math.sqrt(factor),
-                "contradicting": [c.pair for c in self.contradicting()],
+                "dark_uncertainty": self.dark_u,
+                "contradicting": list(self.contradicting),
             },
             "covariance": {
                 "of": "natural logarithms of plane-strain moduli of",
                 "names": list(self.names),
-                "matrix": (self.covariance * factor).tolist(),
+                "matrix": self.covariance.tolist(),
             },
             "shots": list(self.shots),
             "calibrations": list(self.calibrations),

@@ -1,0 +1,193 @@
+"""Tests of the network of moduli: does it hold together, which pair contradicts."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from analysis.moduli_network import System, linearise, solve
+from analysis.moduli_result import NETWORK_P, Network, PairCheck, contradiction_limit
+
+Array = NDArray[np.float64]
+
+LARGEST_DARK_U = 2.0
+"""A between-recording uncertainty of ln E* beyond this is no measurement any more."""
+
+
+def pair_checks(system: System, x: Array, covariance: Array) -> tuple[PairCheck, ...]:
+    """Return how each pair's observations agree with all the rest.
+
+    Parameters
+    ----------
+    system : System
+        The network.
+    x, covariance : ndarray
+        As `solve` returned them.
+
+    Returns
+    -------
+    tuple of PairCheck
+        In the order of first appearance.
+
+    Notes
+    -----
+    The residuals' covariance is that of the observations less that of their adjusted values; a pair
+    that nothing else controls has none left and no score.
+    """
+    r, design = linearise(system, x)
+    found = []
+    pairs = list(dict.fromkeys(o.pair for o in system.observations))
+    for pair in pairs:
+        rows = np.array([i for i, o in enumerate(system.observations) if o.pair == pair])
+        share = system.weight[rows] / float(system.weight[rows].sum())
+        mean_design = share @ design[rows]
+        own = float(share**2 @ (1 / system.weight[rows]))
+        left = own - float(mean_design @ covariance @ mean_design)
+        residual = float(share @ r[rows])
+        log = float(share @ [system.observations[i].log_reduced_modulus for i in rows])
+        scatter = float(system.weight[rows] @ (r[rows] - residual) ** 2)
+        first = system.observations[rows[0]]
+        found.append(
+            PairCheck(
+                sphere=first.sphere,
+                surface=first.surface,
+                observations=int(rows.size),
+                log_observed=log,
+                log_adjusted=log - residual,
+                u_observed=math.sqrt(own),
+                score=residual / math.sqrt(left) if left > 1e-6 * own else None,
+                scatter_chi2=scatter,
+            )
+        )
+    return tuple(found)
+
+
+def consistency(system: System, x: Array, covariance: Array) -> Network:
+    """Return chi2 of observations, references and calibrations, and its degrees of freedom.
+
+    Parameters
+    ----------
+    system : System
+        The network.
+    x, covariance : ndarray
+        As `solve` returned them.
+
+    Returns
+    -------
+    Network
+        The weak prior of an unknown modulus is no observation.
+    """
+    r, design = linearise(system, x)
+    stated = system.precision.copy()
+    for j, prior in enumerate(system.priors):
+        if prior is None:
+            stated[j, j] = 0.0  # the weak prior of an unknown is no observation
+    d = x - system.mean
+    chi2 = float(system.weight @ r**2 + d @ stated @ d)
+    information = design.T @ (system.weight[:, None] * design) + stated
+    fitted = float(np.trace(covariance @ information))
+    references = sum(p is not None for p in system.priors)
+    count = len(system.observations) + references + system.common.shape[1]
+    return Network(chi2, max(round(count - fitted), 0))
+
+
+def anchored(system: System) -> list[bool]:
+    """Tell which materials hang together with a reference through dropped pairs.
+
+    Parameters
+    ----------
+    system : System
+        The network.
+
+    Returns
+    -------
+    list of bool
+        By material.
+    """
+    reached = [p is not None for p in system.priors]
+    for _ in system.names:
+        for a, b in zip(system.left, system.right, strict=True):
+            reached[a] = reached[b] = reached[a] or reached[b]
+    return reached
+
+
+def _without(system: System, pairs: Sequence[str]) -> System:
+    """Return the system with these pairs' observations given no weight to speak of."""
+    out = np.array([o.pair in pairs for o in system.observations])
+    return dataclasses.replace(system, weight=np.where(out, system.weight * 1e-12, system.weight))
+
+
+def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
+    """Return each pair's check and the pairs that contradict the rest, worst first.
+
+    Parameters
+    ----------
+    system : System
+        The network.
+
+    Returns
+    -------
+    checks : tuple of PairCheck
+        A contradicting pair's score is the one it was set aside with.
+    contradicting : tuple of str
+        Pairs.
+
+    Notes
+    -----
+    Source: W. Baarda's data snooping (1968): the worst pair is set aside and the rest judged again,
+    so that one bad pair does not make its sound neighbours look bad.
+    """
+    aside: dict[str, PairCheck] = {}
+    while True:
+        current = _without(system, list(aside))
+        checks = pair_checks(current, *solve(current))
+        scored = [c for c in checks if c.score is not None and c.pair not in aside]
+        worst = max(scored, key=lambda c: abs(c.score or 0.0), default=None)
+        limit = contradiction_limit(len(checks))
+        if worst is None or abs(worst.score or 0.0) <= limit:
+            return tuple(aside.get(c.pair, c) for c in checks), tuple(aside)
+        aside[worst.pair] = worst
+
+
+def with_dark_uncertainty(system: System) -> tuple[System, float]:
+    """Return the system with as much more uncertainty per recording as makes it hold together.
+
+    Parameters
+    ----------
+    system : System
+        The network.
+
+    Returns
+    -------
+    system : System
+        With wider observations, unless it was consistent already.
+    dark_u : float
+        What was added to each u(ln E*) in quadrature; 0 where nothing was. [1]
+
+    Notes
+    -----
+    Source: Mandel & Paule (1970). Added, not multiplied: where models fail, the recordings with the
+    smallest noise are no better than others. The references' stated moduli are left as they are.
+    """
+
+    def wider(dark_u: float) -> System:
+        return dataclasses.replace(system, weight=1 / (1 / system.weight + dark_u**2))
+
+    def excess(log_dark_u: float) -> float:
+        trial = wider(math.exp(log_dark_u))
+        found = consistency(trial, *solve(trial))
+        return found.chi2 - found.degrees_of_freedom
+
+    p = consistency(system, *solve(system)).p_value
+    if p is None or p >= NETWORK_P:
+        return system, 0.0
+    low, high = math.log(1e-6), math.log(LARGEST_DARK_U)
+    if excess(high) >= 0:
+        return wider(LARGEST_DARK_U), LARGEST_DARK_U
+    dark_u = math.exp(float(brentq(excess, low, high, xtol=1e-3))) if excess(low) > 0 else 1e-6
+    return wider(dark_u), dark_u

@@ -1,0 +1,130 @@
+"""The reduced modulus of one pair as one fit found it: what the network of moduli is made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.estimates import HSD_FIELDS
+from analysis.fit.problem import SENSOR_FIELDS
+from analysis.fit.result import FitResult
+
+Json = dict[str, Any]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class PairObservation:
+    """The reduced modulus that one fit found for one pair.
+
+    Attributes
+    ----------
+    sphere, surface : str
+        Names of the materials.
+    log_reduced_modulus : float
+        ln E*, E* in Pa.
+    u_random : float
+        Standard uncertainty of ln E* from this recording alone. [1]
+    sensitivity : ndarray, shape (4,) or (1,)
+        d ln E* / d ln(M, k, mu, c) for KV, d ln E* / d ln S for HSD: how E* follows an error of
+        the calibration.
+    shot : str
+        Which recording.
+    model : str
+        Model of the fit.
+    u_calibration : float
+        Standard uncertainty of ln E* from the calibration, used where no covariance of the cell is
+        at hand; then counted as one error common to all observations of a calibration. [1]
+    calibration : str
+        Which calibration; observations of different ones have different common errors.
+    """
+
+    sphere: str
+    surface: str
+    log_reduced_modulus: float
+    u_random: float
+    sensitivity: Array
+    shot: str
+    model: str
+    u_calibration: float = 0.0
+    calibration: str = ""
+
+    @property
+    def pair(self) -> str:
+        """Return the pair's key."""
+        return f"{self.sphere}/{self.surface}"
+
+
+def observations_from_fit(
+    fit: FitResult | Json, *, shot: str, calibration: str = ""
+) -> tuple[PairObservation, ...]:
+    """Return what a fit says about each of its pairs.
+
+    Parameters
+    ----------
+    fit : FitResult or dict
+        A fit with ``by_pair=True`` (else the fit has already used the references' moduli, which
+        the network would use again), or its JSON.
+    shot : str
+        How messages call the recording.
+    calibration : str
+        Which calibration the cell's values came from.
+
+    Returns
+    -------
+    tuple of PairObservation
+        Empty where the fit did not converge or is in reduced units.
+    """
+    found: Json = fit if isinstance(fit, dict) else fit.to_json()
+    if found["outcome"]["status"] != "converged":
+        return ()
+    observations = []
+    for entry in found["pairs"].values():
+        modulus = entry.get("reduced_modulus_Pa")
+        if not modulus:
+            continue
+        value = float(modulus["value"])
+        u, u_cell = float(modulus["u"]) / value, float(entry["u_calibration_Pa"]) / value
+        by_field = entry["d_ln_reduced_modulus_d_ln_sensor"]
+        fields = HSD_FIELDS if HSD_FIELDS[0] in by_field else SENSOR_FIELDS
+        observations.append(
+            PairObservation(
+                sphere=str(entry["sphere"]),
+                surface=str(entry["surface"]),
+                log_reduced_modulus=math.log(value),
+                u_random=math.sqrt(max(u**2 - u_cell**2, 1e-12)),
+                sensitivity=np.array([float(by_field[name]) for name in fields]),
+                shot=shot,
+                model=str(found["model"]),
+                u_calibration=u_cell,
+                calibration=calibration,
+            )
+        )
+    return tuple(observations)
+
+
+def observation_from_fit(
+    fit: FitResult | Json, *, shot: str, calibration: str = ""
+) -> PairObservation | None:
+    """Return what a fit of one shot says about its pair.
+
+    Parameters
+    ----------
+    fit : FitResult or dict
+        As in `observations_from_fit`, of one pair.
+    shot : str
+        How messages call the recording.
+    calibration : str
+        Which calibration the cell's values came from.
+
+    Returns
+    -------
+    PairObservation or None
+        None where the fit did not converge or is in reduced units.
+    """
+    found = observations_from_fit(fit, shot=shot, calibration=calibration)
+    return found[0] if found else None
