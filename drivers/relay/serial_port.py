@@ -202,5 +202,5 @@ class SerialPort:
         return DeviceLostError(
             f"The relay board at {self._path} is gone ({error}).",
             why="It was unplugged, or lost its power.",
-            remedy="Check that the sphere is off the tube, plug the board in, then reset the fault.",
+            remedy="Take the sphere off, plug the board in, then acknowledge the fault.",
         )

@@ -40,8 +40,10 @@ class TrueCell:
 
     Attributes
     ----------
-    compliance_m_per_v, crystal_mass_kg, crystal_stiffness_n_per_m, crystal_damping_n_s_per_m : float
-        c, M, k, mu. [m/V, kg, N/m, N s/m]
+    compliance_m_per_v, crystal_mass_kg : float
+        c [m/V] and M [kg].
+    crystal_stiffness_n_per_m, crystal_damping_n_s_per_m : float
+        k [N/m] and mu [N s/m].
     hsd_n_per_v : float
         S of Eq. 7, used when the cell is rigid. [N/V]
     rigid : bool

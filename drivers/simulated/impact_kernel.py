@@ -11,10 +11,27 @@ Equations: Maranzano & Hancock 2016 (Eq. numbers) and the sources named in each 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import TypeVar, cast
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 from scipy.integrate import DOP853
+
+Vector = NDArray[np.float64]
+_Function = TypeVar("_Function", bound=Callable[..., object])
+
+
+def _compiled(function: _Function) -> _Function:
+    """Return the function compiled at its first call; typed, which the bare decorator is not."""
+    return cast("_Function", njit(function))
+
+
+def _compiled_and_kept(function: _Function) -> _Function:
+    """Return the function compiled once per machine."""
+    return cast("_Function", njit(cache=True)(function))
+
 
 # Butcher tableau of Hairer, Norsett & Wanner, Solving ODEs I, as scipy publishes it.
 _A = np.ascontiguousarray(DOP853.A)
@@ -26,9 +43,9 @@ _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
 
 # Places in the parameter vector.
 (
-    MASS, K, ALPHA, GRAVITY, CELL_MASS, CELL_K, CELL_MU, RIGID, SHARE, COUPON_MASS, LAYER_K, LAYER_C,
-    BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO, LAW,
-    LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, PARAMETERS,
+    MASS, K, ALPHA, GRAVITY, CELL_MASS, CELL_K, CELL_MU, RIGID, SHARE, COUPON_MASS, LAYER_K,
+    LAYER_C, BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO,
+    LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, PARAMETERS,
 ) = range(27)  # fmt: skip
 # Base laws of the elastic force.
 HERTZ, YIELDING, JKR = range(3)
@@ -41,12 +58,14 @@ _N = _Z + TERMS
 # Places in the summary.
 STATUS, REBOUND, LIFT_OFF, FORCE_PEAK, INDENTATION_PEAK, COMPRESSION_PEAK, END, STEPS = range(8)
 OK, TOO_MANY_STEPS, NEVER_LEFT = range(3)
+# Kinds of event.
+_LEAVES, _TOUCHES, _TURNS, _DEEPER_THAN_EVER = range(4)
 _MAX_STEPS = 400_000
 _LONGEST_STEP_S = 10e-6
 
 
-@njit(cache=False)
-def _jkr_force(delta, p):
+@_compiled
+def _jkr_force(delta: float, p: Vector) -> float:
     # Johnson, Kendall & Roberts 1971; W = 2 gamma. Newton from the right of a convex function.
     R, E, W = p[RADIUS], p[E_STAR], p[LAW_VALUE]
     a_off = (0.25 * R * math.sqrt(2.0 * math.pi * W / E)) ** (2.0 / 3.0)
@@ -64,42 +83,42 @@ def _jkr_force(delta, p):
             a = max(a - step, a_off)
             if abs(step) < 1e-14 * a:
                 break
-    return 4.0 * E * a**3 / (3.0 * R) - math.sqrt(8.0 * math.pi * W * E * a**3)
+    return float(4.0 * E * a**3 / (3.0 * R) - math.sqrt(8.0 * math.pi * W * E * a**3))
 
 
-@njit(cache=False)
-def _release_indentation(p, memory):
+@_compiled
+def _release_indentation(p: Vector, memory: Vector) -> float:
     # Where contact ends: back at zero, at the dent's floor, or where the neck snaps.
     if p[LAW] == YIELDING and memory[0] > 0.0:
-        return memory[3]
+        return float(memory[3])
     if p[LAW] == JKR:
         a = (0.25 * p[RADIUS] * math.sqrt(2.0 * math.pi * p[LAW_VALUE] / p[E_STAR])) ** (2.0 / 3.0)
-        return -3.0 * a * a / p[RADIUS]
+        return float(-3.0 * a * a / p[RADIUS])
     return 0.0
 
 
-@njit(cache=False)
-def _yield_indentation(p):
+@_compiled
+def _yield_indentation(p: Vector) -> float:
     a = math.pi * p[LAW_VALUE] * p[RADIUS] / (2.0 * p[E_STAR])
-    return a * a / p[RADIUS]
+    return float(a * a / p[RADIUS])
 
 
-@njit(cache=False)
-def _law(delta, p, memory):
+@_compiled
+def _law(delta: float, p: Vector, memory: Vector) -> float:
     d = max(delta, 0.0)
     if p[LAW] == JKR:
         return _jkr_force(delta, p)
     if p[LAW] == YIELDING:
         if memory[0] > 0.0:
-            return memory[2] * max(delta - memory[3], 0.0) ** 1.5
+            return float(memory[2] * max(delta - memory[3], 0.0) ** 1.5)
         dy = _yield_indentation(p)
         if d > dy:
-            return p[K] * dy**1.5 + 1.5 * p[K] * math.sqrt(dy) * (d - dy)
-    return p[K] * d * math.sqrt(d)
+            return float(p[K] * dy**1.5 + 1.5 * p[K] * math.sqrt(dy) * (d - dy))
+    return float(p[K] * d * math.sqrt(d))
 
 
-@njit(cache=False)
-def _begin_unloading(delta, p, memory):
+@_compiled
+def _begin_unloading(delta: float, p: Vector, memory: Vector) -> None:
     # Thornton 1997: unloading along a Hertz curve of a flattened radius.
     dy = _yield_indentation(p)
     memory[1] = delta
@@ -115,8 +134,16 @@ def _begin_unloading(delta, p, memory):
     memory[3] = delta - (top / memory[2]) ** (2.0 / 3.0)
 
 
-@njit(cache=False)
-def _forces(delta, rate, p, codes, values, s, memory):
+@_compiled
+def _forces(  # noqa: PLR0917 - compiled code knows no keywords
+    delta: float,
+    rate: float,
+    p: Vector,
+    codes: NDArray[np.int64],
+    values: Vector,
+    s: Vector,
+    memory: Vector,
+) -> tuple[float, float]:
     """Return what the crystal sees and what only the sphere feels. [N]"""
     d = max(delta, 0.0)
     root = math.sqrt(d)
@@ -148,8 +175,16 @@ def _forces(delta, rate, p, codes, values, s, memory):
     return elastic * factor + added, loss
 
 
-@njit(cache=False)
-def _motion(s, touching, p, codes, values, memory, ds):
+@_compiled
+def _motion(  # noqa: PLR0917 - compiled code knows no keywords
+    s: Vector,
+    touching: bool,
+    p: Vector,
+    codes: NDArray[np.int64],
+    values: Vector,
+    memory: Vector,
+    ds: Vector,
+) -> float:
     top, top_rate = (s[_Y], s[_YD]) if p[COUPON_MASS] > 0.0 else (s[_U], s[_UD])
     delta = s[_X] - top - s[_W]
     rate = s[_V] - top_rate
@@ -199,8 +234,8 @@ def _motion(s, touching, p, codes, values, memory, ds):
     return felt
 
 
-@njit(cache=False)
-def _between(theta, start, F, out):
+@_compiled
+def _between(theta: float, start: Vector, F: Vector, out: Vector) -> None:
     for j in range(_N):
         acc = 0.0
         for i in range(7):
@@ -209,30 +244,182 @@ def _between(theta, start, F, out):
         out[j] = acc + start[j]
 
 
-@njit(cache=False)
-def _gap(s, p):
-    return s[_X] - (s[_Y] if p[COUPON_MASS] > 0.0 else s[_U]) - s[_W]
+@_compiled
+def _gap(s: Vector, p: Vector) -> float:
+    return float(s[_X] - (s[_Y] if p[COUPON_MASS] > 0.0 else s[_U]) - s[_W])
 
 
-@njit(cache=False)
-def _gap_rate(s, p):
-    return s[_V] - (s[_YD] if p[COUPON_MASS] > 0.0 else s[_UD])
+@_compiled
+def _gap_rate(s: Vector, p: Vector) -> float:
+    return float(s[_V] - (s[_YD] if p[COUPON_MASS] > 0.0 else s[_UD]))
 
 
-@njit(cache=False)
-def _event(kind, s, p, memory):
+@_compiled
+def _event(kind: int, s: Vector, p: Vector, memory: Vector) -> float:
     """Return a value that falls through zero at the event of this kind."""
-    if kind == 0:  # lift-off
+    if kind == _LEAVES:
         return _gap(s, p) - _release_indentation(p, memory)
-    if kind == 1:  # touch
+    if kind == _TOUCHES:
         return -_gap(s, p)
-    if kind == 2:  # deepest point of a yielding contact
+    if kind == _TURNS:  # deepest point of a yielding contact
         return _gap_rate(s, p)
-    return memory[1] - _gap(s, p)  # a reloaded dent reaches virgin material
+    return float(memory[1] - _gap(s, p))  # a reloaded dent reaches virgin material
 
 
-@njit(cache=True)
-def integrate(speed, p, codes, values, tolerance, first_s, step_s, compression, force):
+@_compiled
+def _stages(  # noqa: PLR0917 - compiled code knows no keywords
+    s: Vector,
+    h: float,
+    touching: bool,
+    p: Vector,
+    codes: NDArray[np.int64],
+    values: Vector,
+    memory: Vector,
+    rates: Vector,
+    stage: Vector,
+    new: Vector,
+) -> None:
+    """Fill stages 1 to 12 of a trial step; ``rates[0]`` holds the slope at its start."""
+    for i in range(1, 13):
+        for j in range(_N):
+            acc = 0.0
+            for m in range(i):
+                acc += (_A[i, m] if i < 12 else _B[m]) * rates[m, j]
+            stage[j] = s[j] + h * acc
+        _motion(stage, touching, p, codes, values, memory, rates[i])
+    new[:] = stage
+
+
+@_compiled
+def _error(  # noqa: PLR0917 - compiled code knows no keywords
+    s: Vector, new: Vector, h: float, rates: Vector, atol: Vector, tolerance: float
+) -> float:
+    """Return the step's error in units of what is allowed (Hairer's blend of 5th and 3rd order)."""
+    e5 = e3 = 0.0
+    for j in range(_N):
+        scale = atol[j] + tolerance * max(abs(s[j]), abs(new[j]))
+        a5 = a3 = 0.0
+        for m in range(13):
+            a5 += _E5[m] * rates[m, j]
+            a3 += _E3[m] * rates[m, j]
+        e5 += (a5 / scale) ** 2
+        e3 += (a3 / scale) ** 2
+    if e5 == 0.0 and e3 == 0.0:
+        return 0.0
+    return h * e5 / math.sqrt((e5 + 0.01 * e3) * _N)
+
+
+@_compiled
+def _dense(  # noqa: PLR0917 - compiled code knows no keywords
+    s: Vector,
+    new: Vector,
+    h: float,
+    touching: bool,
+    p: Vector,
+    codes: NDArray[np.int64],
+    values: Vector,
+    memory: Vector,
+    rates: Vector,
+    stage: Vector,
+    F: Vector,
+) -> None:
+    """Fill the coefficients of the 7th-order polynomial through an accepted step."""
+    for e in range(3):
+        for j in range(_N):
+            acc = 0.0
+            for m in range(13 + e):
+                acc += _A_EXTRA[e, m] * rates[m, j]
+            stage[j] = s[j] + h * acc
+        _motion(stage, touching, p, codes, values, memory, rates[13 + e])
+    for j in range(_N):
+        F[0, j] = new[j] - s[j]
+        F[1, j] = h * rates[0, j] - F[0, j]
+        F[2, j] = 2.0 * F[0, j] - h * (rates[12, j] + rates[0, j])
+        for i in range(4):
+            acc = 0.0
+            for m in range(16):
+                acc += _D[i, m] * rates[m, j]
+            F[3 + i, j] = h * acc
+
+
+@_compiled
+def _is_possible(kind: int, touching: bool, p: Vector, memory: Vector) -> bool:
+    if kind in (_TOUCHES, _LEAVES):
+        return touching == (kind == _LEAVES)
+    if not touching or p[LAW] != YIELDING:
+        return False
+    return bool((memory[0] > 0.0) == (kind == _DEEPER_THAN_EVER))
+
+
+@_compiled
+def _first_event(  # noqa: PLR0917 - compiled code knows no keywords
+    s: Vector,
+    new: Vector,
+    fresh: bool,
+    touching: bool,
+    p: Vector,
+    memory: Vector,
+    F: Vector,
+    out: Vector,
+) -> tuple[float, int]:
+    """Return where in the step the earliest event lies and its kind; kind -1 for none."""
+    theta, found = 2.0, -1
+    for kind in range(4):
+        if not _is_possible(kind, touching, p, memory) or _event(kind, new, p, memory) >= 0.0:
+            continue
+        # An event that is at zero when the step begins is the one that began it.
+        if not (fresh and kind == _LEAVES) and _event(kind, s, p, memory) <= 0.0:
+            continue
+        low, high = 0.0, 1.0
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            _between(middle, s, F, out)
+            if _event(kind, out, p, memory) >= 0.0:
+                low = middle
+            else:
+                high = middle
+        if high < theta:
+            theta, found = high, kind
+    return theta, found
+
+
+@_compiled
+def _tolerances(speed: float, p: Vector, tolerance: float) -> Vector:
+    """Return absolute tolerances from the scales of a Hertz impact on a resting crystal."""
+    deep = (1.25 * p[MASS] * speed * speed / p[K]) ** 0.4
+    small = p[K] * deep**1.5 / p[CELL_K]
+    omega = math.sqrt(p[CELL_K] / p[CELL_MASS])
+    atol = np.full(_N, tolerance * small)
+    atol[_X] = atol[_W] = tolerance * deep
+    atol[_V] = tolerance * speed
+    for i in (_UD, _YD, _BSD, _QD):
+        atol[i] = tolerance * small * omega
+    for i in range(TERMS):
+        atol[_Z + i] = tolerance * deep**1.5
+    return atol
+
+
+@_compiled
+def _next_step(h: float, error: float, event: int, forced: bool) -> float:
+    if event == _LEAVES:
+        return 1e-8
+    if event >= 0 or forced:
+        return min(1e-9, 0.1 * h)
+    return h * (6.0 if error == 0.0 else min(6.0, 0.9 * error**-0.125))
+
+
+@_compiled_and_kept
+def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitting it hides the order
+    speed: float,
+    p: Vector,
+    codes: NDArray[np.int64],
+    values: Vector,
+    tolerance: float,
+    first_s: float,
+    step_s: float,
+    compression: Vector,
+    force: Vector,
+) -> Vector:
     """Integrate one impact from touch-down and sample it on a regular grid.
 
     Parameters
@@ -257,28 +444,16 @@ def integrate(speed, p, codes, values, tolerance, first_s, step_s, compression, 
     ndarray, shape (8,)
         Summary in the order of this module's names. [SI]
     """
-    s, f, out = np.zeros(_N), np.zeros(_N), np.zeros(_N)
-    new, stage, memory = np.zeros(_N), np.zeros(_N), np.zeros(4)
-    kk, F = np.zeros((16, _N)), np.zeros((7, _N))
-    summary = np.zeros(8)
-    deep = (1.25 * p[MASS] * speed * speed / p[K]) ** 0.4
-    small = p[K] * deep**1.5 / p[CELL_K]
-    omega = math.sqrt(p[CELL_K] / p[CELL_MASS])
-    atol = np.full(_N, tolerance * small)
-    atol[_X] = atol[_W] = tolerance * deep
-    atol[_V] = tolerance * speed
-    for i in (_UD, _YD, _BSD, _QD):
-        atol[i] = tolerance * small * omega
-    for i in range(TERMS):
-        atol[_Z + i] = tolerance * deep**1.5
+    s, new, stage, out = np.zeros(_N), np.zeros(_N), np.zeros(_N), np.zeros(_N)
+    memory, rates, F, summary = np.zeros(4), np.zeros((16, _N)), np.zeros((7, _N)), np.zeros(8)
+    atol = _tolerances(speed, p, tolerance)
     s[_V] = speed
     touching, flown, recontacted = True, False, p[RECONTACT_AT] <= 0.0
-    t, h, grid, points = 0.0, 1e-9, 0, compression.size
+    t, h, loud_s, steps = 0.0, 1e-9, 0.0, 0
+    grid, points = 0, compression.size
     while grid < points and first_s + grid * step_s < 0.0:
         grid += 1
-    last_loud = 0.0
-    steps = 0
-    _motion(s, touching, p, codes, values, memory, f)
+    _motion(s, touching, p, codes, values, memory, rates[0])
     while True:
         steps += 1
         if steps > _MAX_STEPS:
@@ -288,133 +463,56 @@ def integrate(speed, p, codes, values, tolerance, first_s, step_s, compression, 
         forced = (not recontacted) and flown and t + h >= p[RECONTACT_AT]
         if forced:
             h = max(p[RECONTACT_AT] - t, 1e-12)
-        for j in range(_N):
-            kk[0, j] = f[j]
-        for i in range(1, 12):
-            for j in range(_N):
-                acc = 0.0
-                for l in range(i):  # noqa: E741 - the tableau's own index
-                    acc += _A[i, l] * kk[l, j]
-                stage[j] = s[j] + h * acc
-            _motion(stage, touching, p, codes, values, memory, kk[i])
-        for j in range(_N):
-            acc = 0.0
-            for l in range(12):  # noqa: E741 - the tableau's own index
-                acc += _B[l] * kk[l, j]
-            new[j] = s[j] + h * acc
-        _motion(new, touching, p, codes, values, memory, kk[12])
-        e5 = e3 = 0.0
-        for j in range(_N):
-            scale = atol[j] + tolerance * max(abs(s[j]), abs(new[j]))
-            a5 = a3 = 0.0
-            for l in range(13):  # noqa: E741 - the tableau's own index
-                a5 += _E5[l] * kk[l, j]
-                a3 += _E3[l] * kk[l, j]
-            e5 += (a5 / scale) ** 2
-            e3 += (a3 / scale) ** 2
-        error = 0.0
-        if e5 > 0.0 or e3 > 0.0:
-            error = h * e5 / math.sqrt((e5 + 0.01 * e3) * _N)
+        _stages(s, h, touching, p, codes, values, memory, rates, stage, new)
+        error = _error(s, new, h, rates, atol, tolerance)
         if error > 1.0 and h > 1e-15:
             h *= max(0.2, 0.9 * error**-0.125)
             continue
-        for e in range(3):
-            for j in range(_N):
-                acc = 0.0
-                for l in range(13 + e):  # noqa: E741 - the tableau's own index
-                    acc += _A_EXTRA[e, l] * kk[l, j]
-                stage[j] = s[j] + h * acc
-            _motion(stage, touching, p, codes, values, memory, kk[13 + e])
-        for j in range(_N):
-            F[0, j] = new[j] - s[j]
-            F[1, j] = h * f[j] - F[0, j]
-            F[2, j] = 2.0 * F[0, j] - h * (kk[12, j] + f[j])
-            for i in range(4):
-                acc = 0.0
-                for l in range(16):  # noqa: E741 - the tableau's own index
-                    acc += _D[i, l] * kk[l, j]
-                F[3 + i, j] = h * acc
-        # Which event, if any, lies in this step? The earliest counts.
-        theta, kind_found = 2.0, -1
-        for kind in range(4):
-            if touching:
-                if kind == 1 or (kind >= 2 and p[LAW] != YIELDING):
-                    continue
-                if (kind == 2 and memory[0] > 0.0) or (kind == 3 and memory[0] <= 0.0):
-                    continue
-            elif kind != 1:
-                continue
-            if _event(kind, new, p, memory) >= 0.0:
-                continue
-            if t == 0.0 and kind == 0:
-                pass
-            elif _event(kind, s, p, memory) <= 0.0:
-                continue
-            low, high = 0.0, 1.0
-            for _ in range(60):
-                middle = 0.5 * (low + high)
-                _between(middle, s, F, out)
-                if _event(kind, out, p, memory) >= 0.0:
-                    low = middle
-                else:
-                    high = middle
-            if high < theta:
-                theta, kind_found = high, kind
-        used = h if kind_found < 0 else theta * h
+        _dense(s, new, h, touching, p, codes, values, memory, rates, stage, F)
+        theta, event = _first_event(s, new, t == 0.0, touching, p, memory, F, out)
+        used = h if event < 0 else theta * h
         while grid < points and first_s + grid * step_s <= t + used:
-            part = (first_s + grid * step_s - t) / h
-            _between(part, s, F, out)
+            _between((first_s + grid * step_s - t) / h, s, F, out)
             compression[grid] = out[_U] - out[_BS]
-            if touching and (p[RIGID] > 0.0):
-                d = _gap(out, p)
-                force[grid], _ = _forces(d, _gap_rate(out, p), p, codes, values, out, memory)
+            if touching and p[RIGID] > 0.0:
+                gap, rate = _gap(out, p), _gap_rate(out, p)
+                force[grid] = _forces(gap, rate, p, codes, values, out, memory)[0]
             grid += 1
-        if kind_found >= 0:
+        if event >= 0:
             _between(theta, s, F, new)
         t += used
-        for j in range(_N):
-            s[j] = new[j]
-        if kind_found == 0:
+        s[:] = new
+        if event == _LEAVES:
             touching = False
-            for i in range(4):
-                memory[i] = 0.0
+            memory[:] = 0.0
             if not flown:
                 summary[REBOUND], summary[LIFT_OFF] = -s[_V], t
                 flown = True
-        elif kind_found == 1:
+        elif event == _TOUCHES:
             touching = True
-        elif kind_found == 2:
+        elif event == _TURNS:
             _begin_unloading(_gap(s, p), p, memory)
-        elif kind_found == 3:
+        elif event == _DEEPER_THAN_EVER:
             memory[0] = 0.0
         elif forced:
             recontacted = True
             if not touching:
                 touching = True
-                s[_X] += -_gap(s, p)
+                s[_X] -= _gap(s, p)
                 s[_V] += p[RECONTACT_SPEED] - _gap_rate(s, p)
-                last_loud = t
-        felt = _motion(s, touching, p, codes, values, memory, f)
-        if kind_found >= 0 or forced:
-            h = min(1e-9, 0.1 * h) if kind_found != 0 else 1e-8
-        elif error > 0.0:
-            h *= min(6.0, 0.9 * error**-0.125)
-        else:
-            h *= 6.0
+        felt = _motion(s, touching, p, codes, values, memory, rates[0])
+        h = _next_step(h, error, event, forced)
         squeezed = abs(s[_U] - s[_BS])
         if touching:
             summary[FORCE_PEAK] = max(summary[FORCE_PEAK], felt)
             summary[INDENTATION_PEAK] = max(summary[INDENTATION_PEAK], _gap(s, p))
-            last_loud = t
         summary[COMPRESSION_PEAK] = max(summary[COMPRESSION_PEAK], squeezed)
-        if squeezed > 1e-6 * summary[COMPRESSION_PEAK]:
-            last_loud = t
+        if touching or squeezed > 1e-6 * summary[COMPRESSION_PEAK]:
+            loud_s = t
         if not flown and t > 0.05:
             summary[STATUS] = NEVER_LEFT  # too slow or too sticky to leave
             break
-        if flown and not touching and recontacted and t - last_loud > 6e-4:
-            break
-        if grid >= points and flown:
+        if flown and (grid >= points or (not touching and recontacted and t - loud_s > 6e-4)):
             break
     summary[END], summary[STEPS] = t, steps
     return summary

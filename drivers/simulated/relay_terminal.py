@@ -1,4 +1,4 @@
-"""A relay board on a pseudo-terminal: Numato's ASCII or LCUS-1's four bytes, moving the world's valve."""
+"""A relay board on a pseudo-terminal, Numato or LCUS-1, that moves the simulated valve."""
 
 from __future__ import annotations
 

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ from drivers.simulated.noise import NoiseSettings, noise_table
 from drivers.simulated.replay import Recording
 from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec, SphereSpec, SurfaceSpec
 
+_T = TypeVar("_T", np.float32, np.uint16)
 _CODES = 65536
 _TABLE_SAMPLES = 1 << 21
 _NEVER = 1 << 62
@@ -441,7 +443,7 @@ def _quantise(volts: NDArray[np.float64], board: tuple[float, float, float]) -> 
     return np.clip(ideal, 0, _CODES - 1).astype(np.uint16)
 
 
-def _read_round(table: NDArray[np.generic], start: int, count: int) -> NDArray[np.generic]:
+def _read_round(table: NDArray[_T], start: int, count: int) -> NDArray[_T]:
     """Return a copy of ``count`` values of a table that repeats."""
     at = start % table.size
     if at + count <= table.size:

@@ -1,8 +1,8 @@
 """Adhesion after Johnson, Kendall & Roberts: pull-off ``3 pi gamma R``, W = 2 gamma.
 
-``F = 4E*a^3/(3R) - sqrt(8 pi W E* a^3)``, ``delta = a^2/R - sqrt(2 pi W a/E*)``, solved in every stage of
-the integrator; the neck snaps at ``-3 a_c^2/R``. Source: JKR 1971; soft bodies, large radii.
-Tell-tale: jump into contact and tensile tail; invisible unless tacky (tested).
+``F = 4E*a^3/(3R) - sqrt(8 pi W E* a^3)``, ``delta = a^2/R - sqrt(2 pi W a/E*)``, solved in every
+stage of the integrator; the neck snaps at ``-3 a_c^2/R``. Source: JKR 1971; soft bodies, large
+radii. Tell-tale: jump into contact and tensile tail; invisible unless tacky (tested).
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The amplifier's output ends at ``V_c``, abruptly or softly.
 
-Hard (softness 0): ``min(|V|, V_c)``. Soft: ``V / (1 + |V/V_c|^(1/s))^s``. Source: own; Rapp 1991 for the
-soft form. Tell-tale: flat tops (tested).
+Hard (softness 0): ``min(|V|, V_c)``. Soft: ``V / (1 + |V/V_c|^(1/s))^s``.
+Source: own; Rapp 1991 for the soft form. Tell-tale: flat tops (tested).
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """The crystal moves: the Kelvin-Voigt element of Eqs 8-11, as an effect on a rigid (HSD) cell.
 
-The crystal's mass follows from the cell's stiffness: ``M = k/omega0^2``. Source: the paper, Eqs 8-11.
-Tell-tale: delay, asymmetry, ring after the pulse (tested). Refused on a cell that already moves.
+The crystal's mass follows from the cell's stiffness: ``M = k/omega0^2``.
+Source: the paper, Eqs 8-11. Tell-tale: delay, asymmetry, ring after the pulse (tested).
+Refused on a cell that already moves.
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ class CrystalDynamics(Effect):
             return
         if not mechanics.rigid:
             raise ValueError(
-                "crystal_dynamics is the step from a rigid cell to a moving one; this cell moves already. "
-                'Choose cell_model = "hsd".'
+                "crystal_dynamics is the step from a rigid cell to a moving one; this cell "
+                'moves already. Choose cell_model = "hsd".'
             )
         w0 = 2.0 * math.pi * self.values["natural_frequency_hz"]
         k = mechanics.cell_stiffness_n_per_m

@@ -1,8 +1,8 @@
-"""Yield at the contact's centre: linear beyond ``delta_y``, stiffer unloading on a shifted Hertz curve.
+"""Yield: linear beyond ``delta_y``, stiffer unloading on a shifted Hertz curve.
 
 Source: Thornton 1997 (Johnson 1985, ch. 6): ``a_y = pi p_y R/(2 E*)``, ``delta_y = a_y^2/R``, slope
-``pi R p_y``, unloading radius ``R_p = 4E*/(3F) ((2F + F_y)/(2 pi p_y))^(3/2)``. Perfectly plastic, every
-touch on a fresh spot. Tell-tale: speed threshold, cut peak, lower rebound (tested).
+``pi R p_y``, unloading radius ``R_p = 4E*/(3F) ((2F + F_y)/(2 pi p_y))^(3/2)``. Perfectly
+plastic, every touch on a fresh spot. Tell-tale: speed threshold, cut peak, lower rebound (tested).
 """
 
 from __future__ import annotations

@@ -30,6 +30,6 @@ class AdcNonlinearity(Effect):
             return None
         ideal = np.arange(65536)
         moved = ideal + amplitude * np.sin(2.0 * np.pi * ideal / self.values["period_codes"])
-        codes = np.clip(np.rint(moved), 0, 65535).astype(np.uint16)
+        codes: NDArray[np.uint16] = np.clip(np.rint(moved), 0, 65535).astype(np.uint16)
         codes[codes % 64 == 63] -= 1
         return codes

@@ -1,7 +1,7 @@
 """Invented: the crystal's charge creeps, a spread of relaxation times instead of one.
 
-``V + r sum_i (1/n) V * exp(-t/tau_i)/tau_i`` over one time per factor of four from 20 us to ``longest``.
-Outside the library on purpose.
+``V + r sum_i (1/n) V * exp(-t/tau_i)/tau_i`` over one time per factor of four from 20 us
+to ``longest``. Outside the library on purpose.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Invented: the crystal's charge lags behind its load (Bouc-Wen hysteresis).
 
-``V + h z``, ``z' = V' - |V'| z |z| / z0^2``: z follows V up to about ``z0`` and keeps it on the way back.
-Outside the library on purpose.
+``V + h z``, ``z' = V' - |V'| z |z| / z0^2``: z follows V up to about ``z0`` and keeps it on
+the way back. Outside the library on purpose.
 """
 
 from __future__ import annotations

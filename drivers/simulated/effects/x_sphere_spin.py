@@ -1,7 +1,7 @@
 """Invented: an oblique hit spins the sphere; friction excites a slow decaying sideways mode.
 
-Adds ``r V * g`` with g a damped sine of a few hundred hertz: its size follows the impulse and differs
-from shot to shot. Outside the library on purpose.
+Adds ``r V * g`` with g a damped sine of a few hundred hertz: its size follows the impulse and
+differs from shot to shot. Outside the library on purpose.
 """
 
 from __future__ import annotations
