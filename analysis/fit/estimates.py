@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,26 +21,6 @@ HSD_FIELDS = ("hsd_n_per_v",)
 _CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
 
 Array = NDArray[np.float64]
-
-
-def positions(problem: JointProblem, names: Sequence[str]) -> list[int] | None:
-    """Return where these globals are, None unless all of them are parameters.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem.
-    names : sequence of str
-        Globals.
-
-    Returns
-    -------
-    list of int or None
-        In the order of ``names``.
-    """
-    found = [problem.index(n) for n in names]
-    known = [j for j in found if j is not None]
-    return known if len(known) == len(found) else None
 
 
 def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, float]:
@@ -76,7 +55,7 @@ def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | 
     tuple of ndarray, shapes (4,) and (4, 4), or None
         In the order of ``SENSOR_FIELDS``.
     """
-    at = positions(problem, _CELL)
+    at = problem.positions(_CELL)
     if at is None:
         return None
     transform = sensor_transform()

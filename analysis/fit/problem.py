@@ -7,80 +7,54 @@ Global parameters (all logarithms):
 ``sphere.<name>``               plane-strain modulus E' of a sphere's material [Pa]
 ``surface.<name>``              plane-strain modulus E' of a coupon [Pa]
 ``pair.<sphere>/<surface>``     contact stiffness K of a pair, where no moduli can be told apart
-``<effect>.<parameter>``        an effect's number, in the effect's own coordinate; ``[name]`` behind
-                                it where it belongs to a surface, a sphere or a pair
+``<effect>.<parameter>``        an effect's number, in the effect's own coordinate; ``[name]``
+                                behind it where it belongs to a surface, a sphere or a pair
 ==============================  ===============================================================
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Campaign, Quantity, Rejected, Sensor, Shot, Sphere, Surface
-from analysis.errors import AnalysisError, ShotRejectedError
-from analysis.fit.window import Window, campaign_noise, cut
+from analysis.campaign import Campaign, Rejected, Sphere, Surface
+from analysis.errors import AnalysisError
+from analysis.fit.fit_shot import (
+    ASSUMED_REPEATABILITY,
+    FitShot,
+    fit_shot,
+    gain_is_observable,
+    noise_by_instrument,
+    usable_shots,
+)
+from analysis.fit.priors import (
+    SENSOR_FIELDS,
+    SENSOR_OFFSET,
+    UNKNOWN_LOG_U,
+    Prior,
+    modulus_prior,
+    sensor_prior,
+    sensor_transform,
+)
 from analysis.model import solver
-from analysis.model.hertz import plane_strain_modulus
-from analysis.model.impact_model import SHARED, ImpactModel, ShotFrame
-from analysis.noise import NoiseModel
+from analysis.model.impact_model import SHARED, ImpactModel
 
-UNKNOWN_LOG_U = 4.0
-"""Width that only keeps an undetermined logarithm finite; e^4 either way is no information."""
-ASSUMED_REPEATABILITY = 0.02
-"""Where a height is given without a repeatability; listed under ``assumptions`` when used."""
-HEAVY_CRYSTAL = 1e4
-"""Crystal over sphere mass where the crystal's mass is unknown: no recoil."""
-
-
-@dataclass(frozen=True)
-class Prior:
-    """A Gaussian on one global parameter."""
-
-    mean: float
-    u: float
-
-
-@dataclass(frozen=True)
-class FitShot:
-    """A shot as the fit sees it.
-
-    Attributes
-    ----------
-    shot : Shot
-        The recording.
-    window : Window
-        The fitted part.
-    frame : ShotFrame
-        What stays fixed.
-    noise : NoiseModel
-        Of this shot's instrument.
-    fixed_gain : float or None
-        ln S where the gain is no parameter.
-    heavy_crystal : float or None
-        ln M where the crystal's mass is no parameter.
-    radius_m : float or None
-        Where the pair's stiffness is a modulus.
-    speed_prior : Prior or None
-        On ln v0.
-    """
-
-    shot: Shot
-    window: Window
-    frame: ShotFrame
-    noise: NoiseModel
-    fixed_gain: float | None
-    heavy_crystal: float | None
-    radius_m: float | None
-    speed_prior: Prior | None
-
-    @property
-    def pair(self) -> str:
-        """Return the pair's key."""
-        return f"{self.shot.sphere or '?'}/{self.shot.surface or '?'}"
+__all__ = [
+    "ASSUMED_REPEATABILITY",
+    "SENSOR_FIELDS",
+    "SENSOR_OFFSET",
+    "UNKNOWN_LOG_U",
+    "FitShot",
+    "JointProblem",
+    "Prior",
+    "build",
+    "modulus_prior",
+    "sensor_transform",
+]
 
 
 @dataclass
@@ -121,6 +95,12 @@ class JointProblem:
     def index(self, name: str) -> int | None:
         """Return a global's position, None where it is no parameter."""
         return self.names.index(name) if name in self.names else None
+
+    def positions(self, names: Sequence[str]) -> list[int] | None:
+        """Return where these globals are, None unless all of them are parameters."""
+        found = [self.index(n) for n in names]
+        known = [j for j in found if j is not None]
+        return known if len(known) == len(found) else None
 
     def material_keys(self, shot: FitShot) -> tuple[str, str] | None:
         """Return the two moduli that make this shot's stiffness, None in pair mode."""
@@ -185,139 +165,6 @@ class JointProblem:
         return values, chain
 
 
-def sensor_transform() -> NDArray[np.float64]:
-    """Return T with ln(M, k, mu, c) = T ln(S, w, z, M) + (0, 0, ln 2, 0). Shape (4, 4)."""
-    return np.array([[0, 0, 0, 1], [0, 2, 0, 1], [0, 1, 1, 1], [1, -2, 0, -1]], dtype=float)
-
-
-SENSOR_OFFSET = np.array([0.0, 0.0, math.log(2.0), 0.0])
-SENSOR_FIELDS = (
-    "crystal_mass_kg",
-    "crystal_stiffness_n_per_m",
-    "crystal_damping_n_s_per_m",
-    "compliance_m_per_v",
-)
-
-
-def _sensor_prior(sensor: Sensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return (precision, precision @ mean) in ln(S, w, z, M) from what is known of M, k, mu, c."""
-    transform = sensor_transform()
-    known = [getattr(sensor, name) for name in SENSOR_FIELDS]
-    logs = np.array([math.log(q.value) if q else 0.0 for q in known]) - SENSOR_OFFSET
-    if sensor.covariance is not None and all(known):
-        inner = np.linalg.inv(sensor.covariance)
-    else:
-        relative = [max(q.u / q.value, 1e-6) if q else math.inf for q in known]
-        inner = np.diag([r**-2 for r in relative])
-    precision = transform.T @ inner @ transform
-    return precision, transform.T @ inner @ logs
-
-
-def modulus_prior(modulus: Quantity | None, ratio: Quantity | None) -> Prior | None:
-    """Return the prior on ln E' of a material with a stated modulus.
-
-    Parameters
-    ----------
-    modulus, ratio : Quantity or None
-        Young's modulus [Pa] and Poisson's ratio.
-
-    Returns
-    -------
-    Prior or None
-        None where the modulus is to be found. An unknown ratio counts as 0.35 +- 0.1.
-    """
-    if modulus is None:
-        return None
-    nu = ratio or Quantity(0.35, 0.1)
-    u_nu = 2 * nu.value * nu.u / (1 - nu.value**2)
-    u = math.hypot(modulus.u / modulus.value, u_nu)
-    return Prior(math.log(plane_strain_modulus(modulus.value, nu.value)), max(u, 1e-6))
-
-
-def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
-    sphere = campaign.spheres.get(shot.sphere or "")
-    surface = campaign.surfaces.get(shot.surface or "")
-    mass = sphere.mass_kg if sphere else None
-    gravity = campaign.gravity_m_per_s2
-    if mass is None and shot.quantity != "acceleration_m_per_s2":
-        gravity = 0.0  # speeds are in reduced units: nothing to compare 9.8 m/s^2 with
-    return ShotFrame(
-        shot.sample_rate_hz,
-        window.signal.size,
-        mass or 1.0,
-        gravity,
-        window_start_s=window.first / shot.sample_rate_hz,
-        radius_m=sphere.radius_m if sphere else None,
-        drop_height_m=shot.drop_height_m,
-        coupon_mass_kg=surface.coupon_mass_kg if surface else None,
-        coupon_thickness_m=surface.coupon_thickness_m if surface else None,
-    )
-
-
-def _gain_of(shot: Shot, frame: ShotFrame, *, known_gain: bool) -> float | None:
-    if shot.quantity == "force_N":
-        return 0.0
-    if shot.quantity == "acceleration_m_per_s2":
-        return math.log(frame.mass_kg)
-    return None if known_gain else 0.0
-
-
-def _fit_shot(
-    shot: Shot, campaign: Campaign, noise: NoiseModel, *, known_gain: bool, kv: bool
-) -> FitShot:
-    sphere = campaign.spheres.get(shot.sphere or "")
-    window = cut(shot)
-    frame = _frame_of(shot, window, campaign)
-    physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
-    speed = None
-    if shot.drop_height_m is not None:
-        mean = 0.5 * math.log(2 * campaign.gravity_m_per_s2 * shot.drop_height_m)
-        speed = Prior(mean, campaign.speed_repeatability or ASSUMED_REPEATABILITY)
-    heavy = None
-    if kv and not physical:
-        heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
-    gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
-    return FitShot(
-        shot,
-        window,
-        frame,
-        noise,
-        gain,
-        heavy,
-        sphere.radius_m if physical and sphere else None,
-        speed,
-    )
-
-
-def _noise_by_instrument(shots: tuple[Shot, ...]) -> dict[tuple[str, float], NoiseModel]:
-    groups: dict[tuple[str, float], list[Shot]] = {}
-    for shot in shots:
-        groups.setdefault((shot.quantity, shot.sample_rate_hz), []).append(shot)
-    return {key: campaign_noise(group) for key, group in groups.items()}
-
-
-def _usable(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:
-    shots, rejected = [], list(campaign.rejected)
-    for shot in campaign.shots:
-        try:
-            cut(shot)
-        except ShotRejectedError as error:
-            rejected.append(Rejected(shot.name, "", str(error)))
-        else:
-            shots.append(shot)
-    return shots, rejected
-
-
-def _gain_is_observable(campaign: Campaign, *, kv: bool) -> bool:
-    """Tell whether volts can be turned into newtons at all: by certificate or by known speeds."""
-    sensor = campaign.sensor
-    if kv and sensor.compliance_m_per_v and sensor.crystal_stiffness_n_per_m:
-        return True
-    if not kv and sensor.hsd_n_per_v:
-        return True
-    return any(s.drop_height_m is not None for s in campaign.shots)
-
-
 def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prior | None]:
     found: dict[str, Prior | None] = {}
     for item in shots:
@@ -357,14 +204,14 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         If no shot can be used.
     """
     kv = model.kind == solver.KV
-    usable, rejected = _usable(campaign)
+    usable, rejected = usable_shots(campaign)
     if not usable:
         reasons = "; ".join(f"{r.name}: {r.reason}" for r in rejected[:3])
         raise AnalysisError(f"No shot of this campaign can be used ({reasons or 'it has none'}).")
-    noise = _noise_by_instrument(tuple(usable))
-    gain = _gain_is_observable(campaign, kv=kv)
+    noise = noise_by_instrument(tuple(usable))
+    gain = gain_is_observable(campaign, kv=kv)
     shots = [
-        _fit_shot(s, campaign, noise[s.quantity, s.sample_rate_hz], known_gain=gain, kv=kv)
+        fit_shot(s, campaign, noise[s.quantity, s.sample_rate_hz], known_gain=gain, kv=kv)
         for s in usable
     ]
     names: list[str] = []
@@ -397,9 +244,9 @@ def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
     weighted = np.zeros(size)
     sensor = problem.campaign.sensor
     if problem.model.kind == solver.KV:
-        at = [problem.index(f"sensor.{n}") for n in ("ln_S", "ln_w", "ln_z", "ln_M")]
-        if None not in at:  # in reduced units the cell's certificate says nothing
-            full, load = _sensor_prior(sensor)
+        at = problem.positions([f"sensor.{n}" for n in ("ln_S", "ln_w", "ln_z", "ln_M")])
+        if at is not None:  # in reduced units the cell's certificate says nothing
+            full, load = sensor_prior(sensor)
             precision[np.ix_(at, at)] = full
             weighted[at] = load
     elif sensor.hsd_n_per_v is not None and "sensor.ln_S" in problem.names:

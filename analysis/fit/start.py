@@ -25,11 +25,19 @@ HEAVIEST_SENSOR_SEARCH = 3
 
 def _stiffness_for(duration_s: float, mass_kg: float, speed: float) -> float:
     """Return the K whose loss-free contact lasts so long."""
-    return 1.25 * mass_kg * speed**2 / (duration_s * speed / CONTACT_TIME_FACTOR) ** 2.5
+    depth = duration_s * speed / CONTACT_TIME_FACTOR
+    return float(1.25 * mass_kg * speed**2 / depth**2.5)
 
 
 def _shape(
-    item: FitShot, kind: int, duration_s: float, speed: float, omega0: float, zeta: float, e: float
+    item: FitShot,
+    kind: int,
+    duration_s: float,
+    *,
+    speed: float,
+    omega0: float,
+    zeta: float,
+    e: float,
 ) -> NDArray[np.float64]:
     """Return a trace at unit gain that starts at its first sample."""
     out = np.zeros(item.frame.samples)
@@ -76,7 +84,7 @@ def _mismatch(item: FitShot, shape: NDArray[np.float64]) -> tuple[float, float, 
 
 
 def _scan(
-    item: FitShot, kind: int, speed: float, omega0: float, zeta: float, e: float
+    item: FitShot, kind: int, *, speed: float, omega0: float, zeta: float, e: float
 ) -> tuple[float, float, float, int]:
     """Return (error, contact time, amplitude, shift) of the best contact time."""
     dt = 1.0 / item.frame.sample_rate_hz
@@ -86,7 +94,7 @@ def _scan(
     best = (math.inf, times[-1], 1.0, 0)
     for duration in times:
         error, amplitude, shift = _mismatch(
-            item, _shape(item, kind, float(duration), speed, omega0, zeta, e)
+            item, _shape(item, kind, float(duration), speed=speed, omega0=omega0, zeta=zeta, e=e)
         )
         if error < best[0]:
             best = (error, float(duration), amplitude, shift)
@@ -116,7 +124,14 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
     for omega0 in 2 * math.pi * np.geomspace(0.3 / width, min(0.4 * rate, 30 / width), FREQUENCIES):
         for zeta in DAMPING_RATIOS:
             error = sum(
-                _scan(i, solver.KV, _speed(i), float(omega0), zeta, _restitution(i))[0]
+                _scan(
+                    i,
+                    solver.KV,
+                    speed=_speed(i),
+                    omega0=float(omega0),
+                    zeta=zeta,
+                    e=_restitution(i),
+                )[0]
                 for i in item_list
             )
             if error < best[0]:
@@ -149,7 +164,9 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
     known_gain = _known_gain(problem)
     for row, item in enumerate(problem.shots):
         speed, e = _speed(item), _restitution(item)
-        _, duration, amplitude, shift = _scan(item, kind, speed, omega0, zeta, e)
+        _, duration, amplitude, shift = _scan(
+            item, kind, speed=speed, omega0=omega0, zeta=zeta, e=e
+        )
         gain = item.fixed_gain if item.fixed_gain is not None else known_gain
         if item.speed_prior is None and gain is not None:
             # at a given contact time the force goes like the speed
@@ -213,8 +230,8 @@ def _complete(
     weak = np.diag(problem.prior_precision) <= 0
     problem.prior_precision[weak, weak] = UNKNOWN_LOG_U**-2
     information = information + np.where(weak, start * UNKNOWN_LOG_U**-2, 0.0)
-    problem.prior_mean = np.linalg.solve(
-        problem.prior_precision + 1e-12 * np.eye(start.size), information
+    problem.prior_mean = np.asarray(
+        np.linalg.solve(problem.prior_precision + 1e-12 * np.eye(start.size), information)
     )
     problem.start = start
 

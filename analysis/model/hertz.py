@@ -16,7 +16,7 @@ import math
 from analysis.errors import ParameterOutOfRangeError
 
 CONTACT_TIME_FACTOR = 2.943275
-"""Elastic contact time over ``delta_max / v0``: 2 * integral of dx / sqrt(1 - x^(5/2)) on [0, 1]."""
+"""Elastic contact time over ``delta_max / v0``: 2 * integral of 1/sqrt(1 - x^2.5) on [0, 1]."""
 
 
 def plane_strain_modulus(youngs_modulus_pa: float, poissons_ratio: float) -> float:
@@ -154,11 +154,8 @@ def contact_time(stiffness: float, mass_kg: float, speed_m_per_s: float) -> floa
     -----
     Source: [2]_, Eq. 11.24. Validation: against the integrated model in the limit eps = 1.
     """
-    return (
-        CONTACT_TIME_FACTOR
-        * (1.25 * mass_kg * speed_m_per_s**2 / stiffness) ** 0.4
-        / (speed_m_per_s)
-    )
+    depth: float = (1.25 * mass_kg * speed_m_per_s**2 / stiffness) ** 0.4
+    return CONTACT_TIME_FACTOR * depth / speed_m_per_s
 
 
 def peak_force(stiffness: float, mass_kg: float, speed_m_per_s: float) -> float:

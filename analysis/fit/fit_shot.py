@@ -1,0 +1,198 @@
+"""A shot as the fit sees it: window, noise, frame, and which of its numbers are fixed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from analysis.campaign import Campaign, Rejected, Shot
+from analysis.errors import ShotRejectedError
+from analysis.fit.priors import Prior
+from analysis.fit.window import Window, campaign_noise, cut
+from analysis.model.impact_model import ShotFrame
+from analysis.noise import NoiseModel
+
+ASSUMED_REPEATABILITY = 0.02
+"""Where a height is given without a repeatability; listed under ``assumptions`` when used."""
+HEAVY_CRYSTAL = 1e4
+"""Crystal over sphere mass where the crystal's mass is unknown: no recoil."""
+
+
+@dataclass(frozen=True)
+class FitShot:
+    """A shot as the fit sees it.
+
+    Attributes
+    ----------
+    shot : Shot
+        The recording.
+    window : Window
+        The fitted part.
+    frame : ShotFrame
+        What stays fixed.
+    noise : NoiseModel
+        Of this shot's instrument.
+    fixed_gain : float or None
+        ln S where the gain is no parameter.
+    heavy_crystal : float or None
+        ln M where the crystal's mass is no parameter.
+    radius_m : float or None
+        Where the pair's stiffness is a modulus.
+    speed_prior : Prior or None
+        On ln v0.
+    """
+
+    shot: Shot
+    window: Window
+    frame: ShotFrame
+    noise: NoiseModel
+    fixed_gain: float | None
+    heavy_crystal: float | None
+    radius_m: float | None
+    speed_prior: Prior | None
+
+    @property
+    def pair(self) -> str:
+        """Return the pair's key."""
+        return f"{self.shot.sphere or '?'}/{self.shot.surface or '?'}"
+
+
+def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
+    sphere = campaign.spheres.get(shot.sphere or "")
+    surface = campaign.surfaces.get(shot.surface or "")
+    mass = sphere.mass_kg if sphere else None
+    gravity = campaign.gravity_m_per_s2
+    if mass is None and shot.quantity != "acceleration_m_per_s2":
+        gravity = 0.0  # speeds are in reduced units: nothing to compare 9.8 m/s^2 with
+    return ShotFrame(
+        shot.sample_rate_hz,
+        window.signal.size,
+        mass or 1.0,
+        gravity,
+        window_start_s=window.first / shot.sample_rate_hz,
+        radius_m=sphere.radius_m if sphere else None,
+        drop_height_m=shot.drop_height_m,
+        coupon_mass_kg=surface.coupon_mass_kg if surface else None,
+        coupon_thickness_m=surface.coupon_thickness_m if surface else None,
+    )
+
+
+def _gain_of(shot: Shot, frame: ShotFrame, *, known_gain: bool) -> float | None:
+    if shot.quantity == "force_N":
+        return 0.0
+    if shot.quantity == "acceleration_m_per_s2":
+        return math.log(frame.mass_kg)
+    return None if known_gain else 0.0
+
+
+def fit_shot(
+    shot: Shot, campaign: Campaign, noise: NoiseModel, *, known_gain: bool, kv: bool
+) -> FitShot:
+    """Return a shot with everything about it that the fit does not vary.
+
+    Parameters
+    ----------
+    shot : Shot
+        The recording.
+    campaign : Campaign
+        Where its materials are.
+    noise : NoiseModel
+        Of its instrument.
+    known_gain : bool
+        Whether volts can be turned into newtons at all.
+    kv : bool
+        Whether the model has a crystal.
+
+    Returns
+    -------
+    FitShot
+        In reduced units where radius or mass are not known.
+    """
+    sphere = campaign.spheres.get(shot.sphere or "")
+    window = cut(shot)
+    frame = _frame_of(shot, window, campaign)
+    physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
+    speed = None
+    if shot.drop_height_m is not None:
+        mean = 0.5 * math.log(2 * campaign.gravity_m_per_s2 * shot.drop_height_m)
+        speed = Prior(mean, campaign.speed_repeatability or ASSUMED_REPEATABILITY)
+    heavy = None
+    if kv and not physical:
+        heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
+    gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
+    return FitShot(
+        shot,
+        window,
+        frame,
+        noise,
+        gain,
+        heavy,
+        sphere.radius_m if physical and sphere else None,
+        speed,
+    )
+
+
+def noise_by_instrument(shots: tuple[Shot, ...]) -> dict[tuple[str, float], NoiseModel]:
+    """Return one noise model per instrument, by quantity and sample rate.
+
+    Parameters
+    ----------
+    shots : tuple of Shot
+        All usable ones.
+
+    Returns
+    -------
+    dict
+        By (quantity, sample rate in Hz).
+    """
+    groups: dict[tuple[str, float], list[Shot]] = {}
+    for shot in shots:
+        groups.setdefault((shot.quantity, shot.sample_rate_hz), []).append(shot)
+    return {key: campaign_noise(group) for key, group in groups.items()}
+
+
+def usable_shots(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:
+    """Return the shots that hold a pulse, and the others with the reason.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        As it came.
+
+    Returns
+    -------
+    shots, rejected : list
+        What the campaign itself rejected comes first.
+    """
+    shots, rejected = [], list(campaign.rejected)
+    for shot in campaign.shots:
+        try:
+            cut(shot)
+        except ShotRejectedError as error:
+            rejected.append(Rejected(shot.name, "", str(error)))
+        else:
+            shots.append(shot)
+    return shots, rejected
+
+
+def gain_is_observable(campaign: Campaign, *, kv: bool) -> bool:
+    """Tell whether volts can be turned into newtons at all: by certificate or by known speeds.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Its sensor and heights.
+    kv : bool
+        Whether the model has a crystal.
+
+    Returns
+    -------
+    bool
+        False means reduced units.
+    """
+    sensor = campaign.sensor
+    if kv and sensor.compliance_m_per_v and sensor.crystal_stiffness_n_per_m:
+        return True
+    if not kv and sensor.hsd_n_per_v:
+        return True
+    return any(s.drop_height_m is not None for s in campaign.shots)
