@@ -54,8 +54,15 @@ class SignalSource(Protocol):
     def faults(self) -> UsbFaults:
         """The rig's faults."""
 
-    def start_stream(self, sample_rate_hz: float, range_v: float) -> None:
-        """Begin to convert; sample 0 is now."""
+    def start_stream(
+        self,
+        sample_rate_hz: float,
+        range_v: float,
+        *,
+        board_gain: float = 1.0,
+        board_offset_v: float = 0.0,
+    ) -> None:
+        """Begin to convert; sample 0 is now; true volts = gain * raw volts + offset."""
 
     def stop_stream(self) -> None:
         """End the conversion."""
@@ -64,7 +71,7 @@ class SignalSource(Protocol):
         """Return how many samples were converted so far."""
 
     def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
-        """Return offset-binary codes of the true volts."""
+        """Return offset-binary codes of the raw volts."""
 
 
 class SimulatedConverter:
@@ -95,7 +102,6 @@ class SimulatedConverter:
         self._running = False
         self._overrun = False
         self._rate_hz = 1.0
-        self._table: NDArray[np.uint16] | None = None
         self._next = 0
         self._left_over = np.empty(0, dtype=np.uint16)
         self.worst_backlog_samples = 0
@@ -127,11 +133,15 @@ class SimulatedConverter:
             Gain code of the scan list's entry.
         """
         with self._lock:
-            self._table = self._errors.distortion(range_index)
             self._rate_hz = rate_hz
             self._next = 0
             self.worst_backlog_samples = 0
-            self._source.start_stream(rate_hz, RANGES_V[range_index])
+            self._source.start_stream(
+                rate_hz,
+                RANGES_V[range_index],
+                board_gain=self._errors.gain(range_index),
+                board_offset_v=self._errors.offset_v[range_index],
+            )
             self._running = True
 
     def stop(self) -> None:
@@ -203,7 +213,8 @@ class SimulatedConverter:
             out[:] = self._left_over[: out.size]
             self._left_over = self._left_over[out.size :]
             return
-        out[:] = self._fetch(out.size)
+        if out.size:  # a drain after the stop asks a source that stands for nothing
+            out[:] = self._fetch(out.size)
 
     def _due(self) -> int:
         return max(0, self._source.samples_due() - self._next)
@@ -224,7 +235,7 @@ class SimulatedConverter:
                 ]
             )
             self._next = after + count - head
-        return codes if self._table is None else np.take(self._table, codes, mode="clip")
+        return codes
 
     def _take_fault(self, count: int) -> tuple[int, int] | None:
         """Return where the stream jumps inside the next samples, and how far; each once."""

@@ -157,6 +157,7 @@ class World:
         self._flights: list[tuple[Flight, Recording | None]] = []
         self._stream: _Stream | None = None
         self._segments: dict[int, list[Segment]] = {}
+        self._over_s: dict[int, float] = {}  # when a flight's last segment ended, rig time
         self._conversions = [c for e in self._rig.effects if (c := e.conversion()) is not None]
         _warm_up()
 
@@ -293,6 +294,8 @@ class World:
         for i, (flight, recording) in enumerate(self._flights):
             if (flight.landing_s - stream.began_s) * stream.rate_hz > stop + 2e6 and not recording:
                 continue
+            if self._over_s.get(i, math.inf) < stream.began_s:
+                continue  # else every stream would render every flight of the day again
             if i not in self._segments:
                 if recording is not None:
                     piece = recording.render(flight.landing_s, stream.began_s, stream.rate_hz)
@@ -301,6 +304,8 @@ class World:
                     self._segments[i] = render_flight(
                         self._rig, flight, stream.began_s, stream.rate_hz
                     )
+                ends = [s.first + s.volts.size for s in self._segments[i]]
+                self._over_s[i] = stream.began_s + max(ends, default=0) / stream.rate_hz
             found += self._segments[i]
         return found
 
