@@ -1,0 +1,57 @@
+"""The import contracts hold, and a breach of each is caught."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("impactd", "drivers", "analysis")
+
+
+def lint_imports(folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run the contracts over a copy of the packages."""
+    return subprocess.run(
+        [Path(sys.executable).with_name("lint-imports"), "--no-cache"],
+        cwd=folder,
+        env={**os.environ, "PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
+
+
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    """Copy the sources, to break them."""
+    for package in PACKAGES:
+        shutil.copytree(
+            ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__")
+        )
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("module", "breach", "contract"),
+    [
+        ("analysis/errors.py", "import socket", "the analysis touches no files"),
+        ("analysis/errors.py", "import drivers.errors", "strangers"),
+        ("drivers/errors.py", "import impactd.events", "strangers"),
+        ("drivers/errors.py", "import drivers.simulated.world", "real drivers never"),
+    ],
+)
+def test_a_breach_is_caught(module: str, breach: str, contract: str, copy: Path) -> None:
+    """An import that a contract forbids breaks that contract, by name."""
+    with (copy / module).open("a") as file:
+        file.write(f"\n{breach}\n")
+    result = lint_imports(copy)
+    assert result.returncode == 1
+    broken = [line for line in result.stdout.splitlines() if line.endswith("BROKEN")]
+    assert any(contract in line for line in broken), result.stdout
