@@ -18,7 +18,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.errors import AbortedError, DeviceTimeoutError, DriverError, ProtocolError
+from drivers.errors import AbortedError, DeviceTimeoutError, ProtocolError
 from drivers.ring_buffer import RingBuffer
 
 SILENCE_LIMIT_S = 0.2
@@ -223,7 +223,7 @@ class SampleStream:
         try:
             self._board.stop_acquiring()
             self._source.cancel()
-        except DriverError as error:
+        except Exception as error:
             # The first error explains the end; a lost board cannot be stopped either.
             self._error = self._error or error
         finally:

@@ -154,7 +154,10 @@ class ReplayBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no 
         return self._expect(done)["count"]
 
     def _read(self, path: Path) -> None:
-        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), start=1):
+        lines = path.read_text(encoding="utf-8").splitlines()
+        if not lines:
+            raise WireLogError(f"{path} is empty.")
+        for number, line in enumerate(lines, start=1):
             try:
                 entry = json.loads(line)
                 kind = entry["kind"]

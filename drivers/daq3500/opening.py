@@ -21,6 +21,7 @@ from drivers.daq3500.registers import (
     Register,
     Request,
 )
+from drivers.daq3500.sequences import reset
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.digitizer import DigitizerIdentity
 from drivers.errors import (
@@ -91,6 +92,7 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
         version = _firmware_version(link)
         fpga = _load_fpga_if_missing(link, settings)
         self_test(link)
+        reset(link)
         calibration = range_calibration(read_table(link), settings.range_v)
         identity = DigitizerIdentity(
             model=MODEL,

@@ -34,21 +34,31 @@ class _PacedSource:
         self._rate_hz = 0.0
         self._start_s = 0.0
 
-    def start_stream(self, sample_rate_hz: float, range_v: float) -> None:
+    def start_stream(
+        self,
+        sample_rate_hz: float,
+        range_v: float,
+        *,
+        board_gain: float = 1.0,
+        board_offset_v: float = 0.0,
+    ) -> None:
         """Begin to convert; sample 0 is now.
 
         Parameters
         ----------
         sample_rate_hz : float
             Rate. [Hz]
-        range_v : float
-            Range, +/-. [V]
+        range_v, board_gain, board_offset_v : float
+            Without meaning here: these sources make codes, not volts.
         """
-        del range_v  # codes are what these sources make
+        self._begin()
         self._rate_hz = sample_rate_hz
         self._start_s = self.clock.now_s()
         self.streams_started += 1
         self.streaming = True
+
+    def _begin(self) -> None:
+        """Forget the last stream."""
 
     def stop_stream(self) -> None:
         """End the conversion."""
@@ -129,20 +139,10 @@ class PulseSource(_PacedSource):
         shape = np.sin(np.pi * np.arange(self.WIDTH_SAMPLES) / self.WIDTH_SAMPLES)
         self._shape = shape
 
-    def start_stream(self, sample_rate_hz: float, range_v: float) -> None:
-        """Begin to convert; sample 0 is now.
-
-        Parameters
-        ----------
-        sample_rate_hz : float
-            Rate. [Hz]
-        range_v : float
-            Range, +/-. [V]
-        """
+    def _begin(self) -> None:
         with self._lock:
             self._read_to = 0
             self._pulse = None
-        super().start_stream(sample_rate_hz, range_v)
 
     def fire(self, peak_codes: int = 8000, after_samples: int = 2000) -> int:
         """Put a pulse behind what was read already.

@@ -8,9 +8,6 @@ from __future__ import annotations
 import struct
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 RANGES_V = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 EEPROM_BYTES = 808
 
@@ -38,8 +35,8 @@ class BoardErrors:
             table += struct.pack("<fff", *row)
         return table.ljust(EEPROM_BYTES, b"\xff")
 
-    def distortion(self, range_index: int) -> NDArray[np.uint16] | None:
-        """Return the table from the code of the true volts to the code that is converted.
+    def gain(self, range_index: int) -> float:
+        """Return a range's gain.
 
         Parameters
         ----------
@@ -48,18 +45,10 @@ class BoardErrors:
 
         Returns
         -------
-        ndarray of uint16, shape (65536,), or None
-            ``None`` for a perfect range.
+        float
+            True volts over raw volts, offset apart. [1]
         """
-        gain = 1.0 + (self.gain_plus[range_index] + self.gain_minus[range_index]) / 2.0
-        offset_v = self.offset_v[range_index]
-        if gain == 1.0 and offset_v == 0.0:
-            return None
-        step_v = 2.0 * RANGES_V[range_index] / 65536.0
-        true_v = (np.arange(65536) - 32768) * step_v
-        raw = np.rint((true_v - offset_v) / gain / step_v) + 32768
-        table: NDArray[np.uint16] = np.clip(raw, 0, 65535).astype(np.uint16)
-        return table
+        return 1.0 + (self.gain_plus[range_index] + self.gain_minus[range_index]) / 2.0
 
 
 PERFECT = BoardErrors((0.0,) * 7, (0.0,) * 7, (0.0,) * 7)
