@@ -202,8 +202,8 @@ class TriggerSection(Section):
     def _consistent(self) -> TriggerSection:
         if self.level_v == 0:
             raise ValueError("level_v must not be 0: every sample would be an impact")
-        if self.hysteresis_v > abs(self.level_v):
-            raise ValueError("hysteresis_v must not exceed the size of level_v")
+        if self.hysteresis_v >= abs(self.level_v):
+            raise ValueError("hysteresis_v must be smaller than the size of level_v")
         if self.pre_trigger_s >= self.record_s:
             raise ValueError("pre_trigger_s must be shorter than record_s")
         return self
@@ -326,7 +326,7 @@ class PreflightSection(Section):
     """What must be true before the valve may open."""
 
     baseline_samples: int = _key(
-        "Samples of the idle input that are looked at", "1", ge=1000, le=1_000_000, default=20_000
+        "Samples of the idle input that are looked at", "1", ge=1000, le=1_000_000, default=250_000
     )
     baseline_min_v: float = _key(
         "Lowest mean the idle input may have", "V", where="read the idle input for an hour"
@@ -367,8 +367,15 @@ class TimeoutsSection(Section):
         "Time given to hang the sphere where no gauge can tell", "s", ge=0, default=10.0
     )
     held_stable_s: float = _key("The gauge must say held for this long", "s", ge=0, default=0.3)
+    settle_s: float = _key(
+        "Wait for a quiet input; the last sphere may still be bouncing",
+        "s",
+        ge=0,
+        le=60,
+        default=10.0,
+    )
     impact_margin_s: float = _key(
-        "Wait for the impact beyond the fall time", "s", gt=0, default=2.0
+        "Wait for the impact beyond the fall time", "s", gt=0, le=10, default=2.0
     )
     record_margin_s: float = _key(
         "Wait for the end of the record beyond its length", "s", gt=0, default=2.0

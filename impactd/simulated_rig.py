@@ -3,7 +3,7 @@
 ::
 
     settings, materials ──> World ──┬── SimulatedDaq3500 (USB)     <── Daq3500 driver
-                                    ├── RelayTerminal (serial)     <── NumatoValve / LcusValve driver
+                                    ├── RelayTerminal (serial)     <── NumatoValve, LcusValve
                                     └── SimulatedTechnician (hangs spheres)
 
 What the world draws (true moduli, true cell, the hidden effect) goes into

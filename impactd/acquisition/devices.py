@@ -7,14 +7,17 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 from drivers.errors import AbortedError, DriverError
+from drivers.valve import ValveReport
 from impactd.acquisition.failures import Doubt, Failure, failure_of
 from impactd.acquisition.preflight import Baseline, Check, check_input
 from impactd.rig import Rig
-from impactd.settings_sections import PreflightSection
+from impactd.settings import Settings
 
 # An abort waits this long for a release command that is on the wire just now; longer would break
 # its promise of 100 ms.
 _RELEASE_PATIENCE_S = 0.03
+_STOP_PATIENCE_S = 0.03
+_LOOK_SAMPLES = 20_000
 
 
 @dataclass
@@ -63,14 +66,14 @@ def connect(rig: Rig) -> None:
         raise troubles[0]
 
 
-def look(rig: Rig, limits: PreflightSection, *, at_input: bool) -> Findings:
+def look(rig: Rig, settings: Settings, *, at_input: bool) -> Findings:
     """Look at an idle rig.
 
     Parameters
     ----------
     rig : Rig
         Connected; nothing runs.
-    limits : PreflightSection
+    settings : Settings
         What the idle input may be.
     at_input : bool
         Whether to sample the input too, which takes some ten milliseconds.
@@ -102,13 +105,19 @@ def look(rig: Rig, limits: PreflightSection, *, at_input: bool) -> Findings:
     ]
     baseline = None
     if at_input:
-        baseline = Baseline.of(rig.digitizer.sample_baseline(limits.baseline_samples))
-        checks.append(check_input(baseline, limits))
+        preflight = settings.preflight
+        # A short look, because a request may come in meanwhile; pre-flight looks longer.
+        samples = min(preflight.baseline_samples, _LOOK_SAMPLES)
+        baseline = Baseline.of(rig.digitizer.sample_baseline(samples))
+        checks.append(check_input(baseline, preflight, settings.trigger))
     return Findings(tuple(checks), baseline)
 
 
 def make_safe(rig: Rig, release_lock: threading.Lock | None = None) -> list[DriverError]:
     """Put the vacuum on and stop the digitizer, from any thread, whatever state they are in.
+
+    The valve comes first and is waited for. The digitizer is told to stop and waited for only
+    briefly: whoever drives it drains it.
 
     Parameters
     ----------
@@ -123,19 +132,51 @@ def make_safe(rig: Rig, release_lock: threading.Lock | None = None) -> list[Driv
         What did not work; both devices were tried.
     """
     troubles: list[DriverError] = []
+    stopping = threading.Thread(
+        target=_stop_digitizer, args=(rig, troubles), name="stop-digitizer", daemon=True
+    )
+    stopping.start()
     locked = release_lock.acquire(timeout=_RELEASE_PATIENCE_S) if release_lock else False
     try:
         rig.valve.ensure_safe()
     except DriverError as error:
-        troubles.append(error)
+        troubles.insert(0, error)
     finally:
         if release_lock is not None and locked:
             release_lock.release()
+    stopping.join(_STOP_PATIENCE_S)
+    return troubles
+
+
+def _stop_digitizer(rig: Rig, troubles: list[DriverError]) -> None:
     try:
         rig.digitizer.ensure_stopped()
     except DriverError as error:
         troubles.append(error)
-    return troubles
+
+
+def hold(rig: Rig) -> ValveReport:
+    """Put the vacuum on; an abort that cuts in wants the same, so it is simply asked again.
+
+    Parameters
+    ----------
+    rig : Rig
+        Connected.
+
+    Returns
+    -------
+    ValveReport
+        Of the last command.
+
+    Raises
+    ------
+    DriverError
+        If the valve does not follow.
+    """
+    try:
+        return rig.valve.hold()
+    except AbortedError:
+        return rig.valve.hold()
 
 
 def confirm_safe(rig: Rig) -> Failure | None:
@@ -151,14 +192,14 @@ def confirm_safe(rig: Rig) -> Failure | None:
     Failure or None
         What speaks against the next drop.
     """
-    troubles = make_safe(rig)
+    troubles: list[DriverError] = []
+    _stop_digitizer(rig, troubles)
+    report: ValveReport | None = None
     try:
-        report = rig.valve.hold()
-    except AbortedError:
-        report = None
+        rig.valve.ensure_safe()
+        report = hold(rig)
     except DriverError as error:
         troubles.insert(0, error)
-        report = None
     if troubles:
         found = failure_of(troubles[0])
         doubt = found.doubt if found.doubt is not Doubt.NONE else Doubt.RETRY

@@ -20,6 +20,7 @@ from drivers.digitizer import Record, TriggerSettings
 from drivers.errors import AbortedError, DriverError, TriggerTimeoutError
 from drivers.valve import VacuumReading, ValveReport
 from impactd import __version__
+from impactd.acquisition.devices import hold
 from impactd.acquisition.events import Event
 from impactd.acquisition.failures import Doubt, StepFailedError
 from impactd.acquisition.preflight import (
@@ -255,13 +256,11 @@ class DropRun:
             self.aborting.wait(_LOOK_EVERY_S)
 
     def _check(self) -> None:
-        self.progress.doing = "looks at the idle input"
         limits = self._settings.preflight
-        signal_v = self._rig.digitizer.sample_baseline(limits.baseline_samples)
-        self.progress.baseline = Baseline.of(signal_v)
+        quiet = self._wait_quiet()
         state = calibration_state(self._archive.calibrations.current(), self._settings.calibration)
         self.progress.checks = [
-            check_input(self.progress.baseline, limits),
+            quiet,
             check_disk(self._archive.free_bytes()),
             check_calibration(state, limits, for_calibration=self.drop.calibration is not None),
         ]
@@ -277,6 +276,21 @@ class DropRun:
                     )
                 )
         self._advance(Event.CHECKS_PASSED, "arming")
+
+    def _wait_quiet(self) -> Check:
+        """Look at the idle input until it is quiet: the last sphere may still be bouncing."""
+        self.progress.doing = "waits for a quiet input"
+        limits = self._settings.preflight
+        ends_s = time.monotonic() + self._settings.timeouts.settle_s
+        while True:
+            self._look_for_abort()
+            self._beat()
+            signal_v = self._rig.digitizer.sample_baseline(limits.baseline_samples)
+            self.progress.baseline = Baseline.of(signal_v)
+            check = check_input(self.progress.baseline, limits, self._settings.trigger)
+            if check.ok or time.monotonic() >= ends_s:
+                return check
+            self.aborting.wait(_LOOK_EVERY_S)
 
     def _arm(self) -> None:
         self.progress.doing = "arms the digitizer"
@@ -384,7 +398,7 @@ class DropRun:
     def _hold_again(self) -> None:
         """Close the valve; its failure must not cost the shot that is already in memory."""
         try:
-            report = self._rig.valve.hold()
+            report = hold(self._rig)
         except DriverError as error:
             self.hold_error = error
             self._notes.append(f"the valve did not close after the record: {error.what}")

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactd.settings_sections import CalibrationSection, PreflightSection
+from impactd.settings_sections import CalibrationSection, PreflightSection, TriggerSection
 from impactd.storage.calibrations import Calibration
 
 
@@ -47,12 +47,15 @@ class Baseline:
     ----------
     mean_v, noise_rms_v : float
         Mean and standard deviation. [V]
+    peak_v : float
+        Largest distance from the mean, either way. [V]
     samples : int
         How many were looked at. [1]
     """
 
     mean_v: float
     noise_rms_v: float
+    peak_v: float
     samples: int
 
     @classmethod
@@ -69,11 +72,16 @@ class Baseline:
         Baseline
             Of all samples.
         """
-        return cls(float(np.mean(signal_v)), float(np.std(signal_v)), int(signal_v.size))
+        mean_v = float(np.mean(signal_v))
+        peak_v = max(float(np.max(signal_v)) - mean_v, mean_v - float(np.min(signal_v)))
+        return cls(mean_v, float(np.std(signal_v)), peak_v, int(signal_v.size))
 
 
-def check_input(baseline: Baseline, limits: PreflightSection) -> Check:
+def check_input(baseline: Baseline, limits: PreflightSection, trigger: TriggerSection) -> Check:
     """Judge the idle input.
+
+    Besides mean and noise, nothing may come within the hysteresis of the trigger level: a sphere
+    that still bounces, or a knock, would be taken for the impact.
 
     Parameters
     ----------
@@ -81,6 +89,8 @@ def check_input(baseline: Baseline, limits: PreflightSection) -> Check:
         As measured just now.
     limits : PreflightSection
         What is allowed.
+    trigger : TriggerSection
+        What would start a record.
 
     Returns
     -------
@@ -97,6 +107,15 @@ def check_input(baseline: Baseline, limits: PreflightSection) -> Check:
             f"{found}: the baseline must lie between {limits.baseline_min_v * 1e3:g} and "
             f"{limits.baseline_max_v * 1e3:g} mV",
             "See that nothing rests on the cell, then wait until its conditioner has settled.",
+        )
+    highest_v = abs(trigger.level_v) - trigger.hysteresis_v
+    if baseline.peak_v > highest_v:
+        return Check(
+            "input",
+            False,
+            f"{found}, peak {baseline.peak_v * 1e3:.1f} mV: nothing may exceed "
+            f"{highest_v * 1e3:g} mV, which is near the trigger",
+            "Wait until the last sphere lies still; look for knocks and vibration.",
         )
     if baseline.noise_rms_v > limits.noise_max_v:
         return Check(
@@ -243,5 +262,5 @@ def check_calibration(
 
 def _drift_sigmas(result: dict[str, Any] | None) -> float | None:
     drift = (result or {}).get("drift")
-    worst = drift.get("worst_sigmas") if isinstance(drift, dict) else None
+    worst = drift.get("largest_in_u") if isinstance(drift, dict) else None
     return float(worst) if isinstance(worst, (int, float)) and math.isfinite(worst) else None

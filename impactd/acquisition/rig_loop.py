@@ -11,6 +11,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import structlog
@@ -92,6 +93,7 @@ class RigLoop:
         self._looked_s = -1e9
         self._tried_s = -1e9
         self._looks = 0
+        self._restless_since_s: float | None = None
         self._thread: threading.Thread | None = None
 
     # For other threads
@@ -248,8 +250,8 @@ class RigLoop:
     # While idle
 
     def _look(self) -> None:
-        refusal = self.findings.refusal
-        at_input = self._looks % _INPUT_EVERY_LOOKS == 0 or refusal is not None
+        restless = self._restless_since_s is not None
+        at_input = self._looks % _INPUT_EVERY_LOOKS == 0 or restless
         try:
             self._look_at(at_input=at_input)
         except AbortedError:
@@ -260,9 +262,8 @@ class RigLoop:
             self._doubt(Failure(found.problem, doubt))
 
     def _look_at(self, *, at_input: bool) -> None:
-        limits = self._settings.preflight
         try:
-            found = look(self._rig, limits, at_input=at_input)
+            found = look(self._rig, self._settings, at_input=at_input)
         except RecordError as error:
             # Lost samples are no lost device: the input refuses until a look succeeds.
             check = Check("input", False, error.what.rstrip("."), error.remedy)
@@ -270,17 +271,35 @@ class RigLoop:
         if not at_input:
             kept = tuple(check for check in self.findings.checks if check.name == "input")
             found = Findings((*found.checks, *kept), self.findings.baseline)
-        self.findings = found
+        self.findings = self._with_patience(found)
         self._looked_s = time.monotonic()
         self._looks += 1
 
+    def _with_patience(self, found: Findings) -> Findings:
+        """Let a restless input pass for a while: the last sphere is still bouncing.
+
+        A drop that comes now waits just as long in its own pre-flight.
+        """
+        check = next((check for check in found.checks if check.name == "input"), None)
+        if check is None or check.ok:
+            self._restless_since_s = None
+            return found
+        if self._restless_since_s is None:
+            self._restless_since_s = time.monotonic()
+        if time.monotonic() - self._restless_since_s > self._settings.timeouts.settle_s:
+            return found
+        calm = replace(check, ok=True, sentence=f"{check.sentence}; waiting for it to settle")
+        others = (c for c in found.checks if c.name != "input")
+        return Findings((*others, calm), found.baseline)
+
     def _doubt(self, fault: Failure) -> None:
-        """Go to FAULT from IDLE; a drop that came in meanwhile will find out for itself."""
+        """Go to FAULT; a drop that came in meanwhile will find out for itself."""
         with self.present:
-            if self.run is not None or self.machine.state is not State.IDLE:
+            state = self.machine.state
+            if self.run is not None or state not in (State.IDLE, State.CONNECTING):
                 return
             self.fault = fault
-            self.machine.apply(Event.RIG_DOUBTED)
+            self.machine.apply(Event.RIG_DOUBTED if state is State.IDLE else Event.FAILED)
         self._tell_fault(fault)
 
     # Ends of a drop

@@ -152,7 +152,7 @@ class AcquisitionService:
             If the rig cannot take a drop now.
         """
         self._materials.check(request.sphere, request.surface)
-        self._check_height(request.drop_height_m)
+        self.check_height(request.drop_height_m)
         with self._admission:
             if idempotency_key is not None:
                 known = self._archive.drop_by_key(idempotency_key, request)
@@ -267,6 +267,29 @@ class AcquisitionService:
         if not self.wait_ready(_ACKNOWLEDGE_S):
             raise NotReadyError(self.status().sentence, _REMEDY)
 
+    def check_height(self, drop_height_m: float) -> None:
+        """Raise `DropHeightError` unless the rig allows a height.
+
+        Parameters
+        ----------
+        drop_height_m : float
+            [m]
+
+        Raises
+        ------
+        DropHeightError
+            With what is allowed.
+        """
+        rig = self._settings.rig
+        # Written so that NaN is refused too.
+        if not rig.min_drop_height_m <= drop_height_m <= rig.max_drop_height_m:
+            raise DropHeightError(drop_height_m, rig.min_drop_height_m, rig.max_drop_height_m)
+
+    @property
+    def materials(self) -> Materials:
+        """What may be dropped on what."""
+        return self._materials
+
     # Answers
 
     def status(self) -> ServiceStatus:
@@ -372,12 +395,6 @@ class AcquisitionService:
             if not check.ok:
                 self._loop.look_again()
                 raise NotReadyError(f"NOT READY: {check.sentence}.", check.remedy or _REMEDY)
-
-    def _check_height(self, drop_height_m: float) -> None:
-        rig = self._settings.rig
-        # Written so that NaN is refused too.
-        if not rig.min_drop_height_m <= drop_height_m <= rig.max_drop_height_m:
-            raise DropHeightError(drop_height_m, rig.min_drop_height_m, rig.max_drop_height_m)
 
     def _calibration(self) -> CalibrationState:
         return calibration_state(self._archive.calibrations.current(), self._settings.calibration)

@@ -186,6 +186,11 @@ class CalibrationTable:
             raise NotFoundError("calibration", number)
         return _calibration_of(row)
 
+    def by_slot(self, slot: str) -> Calibration | None:
+        """Return the calibration of a slot, ``None`` when the slot was never used."""
+        row = self._index.row(_SELECT + "WHERE slot=?", (slot,))
+        return None if row is None else _calibration_of(row)
+
     def list(self, *, limit: int = 50, before: int | None = None) -> list[Calibration]:
         """Return calibrations, newest first."""
         rows = self._index.rows(
