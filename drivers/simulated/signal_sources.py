@@ -179,7 +179,7 @@ class PulseSource(_PacedSource):
         ndarray of uint16, shape (count,)
             Noise, and the pulse if it lies there.
         """
-        codes = np.take(self._noise, range(start, start + count), mode="wrap")
+        codes = np.take(self._noise, np.arange(start, start + count), mode="wrap")
         with self._lock:
             self._read_to = max(self._read_to, start + count)
             pulse = self._pulse

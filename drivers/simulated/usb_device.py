@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -185,12 +186,7 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
 
     def bulk_read(self, dev_handle: _Handle, ep: int, intf: int, buff: Any, timeout: int) -> int:
         """Return samples as they are due."""
-
-        def check() -> None:
-            self._check_present(dev_handle)
-            if self._source.faults.stall_endpoint:
-                raise _stall()
-
+        check = partial(self._check_stream, dev_handle)
         check()
         out = np.frombuffer(buff, dtype="<u2")
         if ep != _SAMPLES_ENDPOINT:
@@ -291,6 +287,11 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
             self._plugged = _Plugged(self._plugged.address + 1, self._plugged.loaded)
         self._was_unplugged = out
         return out
+
+    def _check_stream(self, handle: _Handle) -> None:
+        self._check_present(handle)
+        if self._source.faults.stall_endpoint:
+            raise _stall()
 
     def _check_present(self, handle: _Handle) -> None:
         with self._lock:

@@ -1,0 +1,31 @@
+"""Tests that the folder's page stays true."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+import drivers
+from drivers.daq3500.settings import Daq3500Settings
+
+FOLDER = Path(drivers.__file__).parent
+
+
+def test_the_settings_in_the_page_describe_a_board():
+    """What a reader copies works."""
+    page = (FOLDER / "README.md").read_text(encoding="utf-8")
+    block = re.search(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    assert block
+    values = tomllib.loads(re.sub(r"^ {3}", "", block[1], flags=re.MULTILINE))["digitizer"]
+    assert values.pop("driver") == "daq3500"
+    assert Daq3500Settings(**values).ring_samples > 1_000_000
+
+
+def test_every_file_the_pages_name_exists():
+    """A renamed file renames its mention."""
+    for page in (FOLDER / "README.md", FOLDER / "daq3500" / "README.md"):
+        named = re.findall(r"`([a-z0-9_/]+\.py)`", page.read_text(encoding="utf-8"))
+        for name in named:
+            paths = (page.parent / name, FOLDER.parent / name)
+            assert any(path.exists() for path in paths), name
