@@ -1,0 +1,157 @@
+"""verify finds what is wrong; reindex rebuilds the index from the files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from impactd.storage.archive import (
+    Archive,
+    ArchiveError,
+    CorruptShotError,
+    DropRequest,
+    Problem,
+)
+
+Store = Callable[..., int]
+
+
+def _problems(archive: Archive) -> list[str]:
+    return [f"{found.subject}: {found.problem}" for found in archive.verify() if found.problem]
+
+
+def test_a_sound_archive_verifies(archive: Archive, stored: Store) -> None:
+    """Every shot and the index are looked at and found well."""
+    stored(), stored()
+
+    findings = list(archive.verify())
+
+    assert [found.subject for found in findings] == ["index", "shot 1", "shot 2"]
+    assert _problems(archive) == []
+
+
+def test_verify_names_what_is_wrong(archive: Archive, stored: Store) -> None:
+    """Changed, missing and unknown files and leftovers are each told apart."""
+    for _ in range(3):
+        stored()
+    path = archive.shot_path(1)
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+    archive.shot_path(2).unlink()
+    (path.parent / "000099.h5").write_bytes(b"?")
+    (path.parent / ".000098.h5.1.draft").write_bytes(b"?")
+
+    told = "\n".join(_problems(archive))
+
+    assert "shot 1: " in told
+    assert "SHA-256" in told
+    assert "shot 2: " in told
+    assert "000099.h5: no row" in told
+    assert "draft: left by a writer" in told
+    assert "shot 3" not in told
+
+
+@pytest.fixture
+def filled(archive: Archive, stored: Store) -> Path:
+    """Return the folder of a closed archive with two shots, a failed drop and results."""
+    stored(), stored()
+    drop, _ = archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a", idempotency_key="k3")
+    archive.set_drop_state(drop.number, "failed", Problem("x", "x", 500, "x", "x"))
+    archive.calibrations.begin("slot-1", [{"sphere": "acetal"}], "timer")
+    archive.calibrations.finish(1, {"gain": 2.0}, "2027-01-01T00:00:00.000000Z")
+    archive.fits.add(1, "kv", 1, {"r2": 0.99})
+    archive.tokens.create("anna")
+    archive.set_drop_state(1, "analysed")
+    archive.close()
+    return archive.directory
+
+
+def test_a_whole_index_is_rebuilt_without_loss(filled: Path) -> None:
+    """Drops, shots, fits, calibrations and tokens are all there again."""
+    report = Archive.reindex(filled)
+
+    assert (report.shots, report.drops, report.last_number) == (2, 3, 3)
+    assert (report.damaged, report.lost) == ((), ())
+    with Archive.open(filled, reserve_bytes=0) as archive:
+        assert archive.drop(1).state == "analysed"
+        assert archive.drop(3).state == "failed"
+        assert archive.fits.for_shot(1)[0].result == {"r2": 0.99}
+        assert archive.calibrations.get(1).result == {"gain": 2.0}
+        assert archive.tokens.list()[0].name == "anna"
+        assert _problems(archive) == []
+
+
+@pytest.mark.parametrize("damage", ["lost", "garbage", "truncated"])
+def test_without_an_index_the_files_give_drops_and_shots(filled: Path, damage: str) -> None:
+    """Shots, their drops and calibrations come back, and no number is given out again."""
+    path = filled / "index.sqlite"
+    if damage == "lost":
+        path.unlink()
+    elif damage == "garbage":
+        path.write_bytes(b"no index" * 1000)
+    else:
+        path.write_bytes(path.read_bytes()[:5000])
+
+    report = Archive.reindex(filled)
+
+    assert (report.shots, report.last_number) == (2, 3)
+    with Archive.open(filled, reserve_bytes=0) as archive:
+        assert archive.drop(2).state == "stored"
+        assert archive.drop(2).owner == "anna"
+        assert archive.read_shot(2).shot.sphere == "acetal"
+        assert archive.calibrations.get(1).result == {"gain": 2.0}
+        assert archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a")[0].number == 4
+
+
+def test_the_old_index_is_kept(filled: Path) -> None:
+    """Rebuilding throws nothing away."""
+    report = Archive.reindex(filled)
+
+    assert report.old_index is not None
+    assert Path(report.old_index).is_file()
+
+
+def test_a_tampered_file_is_not_made_good_by_reindexing(filled: Path, about: object) -> None:
+    """A readable file that is not the one that was stored stays refused."""
+    first, second = filled / "shots/000001.h5", filled / "shots/000002.h5"
+    content = bytearray(first.read_bytes())
+    at = content.index(b"Shot 1: acetal")
+    content[at : at + 14] = b"Shot 1: acetol"
+    first.write_bytes(content)
+
+    report = Archive.reindex(filled)
+
+    assert len(report.damaged) == 1
+    assert "Shot 1" in report.damaged[0]
+    with Archive.open(filled, reserve_bytes=0) as archive:
+        with pytest.raises(CorruptShotError):
+            archive.read_shot(1)
+        assert archive.read_shot(2).shot.file == f"shots/{second.name}"
+
+
+def test_a_calibration_that_left_no_file_is_named_as_lost(
+    archive: Archive, record: Callable[..., object], about: object
+) -> None:
+    """Drops of a calibration whose result is gone still belong to it."""
+    archive.calibrations.begin(None, [], "timer")
+    drop, _ = archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a", calibration=1)
+    archive.store_shot(drop.number, record(), about)  # type: ignore[arg-type]
+    archive.close()
+    (archive.directory / "index.sqlite").unlink()
+
+    Archive.reindex(archive.directory)
+
+    with Archive.open(archive.directory, reserve_bytes=0) as again:
+        lost = again.calibrations.get(1)
+        assert (lost.state, lost.drops) == ("failed", (1,))
+        assert lost.problem is not None
+        assert lost.problem.type == "result-lost"
+
+
+def test_a_running_daemon_is_not_pulled_from_under(archive: Archive) -> None:
+    """While somebody has the archive open, its index is not rebuilt."""
+    with pytest.raises(ArchiveError, match="Stop the daemon"):
+        Archive.reindex(archive.directory)
