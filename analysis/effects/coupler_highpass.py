@@ -2,8 +2,10 @@ r"""Coupler high-pass: the discharge of an IEPE supply, or AC coupling behind it
 
 .. math:: \dot V_{out} = \dot V - V_{out}/\tau
 
-Source: first-order RC coupling; Omega's IEPE notes. Validation: step response exp(-t/tau) in the
-tests.
+Source: first-order RC coupling; Omega's IEPE notes. Validity: one time constant dominates.
+Validation: ``scipy.signal.lsim`` and the step response exp(-t/tau) in the tests.
+
+Scope: the rig's. The signal is taken as settled before the window's first sample.
 """
 
 import math
@@ -15,12 +17,13 @@ from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext,
 
 
 @njit(cache=True)
-def _highpass(x, decay):  # type: ignore[no-untyped-def]
-    # trapezoidal in the input: exact for signals that are linear between samples
+def _highpass(x, rate):  # type: ignore[no-untyped-def]
+    # rate: samples over the time constant; exact for signals that are linear between samples
     out = np.empty_like(x)
+    decay = math.exp(-rate)
+    gain = -math.expm1(-rate) / rate if rate != 0.0 else 1.0
     y = x[0]
     out[0] = y
-    gain = 1.0 if decay == 1.0 else (decay - 1.0) / math.log(decay)
     for i in range(1, x.size):
         y = decay * y + gain * (x[i] - x[i - 1])
         out[i] = y
@@ -28,8 +31,8 @@ def _highpass(x, decay):  # type: ignore[no-untyped-def]
 
 
 def _output(signal: Array, values: Values, context: ShotContext) -> Array:
-    tau = values["time_constant_s"]
-    found: Array = _highpass(signal, math.exp(-1.0 / (context.sample_rate_hz * tau)))
+    rate = 1.0 / (context.sample_rate_hz * values["time_constant_s"])
+    found: Array = _highpass(signal, rate)
     return found
 
 
@@ -39,10 +42,19 @@ EFFECT = Effect(
     title="the coupler forgets slow signals",
     tell_tale="undershoot after the pulse, impulse over time constant",
     source="first-order RC coupling",
-    validation="step response",
+    validation="lsim; step response",
     parameters=(
-        EffectParameter("time_constant_s", "s", "rig", "inverse", 1e-3, 5e-5, 50.0,
-                        (2e-3,), "discharge time constant"),
+        EffectParameter(
+            "time_constant_s",
+            "s",
+            "rig",
+            "inverse",
+            1e-3,
+            5e-5,
+            20.0,
+            (2e-3,),
+            "discharge time constant",
+        ),
     ),
     order=50,
     output=_output,

@@ -11,6 +11,11 @@ it. It hooks into the model at one or more of these places:
 ``speed``      shifts ln of the impact speed that the drop height promises
 ``again``      a second contact: (delay [s], its speed over the first one's)
 ``basis``      signals of free size in every shot, columns over the window
+``steps``      how many steps over the contact the effect needs to be resolved
+
+Every hook is a plain function of the effect's values and the shot; it must be deterministic, give
+exactly the base model at its neutral value, and stay finite a little to either side of it, because
+derivatives are taken there.
 """
 
 from __future__ import annotations
@@ -23,6 +28,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.errors import ParameterOutOfRangeError
 from analysis.model.structure import Structure
 
 Array = NDArray[np.float64]
@@ -54,6 +60,8 @@ class ShotContext:
         None where unknown.
     gravity_m_per_s2 : float
         [m/s^2]
+    restitution : float
+        Eq. 6's restitution of this shot, which sets the base model's dashpot. [1]
     """
 
     sample_rate_hz: float
@@ -67,6 +75,30 @@ class ShotContext:
     coupon_mass_kg: float | None
     coupon_thickness_m: float | None
     gravity_m_per_s2: float
+    restitution: float = 1.0
+
+    def known(self, name: str) -> float:
+        """Return a field that the effect cannot do without.
+
+        Parameters
+        ----------
+        name : str
+            E.g. ``radius_m``; an effect lists it under ``needs``.
+
+        Returns
+        -------
+        float
+            The field.
+
+        Raises
+        ------
+        ParameterOutOfRangeError
+            If the shot does not know it.
+        """
+        value = getattr(self, name)
+        if value is None:
+            raise ParameterOutOfRangeError(name, value, "known for this effect to be tried")
+        return float(value)
 
 
 @dataclass(frozen=True)
@@ -82,8 +114,8 @@ class EffectParameter:
     scope : str
         What it belongs to: rig, surface, sphere or pair.
     form : str
-        The coordinate it is fitted in: ``log`` (ln of the value), ``linear`` (value / scale; neutral
-        at 0) or ``inverse`` (scale / value; neutral at infinity, coordinate 0).
+        The coordinate it is fitted in: ``log`` (ln of the value), ``linear`` (value / scale;
+        neutral at 0) or ``inverse`` (scale / value; neutral at infinity, coordinate 0).
     scale : float
         Of the coordinate; a value of this size is neither tiny nor huge.
     low, high : float
@@ -92,6 +124,9 @@ class EffectParameter:
         Values from which a fit is started.
     description : str
         One line.
+    peak_starts : tuple of float
+        Starts as multiples of the largest excursion in the campaign, for a parameter that has the
+        signal's own unit; where given they are better than ``starts``.
     """
 
     name: str
@@ -103,6 +138,7 @@ class EffectParameter:
     high: float
     starts: tuple[float, ...]
     description: str
+    peak_starts: tuple[float, ...] = ()
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""
@@ -147,6 +183,14 @@ class Effect:
         Outputs are applied in rising order along the signal's way.
     needs : tuple of str
         Fields of the context that must be known, else the effect cannot be tried.
+    bases : tuple of str
+        Base models it can be added to; a structure below the sphere exists only in ``kv``.
+    replaces_base : str
+        Base model that adding this effect turns the present one into; its parameters are then that
+        base's own. Empty for every effect that has a hook.
+    variants : tuple of Effect
+        Other forms of the same effect, tried beside it under ids ``<id>:<form>``; the library lists
+        them under this one.
     """
 
     id: str
@@ -167,6 +211,10 @@ class Effect:
     again: Callable[[Values], tuple[float, float]] | None = None
     basis: Callable[[int, ShotContext], Array] | None = None
     basis_size: int = field(default=0)
+    steps: Callable[[Values, ShotContext], float] | None = None
+    bases: tuple[str, ...] = ("hsd", "kv")
+    replaces_base: str = ""
+    variants: tuple[Effect, ...] = ()
 
     @property
     def in_solver(self) -> bool:

@@ -12,6 +12,7 @@ from numba.typed import List
 
 import analysis.effects
 from analysis.effects.effect import SLOTS, Effect
+from analysis.effects.probe import PROBE_ID, probe_term
 from analysis.errors import UnknownModelError
 from analysis.model.effect_solver import TERM
 
@@ -41,7 +42,7 @@ def effect_named(name: str) -> Effect:
     Parameters
     ----------
     name : str
-        E.g. ``coupler_highpass``.
+        E.g. ``coupler_highpass``, or a variant's, ``amplifier_lowpass:second_order``.
 
     Returns
     -------
@@ -53,12 +54,29 @@ def effect_named(name: str) -> Effect:
     UnknownModelError
         If the library has no such effect; the message lists those it has.
     """
+    known = {e.id: e for listed in library().values() for e in (listed, *listed.variants)}
     try:
-        return library()[name]
+        return known[name]
     except KeyError:
         raise UnknownModelError(
-            f"There is no effect {name!r}; the library has {', '.join(library())}."
+            f"There is no effect {name!r}; the library has {', '.join(known)}."
         ) from None
+
+
+def library_table() -> str:
+    """Return the library as a Markdown table, one row per effect and variant."""
+    rows = [
+        "| id | slot | what a real rig does | parameters (unit; belongs to) | how it shows |",
+        "|---|---|---|---|---|",
+    ]
+    for listed in library().values():
+        for effect in (listed, *listed.variants):
+            numbers = ", ".join(f"`{p.name}` ({p.unit}; {p.scope})" for p in effect.parameters)
+            if effect.basis_size:
+                numbers = f"{effect.basis_size} free sizes per shot"
+            row = (f"`{effect.id}`", effect.slot, effect.title, numbers, effect.tell_tale)
+            rows.append(f"| {' | '.join(row)} |")
+    return "\n".join(rows)
 
 
 @cache
@@ -68,4 +86,5 @@ def contact_terms() -> tuple[Any, dict[str, int]]:
     terms = List.empty_list(types.FunctionType(TERM))
     for effect in having:
         terms.append(effect.contact)
-    return terms, {e.id: i for i, e in enumerate(having)}
+    terms.append(probe_term)
+    return terms, {PROBE_ID: len(having)} | {e.id: i for i, e in enumerate(having)}

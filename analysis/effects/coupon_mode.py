@@ -1,0 +1,82 @@
+r"""Coupon mode: flexure or rocking of what the sphere hits, a side oscillator on the top mass.
+
+.. math::
+
+    \ddot q + 2\zeta\omega(\dot q - \dot\Delta) + \omega^2 (q - \Delta) = 0, \quad
+    F_{side} = \sigma M\,[\omega^2 (q - \Delta) + 2\zeta\omega (\dot q - \dot\Delta)]
+
+with sigma M the mass that takes part; F_side acts on the top mass (the crystal, or the coupon where
+an adhesive layer is added before).
+
+Source: one mode of a continuous body as an attached oscillator; Meirovitch, Fundamentals of
+Vibrations (2001) ch. 8. Validity: one mode matters, the contact excites it through the top mass's
+motion. Validation: DOP853 of the coupled equations; split of the free frequencies in the tests.
+
+Scope: the surface's, because flexure goes with the coupon's thickness and sound speed; a rocking
+cap would be the rig's.
+"""
+
+import math
+
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
+from analysis.model.hertz import contact_time
+from analysis.model.solver import contact_steps
+from analysis.model.structure import Structure
+
+
+def _structure(structure: Structure, values: Values, context: ShotContext) -> None:
+    share = values["mass_share"]
+    if share == 0.0:
+        return  # a mass of nothing moves nothing
+    omega = 2 * math.pi * values["frequency_hz"]
+    mass = share * structure.masses[structure.top]
+    structure.add("side", mass)
+    structure.link(
+        "side", structure.top, mass * omega**2, 2 * values["damping_ratio"] * mass * omega
+    )
+
+
+def _steps(values: Values, context: ShotContext) -> float:
+    duration = contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
+    fastest = max(1.0, 2 * values["damping_ratio"])
+    return contact_steps(2 * math.pi * values["frequency_hz"] * fastest, duration)
+
+
+EFFECT = Effect(
+    id="coupon_mode",
+    slot="mounting",
+    title="the coupon flexes or rocks",
+    tell_tale="a second ring whose size varies with the place hit",
+    source="attached oscillator, Meirovitch 2001",
+    validation="DOP853; split of the free frequencies",
+    parameters=(
+        EffectParameter(
+            "mass_share",
+            "1",
+            "surface",
+            "linear",
+            0.1,
+            0.0,
+            2.0,
+            (0.03,),
+            "mass that takes part over the top mass",
+        ),
+        EffectParameter(
+            "frequency_hz",
+            "Hz",
+            "surface",
+            "log",
+            1e4,
+            1e3,
+            3e5,
+            (1.2e4, 7e3, 2.5e4, 4.5e4),
+            "natural frequency",
+        ),
+        EffectParameter(
+            "damping_ratio", "1", "surface", "log", 0.03, 1e-4, 1.0, (0.03,), "of the mode"
+        ),
+    ),
+    structure=_structure,
+    steps=_steps,
+    bases=("kv",),
+)

@@ -1,0 +1,39 @@
+r"""Hunt-Crossley damping: a loss in proportion to the elastic force itself.
+
+.. math:: F_{dis} \to F_{dis} + \chi K \delta^{3/2}\,\dot\delta
+
+So 1 - eps = (2/3) chi v for small chi: the loss grows with speed. Like the base dashpot it acts on
+the sphere only.
+
+Source: Hunt & Crossley, J. Appl. Mech. 42 (1975) 440. Validity: small loss; a fitted law, not
+derived from a material. Validation: DOP853 of the coupled equations, and the law in v, in the
+tests.
+
+Scope: the two materials'. It starts as one number of the rig, for the reason given in
+`viscoelastic_damping`: the free restitution takes up what pairs lose in total.
+"""
+
+from numba import njit
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.model.effect_solver import TERM
+
+
+@njit(TERM, cache=True)
+def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+    return 0.0, p0 * elastic * rate, 0.0, 0.0
+
+
+EFFECT = Effect(
+    id="hunt_crossley_damping",
+    slot="contact",
+    title="the loss grows with force and speed",
+    tell_tale="1 - eps ~ v",
+    source="Hunt & Crossley 1975",
+    validation="DOP853; the law in v",
+    parameters=(
+        EffectParameter("damping_s_per_m", "s/m", "rig", "linear", 0.2, 0.0, 5.0, (0.1,), "chi"),
+    ),
+    contact=_term,
+    pack=lambda v, c: (v["damping_s_per_m"], 0.0, 0.0, 0.0),
+)

@@ -1,0 +1,47 @@
+r"""Plate radiation: the ground recedes under the force and carries energy away as waves.
+
+.. math:: \dot\delta = \dot x - \dot\Delta - F_{el}/Z
+
+Source: Zener, Phys. Rev. 59 (1941) 669: a thin plate answers a point force with a velocity F/Z,
+Z = 8 sqrt(D rho h), until its edge reflects. Validity: contact shorter than the way to the edge and
+back. F_el is Hertz's force; what other contact effects add to it does not move the plate (second
+order). Validation: DOP853 of the coupled equations; Zener's first-order loss in the tests.
+
+Scope: the rig's, because the plate that can radiate is the cap or the stand; a coupon bonded flat
+does not flex by itself.
+"""
+
+from numba import njit
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.model.effect_solver import TERM
+
+
+@njit(TERM, cache=True)
+def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+    return 0.0, 0.0, 0.0, p0 * elastic
+
+
+EFFECT = Effect(
+    id="plate_radiation",
+    slot="contact",
+    title="the ground radiates waves",
+    tell_tale="loss without ringing, longer contact",
+    source="Zener 1941",
+    validation="DOP853; Zener's loss",
+    parameters=(
+        EffectParameter(
+            "impedance_n_s_per_m",
+            "N s/m",
+            "rig",
+            "inverse",
+            100.0,
+            5.0,
+            1e4,
+            (300.0,),
+            "point impedance of the plate, Z",
+        ),
+    ),
+    contact=_term,
+    pack=lambda v, c: (1.0 / v["impedance_n_s_per_m"], 0.0, 0.0, 0.0),
+)

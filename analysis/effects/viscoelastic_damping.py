@@ -1,0 +1,53 @@
+r"""Viscoelastic damping: loss in the bulk of the contact, proportional to the rate of strain.
+
+.. math:: F_{dis} \to F_{dis} + \tfrac32 A K \sqrt{\delta}\,\dot\delta
+
+It is the rate of Hertz's force times a time constant A, hence a loss that grows with v^(1/5), where
+the base dashpot's is the same at every speed. Like the base dashpot it acts on the sphere only.
+
+Source: Kuwabara & Kono, Jpn J. Appl. Phys. 26 (1987) 1230; Brilliantov et al., Phys. Rev. E 53
+(1996) 5382. Validity: A much shorter than the contact time; no adhesion. Validation: DOP853 of the
+coupled equations, and the v^(1/5) law, in the tests.
+
+Scope: a property of the two materials. It starts as one number of the rig all the same: restitution
+is free in every shot and takes up what pairs lose in total, so what is left for this law is how the
+loss depends on speed and on the moment within the contact, and one number is the smallest
+hypothesis about that. Sphere or surface come second.
+"""
+
+import math
+
+from numba import njit
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.model.effect_solver import TERM
+
+
+@njit(TERM, cache=True)
+def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+    return 0.0, p0 * math.sqrt(delta) * rate, 0.0, 0.0
+
+
+EFFECT = Effect(
+    id="viscoelastic_damping",
+    slot="contact",
+    title="the material loses energy with the rate of strain",
+    tell_tale="loss falls with speed, 1 - eps ~ v^(1/5)",
+    source="Kuwabara & Kono 1987; Brilliantov et al. 1996",
+    validation="DOP853; the v^(1/5) law",
+    parameters=(
+        EffectParameter(
+            "dissipation_time_s",
+            "s",
+            "rig",
+            "linear",
+            1e-5,
+            0.0,
+            1e-4,
+            (1e-6,),
+            "A, viscous over elastic modulus",
+        ),
+    ),
+    contact=_term,
+    pack=lambda v, c: (1.5 * v["dissipation_time_s"] * c.stiffness, 0.0, 0.0, 0.0),
+)
