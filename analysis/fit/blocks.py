@@ -54,7 +54,43 @@ def _speed_shift_gradient(model: ImpactModel, item: FitShot, local: Array) -> Ar
     return row
 
 
-def _prior_rows(
+def rebound_as_seen(
+    model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
+) -> tuple[float, Array]:
+    r"""Return the rebound ratio that an observer reads, and its gradient.
+
+    .. math:: r_{seen} = r - g\, t_{seen} / v_0
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Says where the parameters are.
+    item : FitShot
+        The shot.
+    local : ndarray, shape (p,)
+        Local parameters.
+    rebound, gradient : float, ndarray of shape (p,)
+        Ratio at lift-off, and its derivative.
+
+    Returns
+    -------
+    tuple
+        Ratio and gradient, both as seen.
+
+    Notes
+    -----
+    Source: free flight. A camera, or a simulation's last sample, sees the sphere when gravity has
+    already slowed it; at low drops a few milliseconds are several per cent.
+    """
+    at_seen, at_speed = model.shared.index("seen_ms"), len(model.shared)
+    loss = item.frame.gravity_m_per_s2 * 1e-3 * math.exp(-local[at_speed])
+    slope = gradient.copy()
+    slope[at_seen] -= loss
+    slope[at_speed] += loss * local[at_seen]
+    return rebound - loss * float(local[at_seen]), slope
+
+
+def prior_rows(
     model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
 ) -> tuple[list[float], list[Array]]:
     """Return residuals and gradients of what is known of this shot's nuisances."""
@@ -69,8 +105,9 @@ def _prior_rows(
         rows.append(row / u)
     known = item.shot.restitution
     if known is not None and known.u > 0:
-        residuals.append((rebound - known.value) / known.u)
-        rows.append(gradient / known.u)
+        seen, slope = rebound_as_seen(model, item, local, rebound, gradient)
+        residuals.append((seen - known.value) / known.u)
+        rows.append(slope / known.u)
     else:
         row = np.zeros(local.size)
         row[at_e] = 1 / UNKNOWN_LOG_U
@@ -113,7 +150,7 @@ def linearise_shot(
         return None
     r = item.noise.whiten(found.signal - item.window.signal)
     white = item.noise.whiten(jacobian)
-    extra, rows = _prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
+    extra, rows = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
     chi2 = float(r @ r)
     matrix = white.T @ white
     vector = -(white.T @ r)
@@ -131,5 +168,5 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
     if not math.isfinite(found.rebound_ratio):
         return math.inf
     r = item.noise.whiten(found.signal - item.window.signal)
-    extra, _ = _prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
+    extra, _ = prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
     return float(r @ r) + sum(x * x for x in extra)

@@ -11,6 +11,12 @@ from numpy.typing import NDArray
 from analysis.campaign import Quantity, Sensor
 from analysis.model.hertz import plane_strain_modulus
 
+SEEN = "rebound.seen_ms"
+SEEN_U_MS = 3.0
+"""Nobody says when a rebound was seen; a camera's frames and a record's length are of this order."""
+SEEN_NEEDS_SHOTS = 6
+"""Fewer stated restitutions cannot tell the delay from the restitution itself."""
+
 UNKNOWN_LOG_U = 4.0
 """Width that only keeps an undetermined logarithm finite; e^4 either way is no information."""
 

@@ -7,6 +7,7 @@ Global parameters (all logarithms):
 ``sphere.<name>``               plane-strain modulus E' of a sphere's material [Pa]
 ``surface.<name>``              plane-strain modulus E' of a coupon [Pa]
 ``pair.<sphere>/<surface>``     contact stiffness K of a pair, where no moduli can be told apart
+``rebound.seen_ms``             how long after lift-off the stated rebound speeds were seen
 ``<effect>.<parameter>``        an effect's number, in the effect's own coordinate; ``[name]``
                                 behind it where it belongs to a surface, a sphere or a pair
 ==============================  ===============================================================
@@ -32,6 +33,9 @@ from analysis.fit.fit_shot import (
     usable_shots,
 )
 from analysis.fit.priors import (
+    SEEN,
+    SEEN_NEEDS_SHOTS,
+    SEEN_U_MS,
     SENSOR_FIELDS,
     SENSOR_OFFSET,
     UNKNOWN_LOG_U,
@@ -155,6 +159,10 @@ class JointProblem:
             if row >= len(SHARED[self.model.kind]):
                 column = self.names.index(self.effect_key(row, shot))
                 values[row], chain[row, column] = theta[column], 1.0
+            elif name == "seen_ms":
+                column = self.index(SEEN)
+                if column is not None:
+                    values[row], chain[row, column] = theta[column], 1.0
             elif name == "ln_S" and shot.fixed_gain is not None:
                 values[row] = shot.fixed_gain
             elif name == "ln_M" and shot.heavy_crystal is not None:
@@ -228,6 +236,9 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     priors = _material_priors(campaign, [s for s in shots if problem.material_keys(s)])
     names.extend(sorted(priors))
     names.extend(sorted({f"pair.{s.pair}" for s in shots if problem.material_keys(s) is None}))
+    told = sum(1 for s in shots if s.shot.restitution is not None)
+    if told >= SEEN_NEEDS_SHOTS and not by_pair:
+        names.append(SEEN)
     for row in range(len(SHARED[model.kind]), len(model.shared)):
         names.extend(sorted({problem.effect_key(row, s) for s in shots}))
     _set_priors(problem, priors)
@@ -259,5 +270,8 @@ def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
             j = problem.names.index(name)
             precision[j, j] = prior.u**-2
             weighted[j] = prior.mean / prior.u**2
+    if SEEN in problem.names:
+        j = problem.names.index(SEEN)
+        precision[j, j] = SEEN_U_MS**-2
     problem.prior_precision = precision
     problem.prior_mean = weighted  # information vector until the start completes it

@@ -16,6 +16,7 @@ from analysis.fit.estimates import (
 )
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json, measurand, young_from_plane_strain
+from analysis.fit.priors import SEEN
 from analysis.fit.problem import SENSOR_FIELDS, UNKNOWN_LOG_U, JointProblem
 
 WITHHOLD_ABOVE = 0.25
@@ -151,4 +152,35 @@ def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
             value = math.exp(log)
             unit = "N m^-1.5" if name.startswith("pair.") else "Pa"
             found[name] = measurand(value, value * u, unit)
+        elif name == SEEN:
+            value, u = log_of(problem, fitted, name)
+            found["rebound.seen_after_lift_off_s"] = measurand(
+                value * 1e-3, u * 1e-3, "s", log=False
+            )
+    found.update(effect_parameters_json(problem, fitted))
+    return found
+
+
+def effect_parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
+    """Return the effects' numbers in their own units.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    dict
+        Measurands by ``effect.parameter``, with the owner in brackets where there is one.
+    """
+    found: Json = {}
+    for effect in problem.model.effects:
+        for parameter in effect.parameters:
+            for name in problem.names:
+                if name.split("[", 1)[0] == f"{effect.id}.{parameter.name}":
+                    at, u = log_of(problem, fitted, name)
+                    found[name] = measurand(
+                        parameter.value(at), abs(parameter.slope(at)) * u, parameter.unit, log=False
+                    )
     return found

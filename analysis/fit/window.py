@@ -21,6 +21,9 @@ MIN_POST_S = 2.5e-3
 MAX_SAMPLES = 6000
 
 _EDGE = 0.05
+_NOISE_SAMPLES = 200
+_NOISE_MULTIPLE = 8.0
+"""Thousands of samples of noise alone reach 4.5 times their standard deviation, never this."""
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,13 @@ def _first_pulse(shot: Shot) -> _Pulse:
         raise ShotRejectedError(
             f"{shot.name}: nothing leaves the baseline within {search} samples of the trigger; "
             f"the trigger index {shot.trigger_index} may be wrong."
+        )
+    noise = float(np.median(np.abs(quiet - baseline))) / 0.6745 if quiet.size else 0.0
+    if quiet.size >= _NOISE_SAMPLES and height < _NOISE_MULTIPLE * noise:
+        raise ShotRejectedError(
+            f"{shot.name}: the largest excursion within {search} samples of the trigger is "
+            f"{height:.3g}, no more than noise of {noise:.3g} does by itself; the sphere may not "
+            "have fallen, or the cell is not connected."
         )
     above = polarity * (x - baseline) > _EDGE * height
     rise = peak

@@ -11,6 +11,7 @@ ln_S       gain S = k c; S of Eq. 7     N/V (kg or 1 for acceleration and force 
 ln_w       crystal frequency omega0     rad/s (KV)
 ln_z       crystal damping ratio zeta   1 (KV)
 ln_M       crystal mass                 kg (KV; acts only through the recoil)
+seen_ms    when the rebound was seen    ms after lift-off (of a stated restitution, not of a trace)
 ln_v0      impact speed                 m/s (nuisance)
 ln_e       Eq. 6's restitution          1 (nuisance)
 t0_us      touch-down, in microseconds  after the window's first sample (nuisance)
@@ -38,7 +39,10 @@ from analysis.model.effect_solver import integrate_with_effects
 from analysis.model.hertz import contact_time, damping_coefficient
 from analysis.model.structure import Structure
 
-SHARED = {solver.HSD: ("ln_K", "ln_S"), solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M")}
+SHARED = {
+    solver.HSD: ("ln_K", "ln_S", "seen_ms"),
+    solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M", "seen_ms"),
+}
 NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
 
 Array = NDArray[np.float64]
@@ -389,6 +393,8 @@ class ImpactModel:
         for j, name in enumerate(self.names):
             if name == "baseline":
                 jacobian[:, j] = 1.0
+            elif name == "seen_ms":
+                jacobian[:, j] = 0.0
             elif name == "ln_S" and linear:
                 jacobian[:, j] = local[len(self.shared) + 3] - centre.signal
             else:

@@ -1,0 +1,187 @@
+r"""Generic columns: what a residual could look like if something in one slot were wrong.
+
+Each family is a set of signals per shot, computed from the fitted model alone. They are not effects
+but upper bounds: the most that anything in their slot could explain, to first order.
+
+==============  ====================================================================================
+family          what it can take up
+==============  ====================================================================================
+``response``    a linear, time-invariant chain: delays, slow decays, resonances of the signal
+``static``      a memoryless nonlinearity of the signal, its top above all
+``dynamic``     a nonlinearity in the signal's slope
+``contact``     a contact force K delta^(3/2) (delta/d)^i (rate/v)^j, on sphere and cell
+``loss``        the same on the sphere alone
+``cell``        the cell's own four numbers, where they change from surface to surface or shot to shot
+``speed``       the impact speed that a drop height promises
+``locked``      anything additive that comes at a fixed time after touch-down
+==============  ====================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from analysis.effects.probe import probe
+from analysis.fit.problem import FitShot
+from analysis.model.impact_model import SHARED, ImpactModel
+
+Array = NDArray[np.float64]
+
+LAGS_US = (2.0, 4.0, 6.0, 9.0, 13.0, 18.0, 25.0, 35.0, 48.0, 64.0)
+DECAYS_S = (0.2e-3, 0.6e-3, 2e-3, 8e-3)
+RESONANCES_HZ = (1.5e3, 3e3, 6e3, 10e3, 24e3, 34e3, 50e3, 80e3)
+RESONANCE_ZETA = 0.04
+TOPS = (0.5, 0.7, 0.82, 0.9, 0.96)
+BUMPS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620, 800, 1050, 1400, 1900)
+CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
+_SMALL = 2e-3
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes common to a campaign, so that a column means the same in every shot.
+
+    Attributes
+    ----------
+    top : float
+        Largest signal of all shots. [unit of the signal]
+    indentation_m : float
+        Median largest indentation. [m]
+    speed_m_per_s : float
+        Median impact speed. [m/s]
+    """
+
+    top: float
+    indentation_m: float
+    speed_m_per_s: float
+
+
+@dataclass(frozen=True)
+class ShotColumns:
+    """The columns of one shot.
+
+    Attributes
+    ----------
+    signal : ndarray, shape (n, q)
+        Additions to the signal per unit coefficient.
+    rebound : ndarray, shape (q,)
+        Additions to the rebound ratio.
+    speed : ndarray, shape (q,)
+        Additions to ln of the promised impact speed.
+    """
+
+    signal: Array
+    rebound: Array
+    speed: Array
+
+
+def _delayed(signal: Array, samples: float) -> Array:
+    """Return the signal later by a number of samples, at rest before."""
+    at = np.arange(signal.size) - samples
+    return np.interp(at, np.arange(signal.size), signal, left=0.0)
+
+
+def response_columns(signal: Array, rate: float) -> tuple[list[str], Array]:
+    """Return what a linear, time-invariant chain could add. Labels and shape (n, q)."""
+    labels, columns = [], []
+    for lag in LAGS_US:
+        labels.append(f"lag {lag:g} us")
+        columns.append(_delayed(signal, lag * 1e-6 * rate))
+    slope = np.gradient(signal) * rate * 1e-6
+    labels += ["slope", "curvature"]
+    columns += [slope, np.gradient(slope) * rate * 1e-6]
+    for tau in DECAYS_S:
+        decay = math.exp(-1 / (rate * tau))
+        labels.append(f"decay {tau * 1e3:g} ms")
+        columns.append(lfilter([1 - decay], [1, -decay], signal))
+    for frequency in RESONANCES_HZ:
+        if frequency > 0.2 * rate:
+            continue
+        pole = np.exp((-RESONANCE_ZETA + 1j) * 2 * math.pi * frequency / rate)
+        ringing = lfilter([1 - abs(pole)], [1, -pole], signal)
+        labels += [f"ring {frequency:g} Hz cos", f"ring {frequency:g} Hz sin"]
+        columns += [ringing.real, ringing.imag]
+    return labels, np.column_stack(columns)
+
+
+def static_columns(signal: Array, scale: Scale) -> tuple[list[str], Array]:
+    """Return what a memoryless nonlinearity could add. Labels and shape (n, q)."""
+    x = signal / scale.top
+    labels = ["square", "cube"] + [f"top {t:g}" for t in TOPS]
+    columns = [x * x, x**3] + [np.maximum(x - t, 0.0) for t in TOPS]
+    return labels, np.column_stack(columns) * scale.top
+
+
+def dynamic_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    """Return what a nonlinearity in the slope could add. Labels and shape (n, q)."""
+    slope = np.gradient(signal) * rate * 2e-5 / scale.top
+    x = signal / scale.top
+    columns = [slope * np.abs(slope), slope**3, x * slope, np.abs(slope) * x]
+    return ["slope |slope|", "slope^3", "signal slope", "signal |slope|"], (
+        np.column_stack(columns) * scale.top
+    )
+
+
+def locked_columns(samples: int, rate: float, touch_down_us: float, size: float) -> tuple[list[str], Array]:
+    """Return hat functions of the time after touch-down. Labels and shape (n, q)."""
+    t = np.arange(samples) / rate * 1e6 - touch_down_us
+    labels, columns = [], []
+    knots = (*BUMPS_US, 2600)
+    for before, at, after in zip((-15, *knots[:-2]), knots[:-1], knots[1:], strict=True):
+        labels.append(f"{at} us after touch-down")
+        columns.append(size * np.interp(t, [before, at, after], [0.0, 1.0, 0.0]))
+    return labels, np.column_stack(columns)
+
+
+def contact_labels(*, sphere_only: bool) -> list[str]:
+    """Return the labels of the contact family."""
+    where = "sphere" if sphere_only else "both"
+    return [f"delta^{i:g} rate^{j} on {where}" for i, j in CONTACT_POWERS]
+
+
+def contact_columns(
+    model: ImpactModel, local: Array, item: FitShot, scale: Scale, *, sphere_only: bool
+) -> tuple[Array, Array]:
+    """Return signal and rebound per unit of each contact power, by a small forward difference.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        The fitted model.
+    local : ndarray, shape (p,)
+        The shot's fitted local parameters.
+    item : FitShot
+        The shot.
+    scale : Scale
+        Common sizes.
+    sphere_only : bool
+        Whether the force spares the cell.
+
+    Returns
+    -------
+    signal : ndarray, shape (n, q)
+        Per unit coefficient.
+    rebound : ndarray, shape (q,)
+        Per unit coefficient.
+    """
+    steps = model.steps(local, item.frame)
+    start = model.with_effect(probe(0.0, 0.0, 0, sphere_only=sphere_only))
+    base = start.predict(local, item.frame, steps=steps)
+    columns, rebounds = [], []
+    for i, j in CONTACT_POWERS:
+        size = scale.indentation_m ** (-i) * scale.speed_m_per_s ** (-j)
+        moved = model.with_effect(probe(_SMALL * size, i, j, sphere_only=sphere_only))
+        found = moved.predict(local, item.frame, steps=steps)
+        columns.append((found.signal - base.signal) / _SMALL)
+        rebounds.append((found.rebound_ratio - base.rebound_ratio) / _SMALL)
+    return np.column_stack(columns), np.array(rebounds)
+
+
+def cell_names(model: ImpactModel) -> list[str]:
+    """Return the cell's parameters among a model's shared ones."""
+    return [n for n in SHARED[model.kind] if n != "ln_K"]
