@@ -24,8 +24,10 @@ from impactd.acquisition.service import AcquisitionService
 from impactd.calibration_run import CalibrationRunner
 from impactd.data_lock import DataLock
 from impactd.events import EventBus
+from impactd.jobs.orders import request_fit
 from impactd.jobs.runner import JobRunner
 from impactd.materials import Materials, load_materials
+from impactd.moduli_service import moduli
 from impactd.rig import Rig, build_rig
 from impactd.sd_notify import notify, watchdog_interval_s
 from impactd.settings import Settings
@@ -88,20 +90,27 @@ class Daemon:
             self.lock.release()
             raise
         publish = self.bus.publish
-        self.jobs = JobRunner(self.archive, settings, publish)
+        self.jobs = JobRunner(self.archive, settings, publish, materials=self.materials)
         self.service = AcquisitionService(self.rig, self.archive, settings, self.materials, publish)
         self.calibrations = CalibrationRunner(self.service, self.archive, settings)
         self._heart = Heart(self)
 
     def start(self) -> None:
         """Start the worker, then the acquisition; interrupted drops are marked, never repeated."""
+        self.calibrations.interrupt_unfinished()
         self.jobs.start()
         self.service.start()
 
     def stop(self) -> None:
         """Make the valve safe first, then end everything else; safe to call twice."""
         self._heart.stop()
-        steps = (self.service.stop, self.jobs.stop, self.rig.close, self.archive.close)
+        steps = (
+            self.service.stop,
+            self.calibrations.stop,
+            self.jobs.stop,
+            self.rig.close,
+            self.archive.close,
+        )
         self.bus.close()
         for step in steps:
             try:
@@ -150,8 +159,46 @@ class Daemon:
         -------
         Job
             Queued, or the one of the same key.
+
+        Raises
+        ------
+        UnknownModelError
+            If this version does not know the model.
+        NotFoundError
+            If a shot is not there.
         """
-        raise NotImplementedError
+        model_named(model)
+        return request_fit(self.archive, shots, model, key=key)
+
+    def moduli(
+        self, *, specimen: str | None, since: str | None, until: str | None, model: str | None
+    ) -> dict[str, Any]:
+        """Return what all stored fits together say about each material.
+
+        Parameters
+        ----------
+        specimen : str or None
+            Only report this surface.
+        since, until : str or None
+            First moment of a shot that counts and first that does not, in the archive's form.
+        model : str or None
+            Of the fits; ``None`` takes the active one.
+
+        Returns
+        -------
+        dict
+            ``impactd-moduli/1``.
+
+        Raises
+        ------
+        UnknownModelError
+            If this version does not know the model.
+        """
+        name = model or self.archive.models.active()
+        model_named(name)
+        return moduli(
+            self.archive, self.materials, specimen=specimen, since=since, until=until, model=name
+        )
 
     def models(self) -> list[dict[str, str]]:
         """Return the base models with a line about each."""

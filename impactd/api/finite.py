@@ -1,4 +1,4 @@
-"""JSON has no NaN and no infinity; neither have our answers."""
+"""JSON has no NaN, no infinity and no half characters; neither have our answers."""
 
 from __future__ import annotations
 
@@ -19,8 +19,11 @@ def without_nan(value: Any) -> Any:
     object
         The same shape; tuples become lists, numpy scalars and arrays plain values.
     """
+    if isinstance(value, str):
+        # A lone surrogate is valid in a JSON escape and in no UTF-8 answer.
+        return value.encode("utf-8", "replace").decode()
     if isinstance(value, dict):
-        return {str(key): without_nan(item) for key, item in value.items()}
+        return {without_nan(str(key)): without_nan(item) for key, item in value.items()}
     if isinstance(value, (list, tuple)):
         return [without_nan(item) for item in value]
     if hasattr(value, "tolist"):  # numpy, without importing it here

@@ -49,7 +49,8 @@ def host_name(header: str) -> str:
     """
     text = header.strip().lower()
     if text.startswith("["):
-        return text.partition("]")[0] + "]"
+        address, bracket, _ = text.partition("]")
+        return address + bracket
     return text.partition(":")[0]
 
 

@@ -219,7 +219,7 @@ class ProblemError(HTTPException):
         dict
             RFC 9457 members, ``remedy``, and the occurrence's own members.
         """
-        return without_nan(
+        document: dict[str, Any] = without_nan(
             {
                 "type": self.kind.uri,
                 "title": self.kind.title,
@@ -229,6 +229,7 @@ class ProblemError(HTTPException):
                 **self.members,
             }
         )
+        return document
 
     def response(self) -> JSONResponse:
         """Return the problem as a response.

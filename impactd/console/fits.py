@@ -107,7 +107,7 @@ def report(document: dict[str, Any]) -> str:
     if document.get("pairs"):
         parts.append(_pairs(document))
     if document.get("moduli"):
-        parts.append(_moduli(document["moduli"]))
+        parts.append(moduli_table(document["moduli"]))
     if "r2" in document:
         heldout = document.get("heldout_rms_V")
         parts.append(
@@ -154,7 +154,19 @@ def _pair_name(shot: dict[str, Any]) -> str:
     return f"{shot.get('sphere')}/{shot.get('surface')}"
 
 
-def _moduli(moduli: dict[str, Any]) -> str:
+def moduli_table(moduli: dict[str, Any]) -> str:
+    """Return the moduli of materials as a table.
+
+    Parameters
+    ----------
+    moduli : dict
+        By material, as in ``impactd-fit/1``.
+
+    Returns
+    -------
+    str
+        One line per material; withheld ones with the reason.
+    """
     rows = []
     for name, modulus in moduli.items():
         young, plane = modulus["youngs_modulus_Pa"], modulus["plane_strain_modulus_Pa"]

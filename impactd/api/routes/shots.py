@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import FileResponse
@@ -54,12 +54,11 @@ def list_shots(  # noqa: PLR0917 - the framework fills them by name
     )
 
 
-@router.api_route(
-    "/{number}.h5",
-    methods=["GET", "HEAD"],
-    response_class=FileResponse,
-    responses={200: {"content": {"application/x-hdf5": {}}}},
-)
+_FILE: dict[int | str, dict[str, Any]] = {200: {"content": {"application/x-hdf5": {}}}}
+
+
+@router.get("/{number}.h5", response_class=FileResponse, responses=_FILE)
+@router.head("/{number}.h5", response_class=FileResponse, responses=_FILE)
 def download(number: Number, request: Request, daemon: TheDaemon) -> Response:
     """Download a shot's NeXus HDF5 file; `ETag` is its SHA-256, `Range` is honoured."""
     shot = daemon.archive.shot(number)

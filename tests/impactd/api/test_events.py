@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 import threading
 from pathlib import Path
 
@@ -91,8 +90,8 @@ def test_a_drop_can_be_followed_as_server_sent_events(rig, shot):
                 ids.append(int(value))
             elif name == "event":
                 kinds.append(value)
-            elif name == "data" and json.loads(value).get("state") == "analysed":
-                break
+                if value == "drop.analysed":
+                    break
     assert ids == sorted(set(ids))
     assert "drop.requested" in kinds
 

@@ -22,7 +22,8 @@ def test_the_example_of_a_drop_is_accepted(rig):
     example = document["components"]["schemas"]["DropBody"]["example"]
     rig.daemon.materials.check(example["sphere"], example["surface"])
     answer = document["components"]["schemas"]["DropAnswer"]["example"]
-    DropAnswer.model_validate(answer)
+    absent = dict.fromkeys(DropAnswer.model_fields)  # members that are null are left out there
+    DropAnswer.model_validate(absent | answer)
 
 
 def test_metrics_count_requests_by_route_and_read_the_rig(rig):

@@ -182,7 +182,7 @@ def broken_url():
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     until(lambda: server.started, bool)
-    yield "http://127.0.0.1:{}".format(listener.getsockname()[1])
+    yield f"http://127.0.0.1:{listener.getsockname()[1]}"
     server.should_exit = True
     thread.join(timeout=10)
 

@@ -7,6 +7,8 @@ import hashlib
 import numpy as np
 import pytest
 
+from .conftest import until
+
 
 def test_a_shot_tells_what_it_is_and_what_to_do_with_it(shot):
     """A shot brings its fits and one word of advice."""
@@ -123,8 +125,6 @@ def test_the_fit_can_be_asked_for_again(rig, shot):
     """POST /fits answers 202 and a place where the result will be."""
     answer = rig.operator.post("/v1/fits", json={"shots": [shot["number"]], "model": "kv"})
     assert answer.status_code == 202, answer.text
-    from .conftest import until
-
     job = until(
         lambda: rig.reader.get(answer.headers["location"]).json(),
         lambda found: found["state"] in ("done", "failed"),

@@ -1,0 +1,33 @@
+"""``impactd moduli``: what all shots together say about each material."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from impactd.console.client import connect
+from impactd.console.fits import moduli_table
+from impactd.console.tables import print_json
+
+
+def show(filters: dict[str, Any], *, url: str | None, as_json: bool) -> None:
+    """Print the moduli.
+
+    Parameters
+    ----------
+    filters : dict
+        ``specimen``, ``since``, ``until``; ``None`` where not given.
+    url : str or None
+        The daemon.
+    as_json : bool
+        Print the answer as JSON.
+    """
+    with connect(url) as client:
+        answer = client.get("/v1/moduli", **filters)
+    if as_json:
+        print_json(answer)
+        return
+    moduli = answer.get("moduli") or {}
+    if not moduli:
+        print("No moduli: no shot of that kind is analysed.")
+        return
+    print(moduli_table(moduli))
