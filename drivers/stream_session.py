@@ -28,8 +28,8 @@ from drivers.ring_buffer import RingBuffer
 from drivers.triggered_capture import Collector, TriggeredCapture
 from drivers.usb_stream import BulkSource, Observer, SampleStream, StreamingBoard
 
-_START_LIMIT_S = 2.0
-_STOP_LIMIT_S = 2.0
+_START_LIMIT_S = 10.0
+_STOP_LIMIT_S = 5.0
 _BREAKING = (DeviceLostError, DeviceTimeoutError, ProtocolError)
 
 
