@@ -34,7 +34,7 @@ _BREAKING = (DeviceLostError, DeviceTimeoutError, ProtocolError)
 
 
 class StreamSession:
-    """Runs of one board, never two at once.
+    """Runs of one board, never two at once; each method raises whatever ended its run early.
 
     Parameters
     ----------
@@ -89,11 +89,6 @@ class StreamSession:
         -------
         tuple
             Offset-binary codes, shape (samples,), and the status words.
-
-        Raises
-        ------
-        DriverError
-            Whatever ended the run early.
         """
         self._check_fits(samples)
         collector = Collector(samples)
@@ -124,11 +119,6 @@ class StreamSession:
             When the record begins and how long it is.
         volts_per_code : float
             Size of a code. [V]
-
-        Raises
-        ------
-        DriverError
-            Whatever ended the run early.
         """
         capture = TriggeredCapture(trigger, volts_per_code)
         self._check_fits(max(trigger.record_samples, capture.fill_samples))
