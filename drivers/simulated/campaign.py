@@ -55,6 +55,11 @@ class CampaignSettings:
         Level and AR(1) correlation; the 1/f part is left out of so short a record.
     restitution_scatter, restitution_u : float
         Scatter of eps from shot to shot, and standard uncertainty of the measured rebound. [1]
+    restitution_seen_after_s : float
+        How long after lift-off the rebound speed is read; gravity has slowed the sphere by then,
+        as in recordings whose camera looks once, at the end. [s]
+    baseline_scatter_v : float
+        Standard deviation of the baseline from shot to shot. [V]
     speed_repeatability : float
         Relative standard deviation of the impact speed. [1]
     gravity_m_per_s2 : float
@@ -86,6 +91,8 @@ class CampaignSettings:
     )
     restitution_scatter: float = 0.008
     restitution_u: float = 0.01
+    restitution_seen_after_s: float = 0.0
+    baseline_scatter_v: float = 2e-3
     speed_repeatability: float = 0.003
     gravity_m_per_s2: float = 9.80665
     trigger_v: float = 0.1
@@ -228,6 +235,7 @@ def _record(
     start_s = flight.landing_s - (settings.touch_at + rng.random()) / settings.sample_rate_hz
     stop_s = start_s + settings.samples / settings.sample_rate_hz
     volts = noise_record(settings.noise, settings.samples, rng)
+    volts += settings.baseline_scatter_v * rng.standard_normal()
     for piece in render_flight(rig, flight, start_s, settings.sample_rate_hz, until_s=stop_s):
         a, b = max(piece.first, 0), min(piece.first + piece.volts.size, settings.samples)
         volts[a:b] += piece.volts[a - piece.first : b - piece.first]
@@ -264,7 +272,8 @@ def _describe(
     above = np.flatnonzero((codes - baseline) * volts_per_code > settings.trigger_v)
     above = above[above >= settings.touch_at - 5]
     touch = flight.touches[0]
-    measured = touch.rebound_speed_m_per_s / touch.speed_m_per_s
+    slowed = settings.gravity_m_per_s2 * settings.restitution_seen_after_s
+    measured = (touch.rebound_speed_m_per_s - slowed) / touch.speed_m_per_s
     measured += settings.restitution_u * np.random.default_rng([*chance, 120]).normal()
     return {
         "sphere": sphere,

@@ -384,6 +384,19 @@ def _first_event(  # noqa: PLR0917 - compiled code knows no keywords
 
 
 @_compiled
+def _deepest(s: Vector, p: Vector, F: Vector, out: Vector) -> None:
+    """Find where in the step the approach turns into retreat, for the peak between two steps."""
+    low, high = 0.0, 1.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        _between(middle, s, F, out)
+        if _gap_rate(out, p) > 0.0:
+            low = middle
+        else:
+            high = middle
+
+
+@_compiled
 def _tolerances(speed: float, p: Vector, tolerance: float) -> Vector:
     """Return absolute tolerances from the scales of a Hertz impact on a resting crystal."""
     deep = (1.25 * p[MASS] * speed * speed / p[K]) ** 0.4
@@ -471,12 +484,18 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
         _dense(s, new, h, touching, p, codes, values, memory, rates, stage, F)
         theta, event = _first_event(s, new, t == 0.0, touching, p, memory, F, out)
         used = h if event < 0 else theta * h
+        if touching and _gap_rate(s, p) > 0.0 >= _gap_rate(new, p):
+            _deepest(s, p, F, out)
+            gap = _gap(out, p)
+            peak = _forces(gap, 0.0, p, codes, values, out, memory)[0]
+            summary[INDENTATION_PEAK] = max(summary[INDENTATION_PEAK], gap)
+            summary[FORCE_PEAK] = max(summary[FORCE_PEAK], peak)
         while grid < points and first_s + grid * step_s <= t + used:
             _between((first_s + grid * step_s - t) / h, s, F, out)
             compression[grid] = out[_U] - out[_BS]
             if touching and p[RIGID] > 0.0:
-                gap, rate = _gap(out, p), _gap_rate(out, p)
-                force[grid] = _forces(gap, rate, p, codes, values, out, memory)[0]
+                rate = _gap_rate(out, p)
+                force[grid] = _forces(_gap(out, p), rate, p, codes, values, out, memory)[0]
             grid += 1
         if event >= 0:
             _between(theta, s, F, new)

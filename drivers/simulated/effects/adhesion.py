@@ -19,7 +19,7 @@ class Adhesion(Effect):
     slot = "contact"
     per_material = True
     parameters = (
-        Parameter("surface_energy_j_per_m2", "J/m2", 0.05, 3.0, 0.0, "gamma of each face"),
+        Parameter("surface_energy_j_per_m2", "J/m2", 0.3, 3.0, 0.0, "gamma of each face"),
     )
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:

@@ -17,7 +17,7 @@ class SurfaceRoughness(Effect):
     id = "surface_roughness"
     slot = "contact"
     per_material = True
-    parameters = (Parameter("roughness_m", "m", 5e-8, 3e-6, 1e-15, "s, height of the asperities"),)
+    parameters = (Parameter("roughness_m", "m", 2e-7, 3e-6, 1e-15, "s, height of the asperities"),)
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:
         """Add the term to the force of contact."""
