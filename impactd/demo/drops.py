@@ -173,7 +173,7 @@ def _line(shot: Json, *, waited_s: float | None = None) -> str:
     """Return what a technician wants to read of a shot."""
     what = f"{shot['sphere']} on {shot['surface']}"
     parts = [
-        f"  shot {shot['number']:>2}  {what:<28}{shot['drop_height_m'] * 1e3:5.1f} mm",
+        f"  shot {shot['number']:>2}  {what:<31}{shot['drop_height_m'] * 1e3:5.1f} mm",
         f"peak {shot['peak']:6.3f} V",
     ]
     parts += [

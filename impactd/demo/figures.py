@@ -88,23 +88,30 @@ def draw_moduli(file: Path, outcome: Outcome) -> None:
     groups = [("reduced modulus E* of each pair", outcome.pairs)]
     if outcome.materials:
         groups.append(("Young's modulus of each material", outcome.materials))
+    heights = [len(rows) + 1.2 for _, rows in groups]
     with mpl.rc_context(_STYLE):
-        heights = [len(rows) + 1.2 for _, rows in groups]
-        figure = Figure(figsize=(7.2, 0.42 * sum(heights) + 0.6), layout="constrained")
-        all_axes = figure.subplots(
-            len(groups), 1, sharex=True, height_ratios=heights, squeeze=False
-        )[:, 0]
-        for axes, (title, rows) in zip(all_axes, groups, strict=True):
-            axes.axvline(0, color=TRUTH, lw=1.2)
+        figure = Figure(figsize=(8.6, 0.4 * sum(heights) + 0.6), layout="constrained")
+        grid = figure.subplots(
+            len(groups), 2, height_ratios=heights, width_ratios=[1.7, 1], squeeze=False
+        )
+        for (both, alone), (title, rows) in zip(grid, groups, strict=True):
+            for axes in (both, alone):
+                axes.axvline(0, color=TRUTH, lw=1.2)
+                axes.set_ylim(len(rows) - 0.4, -0.6)
+                axes.grid(visible=False, axis="y")
             for place, row in enumerate(rows):
-                _whisker(axes, place, row, "HSD", row.hsd)
-                _whisker(axes, place, row, "KV", row.kv)
-            axes.set_yticks(range(len(rows)), [row.name for row in rows])
-            axes.set_ylim(len(rows) - 0.4, -0.6)
-            axes.set_title(title, loc="left", fontsize=11)
-            axes.grid(visible=False, axis="y")
-        all_axes[0].legend(loc="best")
-        all_axes[-1].set_xlabel("deviation from the simulated rig's truth / %   (bars: 95 %)")
+                _whisker(both, place, row, "HSD", row.hsd)
+                _whisker(both, place, row, "KV", row.kv)
+                _whisker(alone, place, row, "KV", row.kv)
+            both.set_yticks(range(len(rows)), [row.name for row in rows])
+            both.set_title(title, loc="left", fontsize=11)
+            alone.set_yticks([])
+            alone.set_title("KV, enlarged", loc="left", fontsize=11, color=KV)
+            reach = 1.15 * max(abs(limit) for limit in alone.get_xlim())
+            alone.set_xlim(-reach, reach)
+        grid[0, 0].legend(loc="center right")
+        grid[-1, 0].set_xlabel("deviation from the simulated rig's truth / %   (bars: 95 %)")
+        grid[-1, 1].set_xlabel("the same / %")
         figure.savefig(file)
 
 

@@ -179,7 +179,9 @@ class Outcome:
             "pairs": {row.name: row.to_json() for row in self.pairs},
             "materials": {row.name: row.to_json() for row in self.materials},
             "calibration": self.calibration["number"],
-            "truth": self.truth,
+            "truth": {
+                key: self.truth.get(key) for key in ("effects", "spheres", "surfaces", "sensor")
+            },
         }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import html
+import math
 from pathlib import Path
 from string import Template
 from typing import Any
@@ -19,7 +20,7 @@ _PAGE = Template("""<!doctype html>
 <title>impactd demo</title>
 <style>
   :root { --ink: #202124; --soft: #5f6570; --line: #e4e6ea; --kv: #1c6dd0; --hsd: #b5651d; }
-  body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; max-width: 60rem;
+  body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; max-width: 64rem;
          padding: 2rem 1rem 4rem; }
   h1 { font-size: 1.5rem; margin: 0; }
   h2 { font-size: 1.1rem; margin: 2.2rem 0 .6rem; }
@@ -28,7 +29,8 @@ _PAGE = Template("""<!doctype html>
              padding: .3rem 0 .3rem .8rem; }
   .wide { overflow-x: auto; }
   table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-  th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); }
+  th, td { text-align: right; white-space: nowrap; padding: .35rem .6rem;
+           border-bottom: 1px solid var(--line); }
   th:first-child, td:first-child { text-align: left; }
   th { font-weight: 600; color: var(--soft); font-size: .88rem; }
   .hsd { color: var(--hsd); } .kv { color: var(--kv); font-weight: 600; }
@@ -76,6 +78,9 @@ folder (<code>shots/campaign.json</code>) and the archive with the original HDF5
 </body>
 </html>
 """)
+
+
+_KNOWN = ' <span class="soft">(known before)</span>'
 
 
 def write_report(file: Path, outcome: Outcome, pictures: dict[str, Path]) -> None:
@@ -126,9 +131,31 @@ def gigapascals(estimate: Estimate | None) -> str:
     """
     if estimate is None:
         return "withheld"
-    u = estimate.u_pa / 1e9
-    digits = next((n for n in range(5) if u >= 0.95 * 10.0 ** (1 - n)), 5)
-    return f"{estimate.value_pa / 1e9:.{digits}f} ± {u:.{digits}f}"
+    digits = _digits(estimate)
+    return f"{estimate.value_pa / 1e9:.{digits}f} ± {estimate.u_pa / 1e9:.{digits}f}"
+
+
+def true_gigapascals(row: Row) -> str:
+    """Return a row's truth, to the digits of KV's estimate.
+
+    Parameters
+    ----------
+    row : Row
+        Pair or material.
+
+    Returns
+    -------
+    str
+        In GPa.
+    """
+    return f"{row.truth_pa / 1e9:.{_digits(row.kv)}f}"
+
+
+def _digits(estimate: Estimate | None) -> int:
+    """Return how many decimals of a value in GPa its uncertainty supports."""
+    if estimate is None:
+        return 3
+    return next((n for n in range(5) if estimate.u_pa / 1e9 >= 0.95 * 10.0 ** (1 - n)), 5)
 
 
 def inside(estimate: Estimate | None, truth_pa: float) -> str:
@@ -153,10 +180,10 @@ def inside(estimate: Estimate | None, truth_pa: float) -> str:
 
 def _table(what: str, rows: list[Row]) -> str:
     body = "".join(
-        f"<tr><td>{html.escape(row.name)}{' <span class=soft>(reference)</span>' * row.known}</td>"
+        f"<tr><td>{html.escape(row.name)}{_KNOWN if row.known else ''}</td>"
         f"<td>{row.shots}</td>"
         f'<td class="hsd">{gigapascals(row.hsd)}</td><td class="kv">{gigapascals(row.kv)}</td>'
-        f"<td>{_interval(row.kv)}</td><td>{row.truth_pa / 1e9:.3f}</td>"
+        f"<td>{_interval(row.kv)}</td><td>{true_gigapascals(row)}</td>"
         f"<td>{inside(row.kv, row.truth_pa)}</td></tr>"
         for row in rows
     )
@@ -170,24 +197,44 @@ def _table(what: str, rows: list[Row]) -> str:
 def _interval(estimate: Estimate | None) -> str:
     if estimate is None:
         return "-"
-    low, high = estimate.interval95_pa
-    return f"{low / 1e9:.3f} … {high / 1e9:.3f}"
+    digits = _digits(estimate)
+    return " … ".join(f"{limit / 1e9:.{digits}f}" for limit in estimate.interval95_pa)
 
 
 def _sensor(outcome: Outcome) -> str:
     """Return the cell's parameters as the KV fit of the campaign ended with them."""
-    true = outcome.truth.get("sensor", {})
-    rows = []
-    for name, found in outcome.fits["kv"].get("parameters", {}).items():
-        if name.startswith("sensor.") and found is not None:
-            key = name.removeprefix("sensor.")
-            truth = true.get(key)
-            rows.append(
-                f"<tr><td>{html.escape(key)}</td><td>{found['value']:.4g} ± {found['u']:.2g}</td>"
-                f"<td>{'' if truth is None else format(truth, '.4g')}</td></tr>"
-            )
+    fitted = {
+        name.removeprefix("sensor."): found
+        for name, found in outcome.fits["kv"].get("parameters", {}).items()
+        if name.startswith("sensor.") and found is not None
+    }
+    truth = _true_sensor(outcome.truth.get("sensor", {}))
+    # truth names the combinations first; units in names differ only in their capitals
+    order = [key.lower() for key in truth]
+    rows = [
+        f"<tr><td>{html.escape(name)}</td><td>{found['value']:.5g} ± {found['u']:.2g}</td>"
+        f"<td>{truth.get(name.lower(), math.nan):.5g}</td></tr>"
+        for name, found in sorted(
+            fitted.items(),
+            key=lambda item: order.index(item[0].lower()) if item[0].lower() in order else 99,
+        )
+    ]
     head = "<tr><th>parameter</th><th>KV ± u</th><th>truth</th></tr>"
     return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+
+
+def _true_sensor(sealed: dict[str, Any]) -> dict[str, float]:
+    """Return the true cell by lower-case name, the combinations that a trace can tell first."""
+    plain = {key.lower(): value for key, value in sealed.items() if isinstance(value, float)}
+    if "crystal_mass_kg" not in plain:
+        return plain
+    mass, stiffness = plain["crystal_mass_kg"], plain["crystal_stiffness_n_per_m"]
+    damping, compliance = plain["crystal_damping_n_s_per_m"], plain["compliance_m_per_v"]
+    return {
+        "gain_n_per_v": stiffness * compliance,
+        "natural_frequency_hz": math.sqrt(stiffness / mass) / (2 * math.pi),
+        "damping_ratio": damping / (2 * math.sqrt(stiffness * mass)),
+    } | plain
 
 
 def _effect(effect: dict[str, Any]) -> str:

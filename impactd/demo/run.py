@@ -16,7 +16,7 @@ from drivers.simulated.truth import unseal
 from impactd.console.failure import Failure
 from impactd.demo import drops
 from impactd.demo.outcome import Outcome, Row, compare
-from impactd.demo.report import gigapascals, inside
+from impactd.demo.report import gigapascals, inside, true_gigapascals
 from impactd.demo.rig_process import RigProcess, write_settings
 from impactd.settings import load_settings
 from impactd.simulated_rig import SEALED_NAME
@@ -148,10 +148,10 @@ def _show(console: Console, outcome: Outcome) -> None:
 
 def _cells(row: Row) -> list[str]:
     return [
-        row.name + (" (reference)" if row.known else ""),
+        row.name + (" (known before)" if row.known else ""),
         str(row.shots),
         gigapascals(row.hsd),
         gigapascals(row.kv),
-        f"{row.truth_pa / 1e9:.3f}",
+        true_gigapascals(row),
         inside(row.kv, row.truth_pa),
     ]
