@@ -115,7 +115,7 @@ def test_a_height_the_stand_does_not_allow_is_refused(
     laboratory: Laboratory, height_m: float
 ) -> None:
     """The message gives what was asked and what is allowed."""
-    with pytest.raises(DropHeightError, match="to 0.15 m"):
+    with pytest.raises(DropHeightError, match=r"to 0\.15 m"):
         laboratory.service.request_drop(request(drop_height_m=height_m), owner="ab")
     assert laboratory.archive.drops() == []
 

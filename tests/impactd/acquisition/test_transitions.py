@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import contextlib
 import threading
 from pathlib import Path
 
@@ -143,10 +144,8 @@ def test_only_one_of_many_threads_begins_a_drop() -> None:
     won: list[State] = []
 
     def begin() -> None:
-        try:
+        with contextlib.suppress(IllegalTransitionError):
             won.append(machine.apply(Event.REQUESTED))
-        except IllegalTransitionError:
-            pass
 
     threads = [threading.Thread(target=begin) for _ in range(20)]
     for thread in threads:

@@ -1,0 +1,155 @@
+"""The settings file: found, checked whole, and refused with path and reason."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from impactd import settings as module
+from impactd.settings import SettingsError, find_config, json_schema, load_settings
+
+Change = Callable[[str], str]
+
+
+@pytest.fixture
+def load_changed(tmp_path: Path) -> Callable[[str, str], SettingsError]:
+    """Load the simulated rig's file with one text replaced; return the error."""
+
+    def load(old: str, new: str) -> SettingsError:
+        text = find_config("simulated.toml").read_text(encoding="utf-8")
+        assert old in text
+        (tmp_path / "materials.toml").write_bytes(find_config("materials.toml").read_bytes())
+        file = tmp_path / "changed.toml"
+        file.write_text(text.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(SettingsError) as raised:
+            load_settings(file)
+        assert raised.value.file == file
+        return raised.value
+
+    return load
+
+
+def test_the_simulated_rig_is_complete() -> None:
+    """The file that ships needs nothing else and selects the simulated rig."""
+    settings = load_settings(find_config("simulated.toml"))
+    assert settings.simulated
+    assert settings.server.port == 8642
+    assert settings.preflight.require_valid_calibration is False
+    assert settings.materials.file.is_absolute()
+
+
+def test_the_data_folder_can_be_given(tmp_path: Path) -> None:
+    """`--data` wins over the file."""
+    settings = load_settings(find_config("simulated.toml"), data=tmp_path)
+    assert settings.storage.directory == tmp_path
+
+
+def test_the_snapshot_is_json_and_keeps_the_simulation_sealed() -> None:
+    """What goes into a shot file must not tell the analysis what it is to find out."""
+    snapshot = load_settings(find_config("simulated.toml")).snapshot()
+    assert json.loads(json.dumps(snapshot, allow_nan=False)) == snapshot
+    assert snapshot["simulated"] is True
+    assert "simulation" not in snapshot
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "path", "words"),
+    [
+        ("port = 8642", "prot = 8642", "server.prot", "did you mean port"),
+        ("[trigger]", "[triger]", "triger", "did you mean trigger"),
+        ("port = 8642", "port = 86420", "server.port", "86420"),
+        ("level_v = 0.05", 'level_v = "high"', "trigger.level_v", "'high'"),
+        ("level_v = 0.05", "level_v = nan", "trigger.level_v", "finite"),
+        ("sample_rate_hz = 1.0e6\n", "", "digitizer.sample_rate_hz", "frequency standard"),
+        ("sample_rate_hz = 1.0e6", "sample_rate_hz = 1.0e5", "digitizer", "more than 5 %"),
+        ("range_v = 10.0", "range_v = 3.0", "digitizer.range_v", "10, 5, 2, 1"),
+        ("u = 0.19", "u = 0.0", "sensor.hsd_n_per_v.u", "greater than 0"),
+        ("value = 35.4e-3", "value = -35.4e-3", "sensor", "must be positive"),
+        ("held_above = true\n", "", "valve", "held_above"),
+        ('driver = "numato"', 'driver = "lcus"', "valve", "no converter"),
+        ("pre_trigger_s = 0.020", "pre_trigger_s = 0.5", "trigger", "shorter than record_s"),
+        ('sphere = "acetal"', 'sphere = "acetl"', "calibration.plan.0.sphere", "Did you mean"),
+        ('sphere = "acetal"', 'sphere = "hdpe"', "calibration.plan.0.sphere", "reference = true"),
+        (
+            "drop_height_m = 0.025",
+            "drop_height_m = 25.0",
+            "calibration.plan.0.drop_height_m",
+            "0.002 to 0.15",
+        ),
+        ("repeats = 2", "repeats = 0", "calibration.plan.0.repeats", "greater than or equal to 1"),
+        ("level_v = 0.05", "level_v = 12.0", "", "outside the range"),
+        ("relay = 0", 'relay = 0\nport = "/dev/ttyACM0"', "", "left out on the simulated rig"),
+    ],
+)
+def test_a_wrong_key_is_refused_with_its_path(
+    load_changed: Callable[[str, str], SettingsError], old: str, new: str, path: str, words: str
+) -> None:
+    """The message names the TOML path, the reason and, for a slip, the likely word."""
+    error = load_changed(old, new)
+    reasons = {finding.path_in_file: finding.reason for finding in error.findings}
+    assert words in reasons[path]
+    assert str(error.file) in str(error)
+
+
+def test_everything_that_is_wrong_is_said_at_once(
+    load_changed: Callable[[str, str], SettingsError],
+) -> None:
+    """A second round is not needed to find the second mistake."""
+    error = load_changed("port = 8642", "prot = 1\nhots = 2")
+    assert {finding.path_in_file for finding in error.findings} == {"server.prot", "server.hots"}
+
+
+def test_what_is_no_toml_is_refused_with_the_line(tmp_path: Path) -> None:
+    """A syntax error names line and column."""
+    file = tmp_path / "broken.toml"
+    file.write_text("[rig]\nname = \n", encoding="utf-8")
+    with pytest.raises(SettingsError, match="line 2"):
+        load_settings(file)
+
+
+def test_a_missing_file_is_said_plainly(tmp_path: Path) -> None:
+    """No traceback for a wrong name."""
+    with pytest.raises(SettingsError, match="No such file"):
+        load_settings(tmp_path / "none.toml")
+
+
+def test_without_any_file_the_simulated_rig_is_pointed_at(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who has no settings yet is shown a complete example."""
+    monkeypatch.delenv("IMPACTD_CONFIG", raising=False)
+    monkeypatch.setattr(module, "SYSTEM_FILE", tmp_path / "none.toml")
+    with pytest.raises(SettingsError, match=r"simulated\.toml"):
+        load_settings()
+
+
+def test_the_environment_names_the_file(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`IMPACTD_CONFIG` is looked at when no file is given."""
+    monkeypatch.setenv("IMPACTD_CONFIG", str(find_config("simulated.toml")))
+    assert load_settings().rig.name == "simulated rig"
+
+
+def test_config_is_found_after_installation(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Away from a checkout the files lie under the environment's prefix."""
+    place = tmp_path / "share" / "impactd" / "config"
+    place.mkdir(parents=True)
+    (place / "simulated.toml").write_text("", encoding="utf-8")
+    monkeypatch.setattr(module, "__file__", str(tmp_path / "lib" / "impactd" / "settings.py"))
+    monkeypatch.setattr(sys, "prefix", str(tmp_path))
+    assert find_config("simulated.toml") == place / "simulated.toml"
+    with pytest.raises(SettingsError, match="reinstall"):
+        find_config("no-such-file.toml")
+
+
+def test_the_schema_describes_every_key() -> None:
+    """Each property of the JSON schema says what it means."""
+    schema = json_schema()
+    for name, section in schema["$defs"].items():
+        for key, description in section["properties"].items():
+            assert description.get("description"), f"{name}.{key}"
