@@ -39,9 +39,7 @@ def test_a_line_break_in_a_status_cannot_make_a_field(listener: socket.socket) -
 
 
 @pytest.mark.parametrize("address", ["", "relative/path", "/nobody/listens/here"])
-def test_without_a_listener_nothing_happens(
-    address: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_listener_nothing_happens(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Outside systemd, or where the socket is gone, the daemon carries on."""
     monkeypatch.setenv("NOTIFY_SOCKET", address)
     assert not notify(ready="1")
