@@ -1,0 +1,95 @@
+"""The fit window: where the pulse is, either way up, and at the edges of a record."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis.campaign import Shot
+from analysis.errors import ShotRejectedError
+from analysis.fit.window import campaign_noise, cut, quiet_part
+
+
+@pytest.fixture
+def shot(truth: Any) -> Shot:
+    """Return one recording of 4200 samples, touched near sample 900."""
+    return truth(seed=3).shot("acetal", "polycarbonate", 0.03, 0.8)
+
+
+def test_window_holds_pulse_and_ring(shot: Shot) -> None:
+    """The window starts well before the touch and ends after the ring."""
+    window = cut(shot)
+    touch = 900 - window.first
+    assert window.rise_index == pytest.approx(touch, abs=25)
+    assert touch > 300
+    assert window.signal.size - touch > 2000
+    assert window.peak == pytest.approx(shot.signal.max() - 0.01, abs=0.01)
+    assert window.baseline == pytest.approx(0.01, abs=0.001)
+    assert 2e-5 < window.width_s < 2e-4
+    assert window.polarity == 1
+
+
+def test_inverted_records_are_turned_round(shot: Shot) -> None:
+    """A record with compression negative gives the same window, marked as inverted."""
+    upright, inverted = cut(shot), cut(dataclasses.replace(shot, signal=-shot.signal))
+    assert inverted.polarity == -1
+    assert inverted.first == upright.first
+    np.testing.assert_array_equal(inverted.signal, upright.signal)
+    assert inverted.baseline == upright.baseline
+
+
+def test_pulse_at_the_start_of_a_record(shot: Shot) -> None:
+    """A record that starts inside the rise is cut at its first sample."""
+    late = dataclasses.replace(shot, signal=shot.signal[915:], trigger_index=0)
+    window = cut(late)
+    assert window.first == 0
+    assert window.peak_index < 100
+    assert window.peak > 0.9 * cut(shot).peak
+
+
+def test_pulse_at_the_end_of_a_record(shot: Shot) -> None:
+    """A record that ends inside the pulse is cut at its last sample."""
+    early = dataclasses.replace(shot, signal=shot.signal[:930])
+    window = cut(early)
+    assert window.first + window.signal.size == 930
+    assert window.peak > 0
+
+
+def test_trigger_off_by_a_millisecond_still_finds_the_pulse(shot: Shot) -> None:
+    """The trigger index only has to be near: before or a little after the touch."""
+    expected = cut(shot).first
+    for off in (-800, -200, 300):
+        moved = dataclasses.replace(shot, trigger_index=shot.trigger_index + off)
+        assert cut(moved).first == expected
+
+
+@pytest.mark.parametrize("level", [0.0, 0.3])
+def test_a_record_without_pulse_is_rejected(level: float) -> None:
+    """A flat record is refused with its name and where it was looked for."""
+    flat = Shot("shot 17", np.full(3000, level), 1e6, 1000)
+    with pytest.raises(ShotRejectedError, match=r"shot 17: .*trigger"):
+        cut(flat)
+
+
+def test_noise_alone_is_no_pulse() -> None:
+    """A record that never leaves its own noise is refused, not fitted."""
+    noise = 1e-3 * np.random.default_rng(5).standard_normal(8000)
+    with pytest.raises(ShotRejectedError, match="noise"):
+        cut(Shot("shot 18", noise, 1e6, 4000))
+
+
+def test_quiet_part_ends_before_the_touch(shot: Shot) -> None:
+    """The samples that noise is learned from hold no contact."""
+    quiet = quiet_part(shot)
+    assert 800 < quiet.size < 900
+    assert np.abs(quiet - 0.01).max() < 0.01
+
+
+def test_noise_of_records_without_quiet_part_says_so(shot: Shot) -> None:
+    """Records that start with the pulse get a level from differences and admit it."""
+    late = dataclasses.replace(shot, signal=shot.signal[890:], trigger_index=10)
+    assert campaign_noise([late]).source == "differences"
+    assert campaign_noise([shot]).source == "pre-trigger"
