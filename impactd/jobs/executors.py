@@ -7,11 +7,12 @@ functions and JSON arguments, as paths and hashes travel and arrays do not.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any
 
 from impactd.jobs.errors import StoppedError, TaskError
@@ -59,6 +60,7 @@ class WorkerExecutor(Executor):
     ) -> None:
         self._queue: SimpleQueue[_Submission | None] = SimpleQueue()
         self._stop = threading.Event()
+        self._door = threading.Lock()
         self._warm = threading.Event()
         self._on_progress = on_progress
         self._processes = [
@@ -101,10 +103,11 @@ class WorkerExecutor(Executor):
         """
         if kwargs:
             raise TypeError("Tasks take positional arguments only.")
-        if self._stop.is_set():
-            raise StoppedError("The executor was shut down.")
         submission = _Submission(name_of(fn), args)
-        self._queue.put(submission)
+        with self._door:
+            if self._stop.is_set():
+                raise StoppedError("The executor was shut down.")
+            self._queue.put(submission)
         return submission.future
 
     def wait_warm(self, timeout_s: float) -> bool:
@@ -132,9 +135,11 @@ class WorkerExecutor(Executor):
         cancel_futures : bool
             Ignored: nothing runs on without the daemon.
         """
-        self._stop.set()
-        for _ in self._threads:
-            self._queue.put(None)
+        with self._door:
+            self._stop.set()
+        for left in self._take_all():
+            left.future.set_exception(StoppedError("The daemon is going down."))
+        self._queue.put(None)
         if wait:
             for thread in self._threads:
                 thread.join()
@@ -152,11 +157,11 @@ class WorkerExecutor(Executor):
             while not self._stop.is_set():
                 self._keep_warm(process)
                 submission = self._queue.get()
-                if submission is not None:
-                    self._run(process, submission)
-            while (left := self._take()) is not None:
-                left.future.set_exception(StoppedError("The daemon is going down."))
+                if submission is None:
+                    break
+                self._run(process, submission)
         finally:
+            self._queue.put(None)  # for the next thread that waits
             process.end()
 
     def _keep_warm(self, process: WorkerProcess) -> None:
@@ -168,12 +173,12 @@ class WorkerExecutor(Executor):
         else:
             self._warm.set()
 
-    def _take(self) -> _Submission | None:
-        while not self._queue.empty():
-            submission = self._queue.get()
-            if submission is not None:
-                return submission
-        return None
+    def _take_all(self) -> list[_Submission]:
+        taken = []
+        with contextlib.suppress(Empty):
+            while True:
+                taken.append(self._queue.get_nowait())
+        return [one for one in taken if one is not None]
 
     def _run(self, process: WorkerProcess, submission: _Submission) -> None:
         future = submission.future

@@ -1,0 +1,220 @@
+"""From a job in the queue to a fit beside the shot."""
+
+from __future__ import annotations
+
+import importlib.util
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+
+from impactd.jobs.orders import request_calibration_fit, request_fit
+from impactd.jobs.runner import JobRunner
+from impactd.storage.archive import ArchiveError, NotFoundError
+from impactd.storage.campaign_folder import read_campaign
+
+HERE = Path(__file__).parent
+SHARED = Path(__file__).resolve().parents[4] / "shared"
+Running = Callable[[JobRunner], JobRunner]
+
+
+def _load() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("fault_tasks", HERE / "fault_tasks.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+tasks = _load()
+
+
+def test_a_stored_shot_is_fitted_with_both_models(bench: Any, running: Running) -> None:
+    """A fit_shot job ends with an HSD and a KV fit, an analysed drop and the events."""
+    number = bench.store()
+    runner = running(bench.runner())
+    job = bench.archive.jobs.enqueue("fit_shot", {"shot": number}, f"shot {number}")
+
+    done = bench.wait(job.id)
+
+    assert done.state == "done", done.reason
+    fits = bench.archive.fits.for_shot(number)
+    assert [fit.model for fit in fits] == ["hsd", "kv"]
+    assert bench.archive.drop(number).state == "analysed"
+    for fit in fits:
+        result = fit.result
+        assert result["file_sha256"] == [bench.archive.shot(number).sha256]
+        assert result["software"].startswith("impactd ")
+        assert result["calibration"] is None
+        assert result["outcome"]["status"] in ("converged", "not_converged", "not_evaluable")
+        assert 0.5 < result["restitution_prior"]["value"] < 0.8
+    assert runner.alive()
+    assert bench.kinds(4) == ["job.started", "fit.done", "fit.done", "drop.analysed"]
+
+
+@pytest.mark.parametrize(
+    ("task", "reason", "kinds"),
+    [
+        ("leaves", "exit code 3", ["job.started", "job.retried", "job.started", "job.failed"]),
+        ("raises", "the sphere has no mass", ["job.started", "job.failed"]),
+        ("hangs", "3 s", ["job.started", "job.retried", "job.started", "job.failed"]),
+    ],
+)
+def test_a_job_that_cannot_be_done_fails_with_the_reason(
+    bench: Any,
+    running: Running,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    task: str,
+    reason: str,
+    kinds: list[str],
+) -> None:
+    """Lost workers are tried once more, errors are not; the shot stays stored and says why."""
+    monkeypatch.setenv("FAULT_TASKS_CHILD", str(tmp_path / "pid"))
+    number = bench.store()
+    running(
+        bench.runner(
+            tasks={"fit_shot": getattr(tasks, task), "fit_campaign": tasks.well},
+            import_paths=[HERE],
+        )
+    )
+
+    job = bench.wait(bench.archive.jobs.enqueue("fit_shot", {"shot": number}, "shot 1").id)
+
+    assert job.state == "failed"
+    assert reason in str(job.reason)
+    assert bench.kinds(len(kinds)) == kinds
+    drop = bench.archive.drop(number)
+    assert (drop.state, drop.problem.type) == ("stored", "fit-failed")
+    assert reason in drop.problem.detail
+
+
+def test_a_crash_that_happens_once_is_mended_by_the_second_try(
+    bench: Any, running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The retried job is done, and its result is written."""
+    monkeypatch.setattr(
+        "impactd.jobs.runner.order_for",
+        lambda *_: {"mark": str(tmp_path / "mark"), "fits": []},
+    )
+    number = bench.store()
+    running(bench.runner(tasks={"fit_shot": tasks.crashes_once}, import_paths=[HERE]))
+
+    job = bench.wait(bench.archive.jobs.enqueue("fit_shot", {"shot": number}, "shot 1").id)
+
+    assert (job.state, job.attempts) == ("done", 2)
+
+
+def test_a_job_of_an_unknown_kind_or_shot_fails_and_the_queue_goes_on(
+    bench: Any, running: Running
+) -> None:
+    """Jobs that cannot even be started are failed with a sentence."""
+    running(bench.runner(tasks={"fit_shot": tasks.well}, import_paths=[HERE]))
+
+    unknown = bench.wait(bench.archive.jobs.enqueue("dance", {}, "x").id)
+    missing = bench.wait(bench.archive.jobs.enqueue("fit_shot", {"shot": 99}, "shot 99").id)
+
+    assert "dance" in str(unknown.reason)
+    assert "shot 99" in str(missing.reason)
+
+
+def test_stopping_gives_a_running_job_back(bench: Any) -> None:
+    """A job that runs when the daemon stops waits again, without losing an attempt."""
+    number = bench.store()
+    runner = bench.runner(tasks={"fit_shot": tasks.slow}, import_paths=[HERE])
+    runner.start()
+    job = bench.archive.jobs.enqueue("fit_shot", {"shot": number}, "shot 1")
+    while "job.progress" not in [kind for kind, _ in bench.events]:
+        time.sleep(0.01)
+
+    runner.stop()
+
+    given_back = bench.archive.jobs.get(job.id)
+    assert (given_back.state, given_back.attempts) == ("queued", 0)
+    assert not runner.alive()
+
+
+def test_a_corrupt_shot_fails_its_fit_by_name(bench: Any, running: Running) -> None:
+    """The worker checks the SHA-256 of what it reads."""
+    number = bench.store()
+    path = bench.archive.shot_path(number)
+    path.write_bytes(path.read_bytes()[:-1] + b"?")
+    running(bench.runner())
+
+    job = bench.wait(bench.archive.jobs.enqueue("fit_shot", {"shot": number}, "shot 1").id)
+
+    assert job.state == "failed"
+    assert "SHA-256" in str(job.reason)
+
+
+def test_a_request_without_shots_or_with_unknown_ones_is_refused(bench: Any) -> None:
+    """Such a request never becomes a job."""
+    with pytest.raises(ArchiveError):
+        request_fit(bench.archive, [], "kv")
+    with pytest.raises(NotFoundError):
+        request_fit(bench.archive, [7], "kv")
+    assert bench.archive.jobs.waiting() == 0
+
+
+def test_the_shared_campaign_is_fitted_from_the_archive(bench: Any, running: Running) -> None:
+    """Imported shots of a real campaign give the specimen's modulus, with its own load cell."""
+    folder = SHARED / "campaigns" / "clean"
+    if not folder.exists():
+        pytest.skip(f"{folder} is not here")
+    numbers = bench.archive.import_campaign(folder).numbers
+    running(
+        JobRunner(
+            bench.archive,
+            bench.settings.model_copy(
+                update={"jobs": bench.settings.jobs.model_copy(update={"fit_time_limit_s": 100.0})}
+            ),
+            lambda *_: None,
+            materials=bench.materials,
+        )
+    )
+
+    job = bench.wait(request_fit(bench.archive, list(numbers), "kv").id)
+
+    assert job.state == "done", job.reason
+    (fit,) = bench.archive.fits.of_job(job.id)
+    assert fit.result["outcome"]["status"] == "converged"
+    assert fit.result["moduli"]["specimen"]["status"] == "fitted"
+    assert len(fit.result["shots"]) == len(read_campaign(folder).shots)
+
+
+def test_a_calibration_without_shots_fails_with_a_sentence(bench: Any, running: Running) -> None:
+    """A run whose drops all failed is a failed calibration, not a hanging one."""
+    bench.archive.calibrations.begin(None, [], "timer")
+    running(bench.runner(tasks={"calibrate": tasks.well}, import_paths=[HERE]))
+
+    job = bench.wait(request_calibration_fit(bench.archive, 1).id)
+
+    assert job.state == "failed"
+    calibration = bench.archive.calibrations.get(1)
+    assert calibration.state == "failed"
+    assert "no stored shot" in calibration.problem.detail
+
+
+def test_a_calibration_is_written_with_its_end(bench: Any, running: Running) -> None:
+    """Drops of reference pairs end in a calibration with a validity, or in a stated failure."""
+    bench.archive.calibrations.begin(None, [], "timer")
+    for surface in ("aluminium", "polycarbonate"):
+        bench.store(surface=surface, calibration=1)
+    running(bench.runner())
+
+    job = bench.wait(request_calibration_fit(bench.archive, 1).id)
+
+    calibration = bench.archive.calibrations.get(1)
+    if job.state == "done":
+        assert calibration.state == "done"
+        assert calibration.valid_until_utc > calibration.finished_utc
+        assert (bench.archive.directory / "calibrations" / "000001.json").is_file()
+        assert bench.archive.calibrations.current() == calibration
+    else:
+        assert calibration.state == "failed"
+        assert calibration.problem.detail == job.reason
