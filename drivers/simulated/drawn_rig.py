@@ -1,18 +1,15 @@
-"""The rig as it truly is: everything the labels do not say, drawn once from a seed."""
+"""The rig as it truly is: everything the labels do not say."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from drivers.simulated.effects import EFFECTS, INVENTED, LIBRARY, Effect, Scope, Shot, make_effect
+from drivers.simulated.effects import Effect, Shot
 from drivers.simulated.impact import Mechanics
-from drivers.simulated.specimens import CellSpec, SphereSpec, SurfaceSpec
-
-OUTSIDE_LIBRARY_SHARE = 0.25
+from drivers.simulated.specimens import SphereSpec, SurfaceSpec
 
 
 @dataclass(frozen=True)
@@ -56,105 +53,6 @@ class TrueCell:
     crystal_damping_n_s_per_m: float
     hsd_n_per_v: float
     rigid: bool = False
-
-
-def draw_effect(
-    rng: np.random.Generator,
-    spheres: Sequence[str] = (),
-    surfaces: Sequence[str] = (),
-    *,
-    rigid_cell: bool = False,
-) -> Effect:
-    """Return one effect of random kind, size and scope; one in four from outside the library.
-
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of chance.
-    spheres, surfaces : sequence of str
-        Materials an effect may be restricted to; none means it acts everywhere.
-    rigid_cell : bool
-        Whether the base cell is rigid; only then ``crystal_dynamics`` is a candidate.
-
-    Returns
-    -------
-    Effect
-        The draw.
-    """
-    outside = rng.random() < OUTSIDE_LIBRARY_SHARE
-    pool = dict(INVENTED if outside else LIBRARY)
-    if not rigid_cell:
-        pool.pop("crystal_dynamics", None)
-    kind = EFFECTS[str(rng.choice(sorted(pool)))]
-    scope = Scope()
-    if kind.per_material and rng.random() < 0.4:
-        side = rng.integers(2)
-        if side == 0 and spheres:
-            scope = Scope(sphere=str(rng.choice(list(spheres))))
-        elif surfaces:
-            scope = Scope(surface=str(rng.choice(list(surfaces))))
-    return kind(kind.draw(rng), scope)
-
-
-def draw_solid(
-    spec: SphereSpec | SurfaceSpec, rng: np.random.Generator, *, exact: bool = False
-) -> Solid:
-    """Return a body's true constants: around its label, or anywhere when the label is blank.
-
-    Parameters
-    ----------
-    spec : SphereSpec or SurfaceSpec
-        The label.
-    rng : numpy.random.Generator
-        Source of chance.
-    exact : bool
-        Take the label at its word.
-
-    Returns
-    -------
-    Solid
-        The truth.
-    """
-    z_modulus, z_ratio, log_e = rng.standard_normal(), rng.standard_normal(), rng.uniform()
-    if spec.youngs_modulus_pa is None:
-        modulus = math.exp(math.log(0.5e9) + log_e * math.log(20.0))
-    else:
-        modulus = spec.youngs_modulus_pa + (0.0 if exact else z_modulus * spec.youngs_modulus_u_pa)
-    ratio = spec.poissons_ratio + (0.0 if exact else z_ratio * spec.poissons_ratio_u)
-    return Solid(modulus, min(ratio, 0.4999))
-
-
-def draw_cell(
-    spec: CellSpec, rng: np.random.Generator, *, exact: bool = False, rigid: bool = False
-) -> TrueCell:
-    """Return the true load cell, drawn around its certificate.
-
-    Parameters
-    ----------
-    spec : CellSpec
-        The certificate.
-    rng : numpy.random.Generator
-        Source of chance.
-    exact : bool
-        Take the certificate at its word.
-    rigid : bool
-        Whether the cell is rigid (HSD).
-
-    Returns
-    -------
-    TrueCell
-        The truth.
-    """
-    pairs = (
-        (spec.compliance_m_per_v, spec.compliance_u_m_per_v),
-        (spec.crystal_mass_kg, spec.crystal_mass_u_kg),
-        (spec.crystal_stiffness_n_per_m, spec.crystal_stiffness_u_n_per_m),
-        (spec.crystal_damping_n_s_per_m, spec.crystal_damping_u_n_s_per_m),
-    )
-    # No certificate is three standard uncertainties off: such a cell goes back to its maker.
-    z = np.clip(rng.standard_normal(4), -3.0, 3.0) * (0.0 if exact else 1.0)
-    c, M, k, mu = (value + float(z[i]) * u for i, (value, u) in enumerate(pairs))
-    return TrueCell(c, M, k, mu, k * c if spec.hsd_n_per_v is None else spec.hsd_n_per_v, rigid)
 
 
 @dataclass(frozen=True)
@@ -314,78 +212,3 @@ class DrawnRig:
             "restitution_slope": self.restitution_slope,
             "restitution_scatter": self.restitution_scatter,
         }
-
-
-def draw_rig(
-    seed: int,
-    spheres: Mapping[str, SphereSpec],
-    surfaces: Mapping[str, SurfaceSpec],
-    cell: CellSpec,
-    effects: Sequence[Effect] | str,
-    *,
-    restitution: Mapping[tuple[str, str], float] | None = None,
-    restitution_scatter: float = 0.008,
-    gravity_m_per_s2: float = 9.80665,
-    rigid_cell: bool = False,
-    exact: bool = False,
-) -> DrawnRig:
-    """Draw a rig.
-
-    Parameters
-    ----------
-    seed : int
-        Two draws with the same seed and labels are the same rig.
-    spheres, surfaces : Mapping
-        Labels by name.
-    cell : CellSpec
-        The cell's certificate.
-    effects : sequence of Effect or str
-        What acts; ``"random"`` draws one.
-    restitution : Mapping, optional
-        eps of Eq. 6 by pair; pairs left out are drawn from 0.65 to 0.85. [1]
-    restitution_scatter : float
-        Standard deviation of eps from impact to impact. [1]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    rigid_cell : bool
-        Whether the cell is rigid (HSD) instead of a Kelvin-Voigt element.
-    exact : bool
-        Take every label at its word: nothing about materials and cell is drawn.
-
-    Returns
-    -------
-    DrawnRig
-        The truth.
-
-    Raises
-    ------
-    ValueError
-        If ``effects`` is a word other than ``"random"``.
-    """
-    if isinstance(effects, str):
-        if effects != "random":
-            raise ValueError(f"effects is a list of effects or 'random', not {effects!r}.")
-        rng = np.random.default_rng([seed, 3])
-        effects = [draw_effect(rng, list(spheres), list(surfaces), rigid_cell=rigid_cell)]
-    rng = np.random.default_rng([seed, 1])
-    true_spheres = {n: draw_solid(s, rng, exact=exact) for n, s in spheres.items()}
-    true_surfaces = {n: draw_solid(s, rng, exact=exact) for n, s in surfaces.items()}
-    true_cell = draw_cell(cell, np.random.default_rng([seed, 2]), exact=exact, rigid=rigid_cell)
-    rng = np.random.default_rng([seed, 4])
-    drawn = {(a, b): float(rng.uniform(0.65, 0.85)) for a in spheres for b in surfaces}
-    slope = 0.0 if exact else float(rng.normal(0.02, 0.01))
-    return DrawnRig(
-        sphere_specs=spheres,
-        surface_specs=surfaces,
-        sphere_solids=true_spheres,
-        surface_solids=true_surfaces,
-        cell=true_cell,
-        restitution=drawn | dict(restitution or {}),
-        restitution_slope=slope,
-        restitution_scatter=restitution_scatter,
-        effects=tuple(effects),
-        gravity_m_per_s2=gravity_m_per_s2,
-    )
-
-
-__all__ = ["DrawnRig", "Solid", "TrueCell", "draw_effect", "draw_rig", "make_effect"]

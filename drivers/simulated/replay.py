@@ -55,12 +55,14 @@ class Recording:
         ----------
         codes : ndarray of int16, shape (n,)
             As in a campaign folder or a shot file.
-        volts_per_code, offset_v : float
+        volts_per_code : float
             ``volts = codes * volts_per_code + offset_v``. [V]
         sample_rate_hz : float
             Its rate. [Hz]
         trigger_index : int
             Sample near the first touch. [1]
+        offset_v : float
+            As above. [V]
 
         Returns
         -------

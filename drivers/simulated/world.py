@@ -4,94 +4,33 @@ from __future__ import annotations
 
 import math
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import ConfigurationError
 from drivers.simulated.clock import RigClock
-from drivers.simulated.drawn_rig import draw_rig
+from drivers.simulated.converter import (
+    TABLE_SAMPLES,
+    Board,
+    QuietInput,
+    quantise,
+    quiet_input,
+    read_round,
+)
+from drivers.simulated.draw import draw_rig
 from drivers.simulated.effects import Effect, Shot
 from drivers.simulated.faults import Faults
 from drivers.simulated.flight import Flight, Segment, begin_flight, render_flight
 from drivers.simulated.impact import Mechanics, simulate_impact
-from drivers.simulated.noise import NoiseSettings, noise_table
 from drivers.simulated.replay import Recording
-from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec, SphereSpec, SurfaceSpec
+from drivers.simulated.world_settings import WorldSettings
 
-_T = TypeVar("_T", np.float32, np.uint16)
-_CODES = 65536
-_TABLE_SAMPLES = 1 << 21
+__all__ = ["World", "WorldSettings"]
+
 _NEVER = 1 << 62
-
-
-@dataclass(frozen=True)
-class WorldSettings:
-    """What a simulated rig is made of.
-
-    Attributes
-    ----------
-    seed : int
-        Same seed and same commands at the same rig times give the same codes.
-    clock_speed : float
-        1 real time, 20 accelerated, ``math.inf`` as fast as the host reads. [1]
-    rate_error : float
-        True sample rate over the one asked for. [1]
-    spheres, surfaces : Mapping
-        What lies in the drawers, as labelled; a surface without modulus is drawn anywhere.
-    cell : CellSpec
-        The load cell's certificate.
-    cell_model : str
-        ``"kv"``, or ``"hsd"`` for a rigid cell.
-    exact : bool
-        Labels and certificate are the truth; nothing about them is drawn.
-    effects : sequence of Effect or str
-        What the base model lacks; ``"random"`` draws one from the seed and keeps it to itself.
-    restitution : Mapping
-        eps of Eq. 6 by (sphere, surface); pairs left out are drawn from 0.65 to 0.85. [1]
-    restitution_scatter : float
-        Standard deviation of eps from impact to impact. [1]
-    noise : NoiseSettings
-        What the input shows when nothing happens.
-    offset_v : float
-        Baseline. [V]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    speed_repeatability : float
-        Relative standard deviation of the impact speed. [1]
-    release_latency_s, release_jitter_s : float
-        From the valve's command to the sphere leaving the tube: mean and standard deviation. [s]
-    vacuum_held_v, vacuum_open_v, no_vacuum_v : float
-        Gauge with a sphere on the tube, with an open tube, and with the pump shut off. [V]
-    recording : Recording or None
-        Played at every release in place of a simulated impact.
-    """
-
-    seed: int = 1
-    clock_speed: float = 1.0
-    rate_error: float = 1.0
-    spheres: Mapping[str, SphereSpec] = field(default_factory=lambda: dict(SPHERES))
-    surfaces: Mapping[str, SurfaceSpec] = field(default_factory=lambda: dict(SURFACES))
-    cell: CellSpec = field(default_factory=CellSpec)
-    cell_model: str = "kv"
-    exact: bool = False
-    effects: Sequence[Effect] | str = ()
-    restitution: Mapping[tuple[str, str], float] = field(default_factory=dict)
-    restitution_scatter: float = 0.008
-    noise: NoiseSettings = field(default_factory=NoiseSettings)
-    offset_v: float = 0.0
-    gravity_m_per_s2: float = 9.80665
-    speed_repeatability: float = 0.003
-    release_latency_s: float = 0.012
-    release_jitter_s: float = 0.001
-    vacuum_held_v: float = 3.2
-    vacuum_open_v: float = 1.4
-    no_vacuum_v: float = 0.3
-    recording: Recording | None = None
 
 
 @dataclass(frozen=True)
@@ -105,9 +44,8 @@ class _Hanging:
 class _Stream:
     began_s: float
     rate_hz: float
-    range_v: float
-    gain: float
-    offset_v: float
+    board: Board
+    quiet: QuietInput
     table_at: int
 
 
@@ -159,7 +97,7 @@ class World:
         self._segments: dict[int, list[Segment]] = {}
         self._over_s: dict[int, float] = {}  # when a flight's last segment ended, rig time
         self._conversions = [c for e in self._rig.effects if (c := e.conversion()) is not None]
-        _warm_up()
+        _warm_up(self._rig.effects)
 
     # -- acquisition side ---------------------------------------------------------------------
 
@@ -183,17 +121,15 @@ class World:
             The board's own error, ``V = gain * Vraw + offset``, as its calibration table
             states it. [1, V]
         """
+        board = Board(range_v, board_gain, board_offset_v)
+        rate_hz = sample_rate_hz * self.settings.rate_error
+        # The table takes a third of a second once; sample 0 is after it.
+        noise, seed = self.settings.noise, self.settings.seed
+        quiet = quiet_input(noise, seed, self.settings.offset_v, rate_hz, board)
         with self._lock:
-            table_at = (self._streams * 700_001) % _TABLE_SAMPLES
+            table_at = (self._streams * 700_001) % TABLE_SAMPLES
             self._streams += 1
-            self._stream = _Stream(
-                self.clock.now_s(),
-                sample_rate_hz * self.settings.rate_error,
-                range_v,
-                board_gain,
-                board_offset_v,
-                table_at,
-            )
+            self._stream = _Stream(self.clock.now_s(), rate_hz, board, quiet, table_at)
             self._segments = {}
 
     def stop_stream(self) -> None:
@@ -240,26 +176,13 @@ class World:
                 raise RuntimeError("The converter stands: start_stream comes first.")
             self.clock.advance_to(stream.began_s + (start + count) / stream.rate_hz)
             self._let_go()
-            quiet = _quiet_codes(
-                self.settings.noise,
-                self.settings.seed,
-                self.settings.offset_v,
-                stream.rate_hz,
-                (stream.range_v, stream.gain, stream.offset_v),
-            )
-            codes = _read_round(quiet.codes, stream.table_at + start, count)
-            self._add_signal(stream, quiet.volts, start, codes)
+            codes = read_round(stream.quiet.codes, stream.table_at + start, count)
+            self._add_signal(stream, start, codes)
             for conversion in self._conversions:
                 codes = conversion[codes]
             return codes
 
-    def _add_signal(
-        self,
-        stream: _Stream,
-        noise: NDArray[np.float32],
-        start: int,
-        codes: NDArray[np.uint16],
-    ) -> None:
+    def _add_signal(self, stream: _Stream, start: int, codes: NDArray[np.uint16]) -> None:
         """Write over the quiet codes wherever something is to be seen."""
         stop = start + codes.size
         pieces = [s for s in self._visible(stream, stop) if s.first < stop]
@@ -269,7 +192,9 @@ class World:
             return
         low = start if has_hum else max(start, min(s.first for s in pieces))
         high = stop if has_hum else min(stop, max(s.first + s.volts.size for s in pieces))
-        volts = _read_round(noise, stream.table_at + low, high - low).astype(np.float64)
+        volts = read_round(stream.quiet.noise_v, stream.table_at + low, high - low).astype(
+            np.float64
+        )
         volts += self.settings.offset_v
         if has_hum:
             t = stream.began_s + np.arange(low, high) / stream.rate_hz
@@ -284,9 +209,7 @@ class World:
                 volts[a - low : b - low] = part
             else:
                 volts[a - low : b - low] += part
-        codes[low - start : high - start] = _quantise(
-            volts, (stream.range_v, stream.gain, stream.offset_v)
-        )
+        codes[low - start : high - start] = quantise(volts, stream.board)
 
     def _visible(self, stream: _Stream, stop: int) -> list[Segment]:
         """Return the segments of all flights that may reach before ``stop``, rendered once."""
@@ -422,42 +345,17 @@ class World:
             return {"seed": self.settings.seed, **self._rig.truth(), "noise": noise, "shots": shots}
 
 
-@dataclass(frozen=True)
-class _Quiet:
-    volts: NDArray[np.float32]
-    codes: NDArray[np.uint16]
-
-
-@lru_cache(maxsize=4)
-def _quiet_codes(
-    noise: NoiseSettings,
-    seed: int,
-    offset_v: float,
-    rate_hz: float,
-    board: tuple[float, float, float],
-) -> _Quiet:
-    rng = np.random.default_rng([seed, 50])
-    volts = noise_table(noise, _TABLE_SAMPLES, rate_hz, rng)
-    return _Quiet(volts, _quantise(volts.astype(np.float64) + offset_v, board))
-
-
-def _quantise(volts: NDArray[np.float64], board: tuple[float, float, float]) -> NDArray[np.uint16]:
-    """Return offset binary codes; a converter stops at the ends of its range."""
-    range_v, gain, offset_v = board
-    ideal = np.rint(((volts - offset_v) / gain + range_v) * (_CODES / (2.0 * range_v)))
-    return np.clip(ideal, 0, _CODES - 1).astype(np.uint16)
-
-
-def _read_round(table: NDArray[_T], start: int, count: int) -> NDArray[_T]:
-    """Return a copy of ``count`` values of a table that repeats."""
-    at = start % table.size
-    if at + count <= table.size:
-        return table[at : at + count].copy()
-    return np.take(table, np.arange(at, at + count), mode="wrap")
-
-
 @lru_cache(maxsize=1)
-def _warm_up() -> None:
+def _compile_integrator() -> None:
     """Have the integrator compiled before the first sphere falls."""
     bodies = Mechanics(6e-4, 4.76e-3, 1.5e9, 0.8, 9.80665, 0.0354, 4.16e8, 560.0)
     simulate_impact(bodies, 0.5, points=10)
+
+
+def _warm_up(effects: tuple[Effect, ...]) -> None:
+    """Have everything compiled that a flight may need; some effects bring compiled loops."""
+    _compile_integrator()
+    for effect in effects:
+        stage = effect.stage(Shot(0, "", "", 0.01, np.random.default_rng(0)))
+        if stage is not None:
+            stage.process(np.zeros(2), 1e-6)

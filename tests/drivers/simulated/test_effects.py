@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from drivers.simulated.drawn_rig import DrawnRig, draw_effect, draw_rig
+from drivers.simulated.draw import draw_effect, draw_rig
+from drivers.simulated.drawn_rig import DrawnRig
 from drivers.simulated.effects import EFFECTS, INVENTED, LIBRARY, Effect, Scope, Shot, make_effect
 from drivers.simulated.flight import Touch, begin_flight, render_flight
 from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec

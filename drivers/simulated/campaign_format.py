@@ -1,0 +1,130 @@
+"""A simulated campaign in the exchange format ``impactd-campaign/1``: what the technician knows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.simulated.campaign_settings import CampaignSettings
+from drivers.simulated.converter import CODES
+from drivers.simulated.flight import Flight
+from drivers.simulated.specimens import CellSpec, SurfaceSpec
+
+
+def describe_shot(
+    settings: CampaignSettings,
+    flight: Flight,
+    drop: tuple[str, str, float],
+    codes: NDArray[np.int16],
+    chance: tuple[int, int],
+) -> dict[str, object]:
+    """Return a shot's entry: what the technician knows of it.
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        What was asked for.
+    flight : Flight
+        What happened.
+    drop : tuple of str, str, float
+        Sphere, surface and stated height. [-, -, m]
+    codes : ndarray of int16, shape (samples,)
+        The record.
+    chance : tuple of int
+        Where the error of the measured rebound comes from.
+
+    Returns
+    -------
+    dict
+        Ready for JSON.
+    """
+    sphere, surface, height = drop
+    volts_per_code = 2.0 * settings.range_v / CODES
+    baseline = float(np.median(codes[: settings.touch_at // 2]))
+    above = np.flatnonzero((codes - baseline) * volts_per_code > settings.trigger_v)
+    above = above[above >= settings.touch_at - 5]
+    touch = flight.touches[0]
+    slowed = settings.gravity_m_per_s2 * settings.restitution_seen_after_s
+    measured = (touch.rebound_speed_m_per_s - slowed) / touch.speed_m_per_s
+    measured += settings.restitution_u * np.random.default_rng([*chance, 120]).normal()
+    return {
+        "sphere": sphere,
+        "surface": surface,
+        "drop_height_m": height,
+        "file": f"shot{flight.shot.number:03d}.npy",
+        "sample_rate_Hz": settings.sample_rate_hz,
+        "volts_per_code": volts_per_code,
+        "trigger_index": int(above[0]) if above.size else settings.touch_at,
+        "restitution": {"value": round(float(measured), 4), "u": settings.restitution_u},
+    }
+
+
+def _quantity(value: float, u: float) -> dict[str, float]:
+    return {"value": value, "u": u}
+
+
+def describe_campaign(
+    settings: CampaignSettings,
+    surfaces: Mapping[str, SurfaceSpec],
+    cell: CellSpec,
+    shots: list[dict[str, object]],
+) -> dict[str, object]:
+    """Return the campaign in the exchange format.
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        What was asked for.
+    surfaces : Mapping
+        Labels of the surfaces, the specimen's drawn ones included.
+    cell : CellSpec
+        Certificate of the cell.
+    shots : list of dict
+        Entries of `describe_shot` in order of time.
+
+    Returns
+    -------
+    dict
+        Ready for JSON.
+    """
+    sensor = {
+        "compliance_m_per_V": _quantity(cell.compliance_m_per_v, cell.compliance_u_m_per_v),
+        "crystal_mass_kg": _quantity(cell.crystal_mass_kg, cell.crystal_mass_u_kg),
+        "crystal_stiffness_N_per_m": _quantity(
+            cell.crystal_stiffness_n_per_m, cell.crystal_stiffness_u_n_per_m
+        ),
+        "crystal_damping_N_s_per_m": _quantity(
+            cell.crystal_damping_n_s_per_m, cell.crystal_damping_u_n_s_per_m
+        ),
+    }
+    if settings.cell_model == "hsd":
+        value = cell.hsd_n_per_v or cell.crystal_stiffness_n_per_m * cell.compliance_m_per_v
+        sensor = {"hsd_N_per_V": _quantity(value, 0.1 * value)}
+    return {
+        "format": "impactd-campaign/1",
+        "gravity_m_per_s2": settings.gravity_m_per_s2,
+        "release": {"speed_repeatability": settings.speed_repeatability},
+        "sensor": sensor,
+        "spheres": {
+            name: {
+                "radius_m": spec.radius_m,
+                "mass_kg": spec.mass_kg,
+                "youngs_modulus_Pa": _quantity(spec.youngs_modulus_pa, spec.youngs_modulus_u_pa),
+                "poissons_ratio": _quantity(spec.poissons_ratio, spec.poissons_ratio_u),
+            }
+            for name, spec in settings.spheres.items()
+        },
+        "surfaces": {
+            name: {
+                "youngs_modulus_Pa": None
+                if spec.youngs_modulus_pa is None
+                else _quantity(spec.youngs_modulus_pa, spec.youngs_modulus_u_pa),
+                "poissons_ratio": _quantity(spec.poissons_ratio, spec.poissons_ratio_u),
+                "coupon_mass_kg": spec.coupon_mass_kg,
+            }
+            for name, spec in surfaces.items()
+        },
+        "shots": shots,
+    }

@@ -1,0 +1,83 @@
+"""What a simulated campaign consists of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+from drivers.simulated.effects import Effect
+from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec, SphereSpec, SurfaceSpec
+
+
+@dataclass(frozen=True)
+class CampaignSettings:
+    """What a campaign consists of.
+
+    Attributes
+    ----------
+    spheres, surfaces : Mapping
+        Labels by name; the surface ``specimen`` gets a random coupon mass and Poisson's ratio.
+    drop_heights_m : tuple of float
+        Heights; each campaign shifts each of them by up to 6 %. [m]
+    repeats : int
+        Drops per sphere, surface and height. [1]
+    samples, touch_at : int
+        Length of a record and sample near which the sphere touches. [1]
+    sample_rate_hz, range_v : float
+        Converter. [Hz, V]
+    cell : CellSpec
+        Certificate of the cell; its compliance is replaced when ``fill`` is given.
+    fill : float or None
+        Part of the range that the tallest pulse of the base model reaches: the compliance on the
+        certificate is chosen for it, as one sets a gain in the laboratory; ``None`` keeps it. [1]
+    cell_model : str
+        ``"kv"``, or ``"hsd"`` for a rigid cell.
+    effects : sequence of Effect or str
+        What acts; ``"random"`` draws one.
+    noise : NoiseSettings
+        Level and AR(1) correlation; the 1/f part is left out of so short a record.
+    restitution_scatter, restitution_u : float
+        Scatter of eps from shot to shot, and standard uncertainty of the measured rebound. [1]
+    restitution_seen_after_s : float
+        How long after lift-off the rebound speed is read; gravity has slowed the sphere by then,
+        as in recordings whose camera looks once, at the end. [s]
+    baseline_scatter_v : float
+        Standard deviation of the baseline from shot to shot. [V]
+    speed_repeatability : float
+        Relative standard deviation of the impact speed. [1]
+    gravity_m_per_s2 : float
+        [m/s^2]
+    trigger_v : float
+        A record's trigger index is the first sample beyond this level, above the baseline. [V]
+    exact : bool
+        Labels and certificate are the truth.
+    """
+
+    spheres: Mapping[str, SphereSpec] = field(
+        default_factory=lambda: {n: SPHERES[n] for n in ("acetal", "hdpe", "acetal_small")}
+    )
+    surfaces: Mapping[str, SurfaceSpec] = field(
+        default_factory=lambda: {n: SURFACES[n] for n in ("aluminium", "polycarbonate", "specimen")}
+    )
+    drop_heights_m: tuple[float, ...] = (0.0115, 0.030, 0.0465)
+    repeats: int = 2
+    samples: int = 4096
+    touch_at: int = 1500
+    sample_rate_hz: float = 1e6
+    range_v: float = 10.0
+    cell: CellSpec = field(default_factory=CellSpec)
+    fill: float | None = 0.85
+    cell_model: str = "kv"
+    effects: Sequence[Effect] | str = ()
+    noise: NoiseSettings = field(
+        default_factory=lambda: NoiseSettings(rms_v=1.5e-3, ar1=0.6, pink_corner_hz=0.0)
+    )
+    restitution_scatter: float = 0.008
+    restitution_u: float = 0.01
+    restitution_seen_after_s: float = 0.0
+    baseline_scatter_v: float = 2e-3
+    speed_repeatability: float = 0.003
+    gravity_m_per_s2: float = 9.80665
+    trigger_v: float = 0.1
+    exact: bool = False

@@ -1,0 +1,121 @@
+"""Volts to codes, and the codes of an input at rest, made once and read round and round."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.simulated.noise import NoiseSettings, noise_table
+
+CODES = 65536
+TABLE_SAMPLES = 1 << 21
+
+_T = TypeVar("_T", np.float32, np.uint16)
+
+
+@dataclass(frozen=True)
+class Board:
+    """A converter board's range and its own error, ``V = gain * Vraw + offset``.
+
+    Attributes
+    ----------
+    range_v : float
+        +/- range. [V]
+    gain : float
+        [1]
+    offset_v : float
+        [V]
+    """
+
+    range_v: float
+    gain: float = 1.0
+    offset_v: float = 0.0
+
+
+@dataclass(frozen=True)
+class QuietInput:
+    """What a resting input gives, as a table that joins its own beginning.
+
+    Attributes
+    ----------
+    noise_v : ndarray of float32, shape (TABLE_SAMPLES,)
+        Noise without the baseline. [V]
+    codes : ndarray of uint16, shape (TABLE_SAMPLES,)
+        Noise and baseline, converted.
+    """
+
+    noise_v: NDArray[np.float32]
+    codes: NDArray[np.uint16]
+
+
+@lru_cache(maxsize=4)
+def quiet_input(
+    noise: NoiseSettings, seed: int, baseline_v: float, rate_hz: float, board: Board
+) -> QuietInput:
+    """Return the table of an input at rest.
+
+    Parameters
+    ----------
+    noise : NoiseSettings
+        Level and colour.
+    seed : int
+        Source of chance.
+    baseline_v : float
+        Offset of the signal. [V]
+    rate_hz : float
+        Rate at which it will be read. [Hz]
+    board : Board
+        The converter.
+
+    Returns
+    -------
+    QuietInput
+        Kept for the next caller who asks the same.
+    """
+    noise_v = noise_table(noise, TABLE_SAMPLES, rate_hz, np.random.default_rng([seed, 50]))
+    return QuietInput(noise_v, quantise(noise_v.astype(np.float64) + baseline_v, board))
+
+
+def quantise(volts: NDArray[np.float64], board: Board) -> NDArray[np.uint16]:
+    """Return offset binary codes; a converter stops at the ends of its range.
+
+    Parameters
+    ----------
+    volts : ndarray, shape (n,)
+        Input. [V]
+    board : Board
+        The converter.
+
+    Returns
+    -------
+    ndarray of uint16, shape (n,)
+        Codes.
+    """
+    raw = (volts - board.offset_v) / board.gain
+    ideal = np.rint((raw + board.range_v) * (CODES / (2.0 * board.range_v)))
+    return np.clip(ideal, 0, CODES - 1).astype(np.uint16)
+
+
+def read_round(table: NDArray[_T], start: int, count: int) -> NDArray[_T]:
+    """Return a copy of a part of a table that repeats.
+
+    Parameters
+    ----------
+    table : ndarray, shape (n,)
+        The table.
+    start, count : int
+        Where to begin, at any distance, and how many values. [1]
+
+    Returns
+    -------
+    ndarray, shape (count,)
+        A copy.
+    """
+    at = start % table.size
+    if at + count <= table.size:
+        return table[at : at + count].copy()
+    return np.take(table, np.arange(at, at + count), mode="wrap")
