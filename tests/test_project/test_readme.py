@@ -86,7 +86,7 @@ def test_the_session_runs_as_printed(tmp_path: Path) -> None:
         f"impactd-data --port {port} >daemon.log 2>&1 &\n"
         "daemon=$!\n"
         "trap 'kill $daemon; wait $daemon' EXIT\n"
-        "until impactd status >/dev/null 2>&1; do kill -0 $daemon; sleep 0.2; done",
+        "until impactd status 2>&1 | grep -q '^READY'; do kill -0 $daemon; sleep 0.2; done",
     )
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     result = subprocess.run(
