@@ -30,94 +30,126 @@ TERM = types.UniTuple(float64, 4)(
 )
 """Signature of a contact term."""
 
-# state: y, u, t, then one memory per term, then the structure
+# state: y, u, t, then one memory per acting term, then the structure
 _Y, _U, _T, _Z = 0, 1, 2, 3
+
+# Dormand & Prince's order-5 row, as in the base solver, here as a table: one place in the code
+# calls the laws, which the compiler can then take apart
+_TABLE = np.array(
+    [
+        [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
+        [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
+        [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
+        [19372 / 6561, -25360 / 2187, 64448 / 6561, -212 / 729, 0.0, 0.0],
+        [9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656, 0.0],
+        [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
+    ]
+)
 
 
 @njit(cache=True)
-def _forces(state, K, cd, share, terms, active, packed):  # type: ignore[no-untyped-def]
+def _forces(state, K, cd, terms, active, packed):  # type: ignore[no-untyped-def]
     """Return (elastic, dissipative, recession) and leave dz/dt in ``packed``'s last column."""
     y = max(state[_Y], 0.0)
     delta = y * y * y * y
     elastic = K * delta * y * y
-    total, lost, recession = elastic, cd * y * state[_U], 0.0
-    for j in active:
-        p = packed[j]
-        e, d, z, r = terms[j](delta, state[_U], elastic, state[_Z + j], p[0], p[1], p[2], p[3])
-        total += e
-        lost += d
-        recession += r
-        packed[j, 4] = z
+    total, lost, recession, rate = elastic, 0.0, 0.0, state[_U]
+    # where the ground recedes, the laws are asked once more with the rate that is left
+    for _ in range(2):
+        total, lost, receding = elastic, cd * y * rate, 0.0
+        for a in range(active.size):
+            j = active[a]
+            e, d, z, r = terms[j](
+                delta, rate, elastic, state[_Z + a],
+                packed[j, 0], packed[j, 1], packed[j, 2], packed[j, 3],
+            )  # fmt: skip
+            total += e
+            lost += d
+            receding += r
+            packed[j, 4] = z
+        if receding == recession:
+            break
+        recession = receding
+        rate = state[_U] - recession
     return total, lost, recession
 
 
 @njit(cache=True)
 def _rates(out, state, K, m, cd, g, share, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
     """Write d(state)/ds and return the force on the structure."""
-    n_terms = len(terms)
-    elastic, lost, recession = _forces(state, K, cd, share, terms, active, packed)
+    elastic, lost, recession = _forces(state, K, cd, terms, active, packed)
     y = state[_Y]
     y3 = y * y * y
     load = elastic + share * lost
-    first = _Z + n_terms
-    n = b.size
-    for i in range(n):
+    first = _Z + active.size
+    acceleration = 0.0
+    for i in range(b.size):
         rate = b[i] * load
-        for j in range(n):
+        for j in range(b.size):
             rate += A[i, j] * state[first + j]
-        out[first + i] = rate
-    acceleration = out[first + top + 1] if n else 0.0
+        if i == top + 1:
+            acceleration = rate
+        out[first + i] = y3 * rate
     out[_Y] = 0.25 * (state[_U] - recession)
     out[_U] = y3 * (g - (elastic + lost) / m - acceleration)
     out[_T] = y3
-    for j in range(n_terms):
-        out[_Z + j] = 0.0
-    for j in active:
-        out[_Z + j] = y3 * packed[j, 4]
-    for i in range(n):
-        out[first + i] *= y3
+    for a in range(active.size):
+        out[_Z + a] = y3 * packed[active[a], 4]
     return load
 
 
 @njit(cache=True)
-def _advance(new, state, k, work, h, K, m, cd, g, share, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
+def _advance(new, state, k, h, K, m, cd, g, share, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
     """Write the state one step of size h in s later (Dormand & Prince, order 5)."""
-    size = state.size
-    _rates(k[0], state, K, m, cd, g, share, terms, active, packed, A, b, top)
-    for i in range(size):
-        work[i] = state[i] + h * (1 / 5) * k[0, i]
-    _rates(k[1], work, K, m, cd, g, share, terms, active, packed, A, b, top)
-    for i in range(size):
-        work[i] = state[i] + h * (3 / 40 * k[0, i] + 9 / 40 * k[1, i])
-    _rates(k[2], work, K, m, cd, g, share, terms, active, packed, A, b, top)
-    for i in range(size):
-        work[i] = state[i] + h * (44 / 45 * k[0, i] - 56 / 15 * k[1, i] + 32 / 9 * k[2, i])
-    _rates(k[3], work, K, m, cd, g, share, terms, active, packed, A, b, top)
-    for i in range(size):
-        work[i] = state[i] + h * (
-            19372 / 6561 * k[0, i]
-            - 25360 / 2187 * k[1, i]
-            + 64448 / 6561 * k[2, i]
-            - 212 / 729 * k[3, i]
-        )
-    _rates(k[4], work, K, m, cd, g, share, terms, active, packed, A, b, top)
-    for i in range(size):
-        work[i] = state[i] + h * (
-            9017 / 3168 * k[0, i]
-            - 355 / 33 * k[1, i]
-            + 46732 / 5247 * k[2, i]
-            + 49 / 176 * k[3, i]
-            - 5103 / 18656 * k[4, i]
-        )
-    _rates(k[5], work, K, m, cd, g, share, terms, active, packed, A, b, top)
-    for i in range(size):
-        new[i] = state[i] + h * (
-            35 / 384 * k[0, i]
-            + 500 / 1113 * k[2, i]
-            + 125 / 192 * k[3, i]
-            - 2187 / 6784 * k[4, i]
-            + 11 / 84 * k[5, i]
-        )
+    new[:] = state
+    for stage in range(6):
+        _rates(k[stage], new, K, m, cd, g, share, terms, active, packed, A, b, top)
+        for i in range(state.size):
+            total = 0.0
+            for j in range(stage + 1):
+                total += _TABLE[stage, j] * k[j, i]
+            new[i] = state[i] + h * total
+
+
+@njit(cache=True, inline="always")
+def _cubic(a, da, b, db, x):  # type: ignore[no-untyped-def]
+    """Return Hermite's cubic on [0, 1] through two values and slopes."""
+    d = b - a
+    return a + x * (da + x * (3.0 * d - 2.0 * da - db + x * (da + db - 2.0 * d)))
+
+
+@njit(cache=True)
+def _fraction_at(ti, t0, d0, t1, d1):  # type: ignore[no-untyped-def]
+    """Return where within a step the time is ``ti``: Newton, held within its bracket."""
+    low, high, x = 0.0, 1.0, (ti - t0) / (t1 - t0)
+    for _ in range(40):
+        miss = _cubic(t0, d0, t1, d1, x) - ti
+        if miss > 0.0:
+            high = x
+        else:
+            low = x
+        d = t1 - t0
+        slope = d0 + x * (2.0 * (3.0 * d - 2.0 * d0 - d1) + 3.0 * x * (d0 + d1 - 2.0 * d))
+        moved = x - miss / slope if slope > 0.0 else -1.0
+        if not low <= moved <= high:
+            moved = 0.5 * (low + high)
+        if abs(moved - x) < 1e-13:
+            break
+        x = moved
+    return x
+
+
+@njit(cache=True)
+def _force_at(ti, state, new, before, after, h, work, K, cd, share, terms, active, packed):  # type: ignore[no-untyped-def]
+    """Return the force at time ``ti`` within a step, by the laws themselves at the state there.
+
+    The states are smooth in s where the force in time is not, so they are what is interpolated.
+    """
+    x = _fraction_at(ti, state[_T], h * before[_T], new[_T], h * after[_T])
+    for i in range(state.size):
+        work[i] = _cubic(state[i], h * before[i], new[i], h * after[i], x)
+    elastic, lost, _ = _forces(work, K, cd, terms, active, packed)
+    return elastic + share * lost
 
 
 @njit(cache=True)
@@ -165,7 +197,24 @@ def _ring(out, i, s, P, reading, gain):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def integrate_with_effects(
-    out, start, dt, K, m, v0, alpha, g, share, terms, active, packed, A, b, reading, top, gain, steps
+    out,
+    start,
+    dt,
+    K,
+    m,
+    v0,
+    alpha,
+    g,
+    share,
+    terms,
+    active,
+    packed,
+    A,
+    b,
+    reading,
+    top,
+    gain,
+    steps,
 ):  # type: ignore[no-untyped-def]
     r"""Add one impact at t = 0, sampled at ``start + i dt``, to ``out``.
 
@@ -199,10 +248,11 @@ def integrate_with_effects(
         Contact duration [s], sphere's rebound speed [m/s], largest indentation [m]; the duration
         is NaN when the contact did not end within the allowed steps.
     """
-    n, ns, n_terms = out.size, b.size, len(terms)
-    size = _Z + n_terms + ns
-    first = _Z + n_terms
-    state, new, work, rate = np.zeros(size), np.zeros(size), np.zeros(size), np.zeros(size)
+    n, ns = out.size, b.size
+    first = _Z + active.size
+    size = first + ns
+    state, new, work = np.zeros(size), np.zeros(size), np.zeros(size)
+    before, after = np.zeros(size), np.zeros(size)
     k = np.zeros((6, size))
     state[_U] = v0
     cd = alpha * math.sqrt(m * K)
@@ -211,29 +261,30 @@ def integrate_with_effects(
     i = 0
     if start < 0.0:
         i = int(math.ceil(-start / dt - 1e-12))
-    f0 = _rates(rate, state, K, m, cd, g, share, terms, active, packed, A, b, top)
+    f0 = _rates(before, state, K, m, cd, g, share, terms, active, packed, A, b, top)
     ended, deepest = False, 0.0
     for _ in range(_MAX_STEPS):
-        _advance(new, state, k, work, h, K, m, cd, g, share, terms, active, packed, A, b, top)
+        length = h
+        _advance(new, state, k, h, K, m, cd, g, share, terms, active, packed, A, b, top)
         if new[_Y] <= 0.0 and new[_U] < 0.0:
             part = h
             for _ in range(12):
-                _advance(
-                    new, state, k, work, part, K, m, cd, g, share, terms, active, packed, A, b, top
-                )
+                _advance(new, state, k, part, K, m, cd, g, share, terms, active, packed, A, b, top)
                 correction = 4.0 * new[_Y] / new[_U]
                 part -= correction
                 if abs(correction) <= 1e-14 * h:
                     break
-            _advance(new, state, k, work, part, K, m, cd, g, share, terms, active, packed, A, b, top)
+            _advance(new, state, k, part, K, m, cd, g, share, terms, active, packed, A, b, top)
             new[_Y] = 0.0
+            length = part
             ended = True
         deepest = max(deepest, new[_Y])
-        f1 = _rates(rate, new, K, m, cd, g, share, terms, active, packed, A, b, top)
+        f1 = _rates(after, new, K, m, cd, g, share, terms, active, packed, A, b, top)
         t0, t1 = state[_T], new[_T]
         if i < n and start + i * dt <= t1:
-            q0 = q1 = r0 = r1 = s0 = s1 = 0.0
+            q0 = p1 = p2 = p3 = p4 = p5 = 0.0
             if ns:
+                q1 = r0 = r1 = s0 = s1 = 0.0
                 for row in range(ns):
                     if reading[row] == 0.0:
                         continue
@@ -249,18 +300,22 @@ def integrate_with_effects(
                     s0 += c * x0
                     s1 += c * x1
                 p1, p2, p3, p4, p5 = _quintic(q0, r0, s0, q1, r1, s1, t1 - t0)
-            else:
-                # contact laws differ, so the force itself is interpolated, linearly
-                q0, p1, p2, p3, p4, p5 = f0, f1 - f0, 0.0, 0.0, 0.0, 0.0
             while i < n:
                 ti = start + i * dt
                 if ti > t1:
                     break
-                x = (ti - t0) / (t1 - t0)
-                q = q0 + x * (p1 + x * (p2 + x * (p3 + x * (p4 + x * p5))))
+                if ns:
+                    x = (ti - t0) / (t1 - t0)
+                    q = q0 + x * (p1 + x * (p2 + x * (p3 + x * (p4 + x * p5))))
+                else:
+                    q = _force_at(
+                        ti, state, new, before, after, length, work,
+                        K, cd, share, terms, active, packed,
+                    )  # fmt: skip
                 out[i] += gain * q
                 i += 1
         state[:] = new
+        before[:] = after
         f0 = f1
         if ended:
             break
