@@ -26,7 +26,8 @@ from drivers.simulated.relay_terminal import RelayTerminal
 from drivers.simulated.specimens import SURFACES, CellSpec, SphereSpec, SurfaceSpec
 from drivers.simulated.truth import seal
 from drivers.simulated.usb_device import SimulatedDaq3500
-from drivers.simulated.world import World, WorldSettings
+from drivers.simulated.world import World
+from drivers.simulated.world_settings import WorldSettings
 from impactd.materials import Materials
 from impactd.rig import Rig, build_valve, digitizer_settings, in_words
 from impactd.settings import Settings, SettingsError

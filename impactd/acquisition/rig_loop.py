@@ -158,7 +158,7 @@ class RigLoop:
                 "state": state.value,
                 "drop": run.drop.number if run else None,
                 "owner": run.drop.owner if run else None,
-                "doing": run.progress.doing if run else "",
+                "doing": run.doing if run else "",
             },
         )
 
@@ -320,7 +320,7 @@ class RigLoop:
             self.machine.apply(Event.STORED if fault is None else Event.RIG_DOUBTED)
         self._publish(
             "drop.stored",
-            {**about_drop(self._archive.drop(number)), **run.durations_s(stored_ns)},
+            {**about_drop(self._archive.drop(number)), **run.seen.durations_s(stored_ns)},
         )
         if fault is not None:
             self._tell_fault(fault)
@@ -359,7 +359,7 @@ class RigLoop:
     def _ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
         if not run.aborting.is_set():
             return "failed", failure.problem
-        detail = f"{run.aborted_by} aborted drop {run.drop.number} while it {run.progress.doing}."
+        detail = f"{run.aborted_by} aborted drop {run.drop.number} while it {run.doing}."
         if failure.problem.type != "aborted":
             detail += f" Besides: {failure.problem.detail}"
         remedy = "Ask for a new drop; the sphere may have fallen, so look at the coupon first."

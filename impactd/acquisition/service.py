@@ -304,7 +304,7 @@ class AcquisitionService:
                 state=state,
                 owner=owner,
                 drop=run.drop.number if run else None,
-                doing=run.progress.doing if run else "",
+                doing=run.doing if run else "",
                 fault=self._loop.fault,
                 retry_s=self._settings.timeouts.recover_every_s,
                 checks=checks,
