@@ -13,6 +13,9 @@ from analysis.model.impact_model import NUISANCE, SHARED, ImpactModel
 
 Array = NDArray[np.float64]
 
+LARGEST_LOG = 200.0
+"""No quantity of a rig is e^200 of its unit; beyond, exponentials overflow."""
+
 
 @dataclass(frozen=True)
 class ShotBlock:
@@ -122,6 +125,12 @@ def prior_rows(
     return residuals, rows
 
 
+def _is_absurd(model: ImpactModel, local: Array) -> bool:
+    """Tell whether a step left everything a float can hold; such a step is refused, not clamped."""
+    logs = local[: len(model.shared) + 2]
+    return not bool(np.abs(logs).max() < LARGEST_LOG)
+
+
 def linearise_shot(
     problem: JointProblem, item: FitShot, theta: Array, nuisance: Array
 ) -> ShotBlock | None:
@@ -145,8 +154,12 @@ def linearise_shot(
     """
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
+    if _is_absurd(problem.model, local):
+        return None
     found, jacobian, gradient = problem.model.linearise(local, item.frame)
-    if not math.isfinite(found.rebound_ratio) or not np.isfinite(jacobian[-1]).all():
+    if not (math.isfinite(found.rebound_ratio) and np.isfinite(gradient).all()):
+        return None
+    if not np.isfinite(jacobian[-1]).all():
         return None
     r = item.noise.whiten(found.signal - item.window.signal)
     white = item.noise.whiten(jacobian)
@@ -164,6 +177,8 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
     """Return one shot's whitened squares with its priors; infinite where there is no trace."""
     shared, _ = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
+    if _is_absurd(problem.model, local):
+        return math.inf
     found = problem.model.predict(local, item.frame)
     if not math.isfinite(found.rebound_ratio):
         return math.inf

@@ -21,6 +21,9 @@ MAX_ITERATIONS = 60
 STEP_TOLERANCE = 2e-3
 """Converged when no parameter moves by more than this share of its standard uncertainty."""
 COST_TOLERANCE = 1e-9
+STALLED_DAMPING = 1e10
+STALLED_GAIN = 0.05
+"""Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
 
 Array = NDArray[np.float64]
 
@@ -138,6 +141,17 @@ def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_abov
     return cost
 
 
+def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
+    """Return by how much chi2 would fall if the problem were linear."""
+    matrix, vector, _ = _gather(problem, blocks, theta, 0.0)
+    own = sum(
+        float(b.vector[s:] @ np.linalg.solve(b.matrix[s:, s:], b.vector[s:]))
+        for b in blocks
+        for s in (b.chain.shape[0],)
+    )
+    return float(vector @ np.linalg.solve(matrix, vector)) + own
+
+
 def fit(
     problem: JointProblem,
     nuisances: Array,
@@ -181,19 +195,22 @@ def fit(
         step = np.linalg.solve(damped, vector)
         own = np.array([p.own - p.back @ step for p in parts])
         new_cost = _total_cost(problem, theta + step, nuisances + own, cost)
+        next_blocks = None
         if new_cost <= cost:
+            # at the edge of what can be evaluated a trace may exist and its neighbours not
+            next_blocks = _linearise_all(problem, theta + step, nuisances + own)
+        if next_blocks is not None:
             moved = np.abs(step) * np.sqrt(np.diag(matrix))
-            theta, nuisances = theta + step, nuisances + own
-            next_blocks = _linearise_all(problem, theta, nuisances)
-            assert next_blocks is not None  # its cost was finite
-            blocks = next_blocks
+            theta, nuisances, blocks = theta + step, nuisances + own, next_blocks
             small = cost - new_cost <= COST_TOLERANCE * max(cost, 1.0)
             converged = bool(moved.max() < STEP_TOLERANCE) or (small and damping < 1e-2)
             cost, damping = new_cost, max(damping / 10, 1e-12)
         else:
             damping = max(damping * 10, 1e-6)
-            # no downhill step left at any length: this is the minimum to rounding
-            converged = damping > 1e10
+            if damping > STALLED_DAMPING:
+                # no step of any length helps: the minimum to rounding, or an edge
+                converged = _promised_gain(problem, blocks, theta) < STALLED_GAIN
+                break
         if progress is not None:
             progress("joint fit", min(0.95, iteration / 12))
     matrix, _, _ = _gather(problem, blocks, theta, 0.0)

@@ -215,9 +215,7 @@ class Truth:
                 for n, (radius, mass) in self.spheres.items()
             },
             surfaces={
-                n: Surface(n, stated(n), ratio(n))
-                for n in self.moduli
-                if n not in self.spheres
+                n: Surface(n, stated(n), ratio(n)) for n in self.moduli if n not in self.spheres
             },
             sensor=self.sensor(),
             gravity_m_per_s2=GRAVITY,
@@ -283,9 +281,7 @@ def _read(folder: Path) -> Campaign:
             for n, d in (about.get("spheres") or {}).items()
         },
         surfaces={
-            n: Surface(
-                n, _quantity(d.get("youngs_modulus_Pa")), _quantity(d.get("poissons_ratio"))
-            )
+            n: Surface(n, _quantity(d.get("youngs_modulus_Pa")), _quantity(d.get("poissons_ratio")))
             for n, d in (about.get("surfaces") or {}).items()
         },
         sensor=Sensor(
