@@ -227,8 +227,9 @@ class CalibrationRunner:
                 self._progress(run, index, len(drops), began_s, planned)
                 self._drop(run, planned, index, reservation)
             self._service.give_back(reservation)
-            self._archive.calibrations.set_state(run.number, "fitting")
-            request_calibration_fit(self._archive, run.number)
+            with self._archive.transaction():
+                self._archive.calibrations.set_state(run.number, "fitting")
+                request_calibration_fit(self._archive, run.number)
             self._tell("calibration.fitting", run, {"drops": len(drops)})
         except Exception as error:  # the run ends with a reason, whatever it was
             self._fail(run, error)

@@ -11,27 +11,25 @@ import queue
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 import structlog
 
-from drivers.errors import AbortedError, DriverError, RecordError
-from impactd.acquisition.devices import Findings, confirm_safe, connect, look, make_safe
+from drivers.errors import AbortedError, DriverError
+from impactd.acquisition.devices import confirm_safe, connect, make_safe
 from impactd.acquisition.drop_run import DropRun
+from impactd.acquisition.endings import Rows, about_drop, ending_of, keep_evidence, worst_of
 from impactd.acquisition.events import Event
 from impactd.acquisition.failures import Doubt, Failure, failure_of
-from impactd.acquisition.preflight import Check
+from impactd.acquisition.idle_watch import IdleWatch
 from impactd.acquisition.transitions import Machine, State
 from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Drop, Shot
-from impactd.storage.problem import Problem
 
 _log = structlog.get_logger("impactd.acquisition")
 _LOOP_S = 0.1
-_INPUT_EVERY_LOOKS = 10
 
 Publish = Callable[[str, dict[str, Any]], None]
 
@@ -57,8 +55,8 @@ class RigLoop:
         The present drop; read and written under `present`.
     fault : Failure or None
         Why the rig is in doubt.
-    findings : Findings
-        Of the last look.
+    watch : IdleWatch
+        What was found at the last look.
     beat_s : float
         When the loop was last seen alive, on the monotonic clock. [s]
     changed : threading.Condition
@@ -77,7 +75,7 @@ class RigLoop:
         self.present = threading.Lock()
         self.run: DropRun | None = None
         self.fault: Failure | None = None
-        self.findings = Findings()
+        self.watch = IdleWatch(rig, settings)
         self.beat_s = time.monotonic()
         self.changed = threading.Condition()
         self.ending = threading.Event()
@@ -89,11 +87,8 @@ class RigLoop:
         self._queue: queue.SimpleQueue[DropRun] = queue.SimpleQueue()
         self._wake = threading.Event()
         self._acknowledged = threading.Event()
-        self._unwritten: list[tuple[int, str, Problem | None]] = []
-        self._looked_s = -1e9
+        self._rows = Rows(archive)
         self._tried_s = -1e9
-        self._looks = 0
-        self._restless_since_s: float | None = None
         self._thread: threading.Thread | None = None
 
     # For other threads
@@ -139,8 +134,7 @@ class RigLoop:
 
     def look_again(self) -> None:
         """Let the next look be now, because a person may have mended something."""
-        self._looked_s = -1e9
-        self._looks = 0
+        self.watch.look_again()
         self._wake.set()
 
     def acknowledge(self) -> None:
@@ -190,7 +184,7 @@ class RigLoop:
         if state is State.CONNECTING:
             self._connect()
         elif state is State.IDLE:
-            if time.monotonic() - self._looked_s >= self._settings.timeouts.idle_check_every_s:
+            if self.watch.is_due():
                 self._look()
         elif state is State.FAULT and self._should_retry():
             self.machine.apply(Event.RETRIED)
@@ -226,9 +220,9 @@ class RigLoop:
         self._tried_s = time.monotonic()
         try:
             connect(self._rig)
-            self._write_unwritten()
-            self._looks = 0
-            self._look_at(at_input=True)
+            self._rows.write_all()
+            self.watch.look_again()
+            self.watch.look()
         except (DriverError, ArchiveError) as error:
             found = failure_of(error)
             doubt = Doubt.PERSON if found.doubt is Doubt.PERSON else Doubt.RETRY
@@ -240,57 +234,21 @@ class RigLoop:
         with self.present:
             self.machine.apply(event)
         if self.fault is not None:
-            self._publish(
-                "rig.fault",
-                {"detail": self.fault.problem.detail, "remedy": self.fault.problem.remedy},
-            )
+            self._tell_fault(self.fault)
         self.tell_state()
         self._notify()
 
     # While idle
 
     def _look(self) -> None:
-        restless = self._restless_since_s is not None
-        at_input = self._looks % _INPUT_EVERY_LOOKS == 0 or restless
         try:
-            self._look_at(at_input=at_input)
+            self.watch.look()
         except AbortedError:
             return  # somebody made the rig safe just now; look again next time
         except DriverError as error:
             found = failure_of(error)
             doubt = Doubt.RETRY if found.doubt is Doubt.NONE else found.doubt
             self._doubt(Failure(found.problem, doubt))
-
-    def _look_at(self, *, at_input: bool) -> None:
-        try:
-            found = look(self._rig, self._settings, at_input=at_input)
-        except RecordError as error:
-            # Lost samples are no lost device: the input refuses until a look succeeds.
-            check = Check("input", False, error.what.rstrip("."), error.remedy)
-            found = Findings((*self.findings.checks[:3], check), None)
-        if not at_input:
-            kept = tuple(check for check in self.findings.checks if check.name == "input")
-            found = Findings((*found.checks, *kept), self.findings.baseline)
-        self.findings = self._with_patience(found)
-        self._looked_s = time.monotonic()
-        self._looks += 1
-
-    def _with_patience(self, found: Findings) -> Findings:
-        """Let a restless input pass for a while: the last sphere is still bouncing.
-
-        A drop that comes now waits just as long in its own pre-flight.
-        """
-        check = next((check for check in found.checks if check.name == "input"), None)
-        if check is None or check.ok:
-            self._restless_since_s = None
-            return found
-        if self._restless_since_s is None:
-            self._restless_since_s = time.monotonic()
-        if time.monotonic() - self._restless_since_s > self._settings.timeouts.settle_s:
-            return found
-        calm = replace(check, ok=True, sentence=f"{check.sentence}; waiting for it to settle")
-        others = (c for c in found.checks if c.name != "input")
-        return Findings((*others, calm), found.baseline)
 
     def _doubt(self, fault: Failure) -> None:
         """Go to FAULT; a drop that came in meanwhile will find out for itself."""
@@ -332,12 +290,13 @@ class RigLoop:
             self.machine.apply(Event.FAILED)
         self.tell_state()
         unsafe = confirm_safe(self._rig)
-        state, problem = self._ending_of(run, failure)
+        state, problem = ending_of(run, failure)
         if problem.type == "internal":
             _log.error("a drop met a defect", drop=run.drop.number, exc_info=error)
-        self._keep_evidence(run, failure, problem)
-        stuck = self._write(run.drop.number, state, problem)
-        fault = self._worst(failure, unsafe, stuck)
+        number = run.drop.number
+        kept = keep_evidence(self._archive, run, failure, problem.detail)
+        stuck = self._rows.close(number, state, problem)
+        fault = worst_of(failure, unsafe, stuck)
         with self.present:
             self.run = None
             self.fault = fault
@@ -345,59 +304,16 @@ class RigLoop:
         self._publish(
             f"drop.{state}",
             {
-                "number": run.drop.number,
+                "number": number,
                 "type": problem.type,
                 "detail": problem.detail,
                 "remedy": problem.remedy,
+                "evidence": kept,
             },
         )
         if fault is not None:
             self._tell_fault(fault)
         self.tell_state()
-
-    @staticmethod
-    def _ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
-        if not run.aborting.is_set():
-            return "failed", failure.problem
-        detail = f"{run.aborted_by} aborted drop {run.drop.number} while it {run.doing}."
-        if failure.problem.type != "aborted":
-            detail += f" Besides: {failure.problem.detail}"
-        remedy = "Ask for a new drop; the sphere may have fallen, so look at the coupon first."
-        return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
-
-    @staticmethod
-    def _worst(*found: Failure | None) -> Failure | None:
-        doubtful = [f for f in found if f is not None and f.doubt is not Doubt.NONE]
-        calling = [f for f in doubtful if f.doubt is Doubt.PERSON]
-        return next(iter(calling or doubtful), None)
-
-    def _keep_evidence(self, run: DropRun, failure: Failure, problem: Problem) -> None:
-        if failure.record is None:
-            return
-        try:
-            path = self._archive.keep_partial(
-                run.drop.number, failure.record, run.about(), problem.detail
-            )
-        except (ArchiveError, DriverError) as error:
-            _log.warning("the partial record could not be kept", detail=str(error))
-        else:
-            self._publish("drop.partial", {"number": run.drop.number, "file": path.name})
-
-    def _write(self, number: int, state: str, problem: Problem | None) -> Failure | None:
-        """Close a drop's row; when the archive cannot, remember it and doubt the rig."""
-        try:
-            self._archive.set_drop_state(number, state, problem)
-        except ArchiveError as error:
-            _log.exception("a drop's end could not be written", drop=number)
-            self._unwritten.append((number, state, problem))
-            return Failure(failure_of(error).problem, Doubt.RETRY)
-        return None
-
-    def _write_unwritten(self) -> None:
-        while self._unwritten:
-            number, state, problem = self._unwritten[0]
-            self._archive.set_drop_state(number, state, problem)
-            self._unwritten.pop(0)
 
     # Small things
 
@@ -421,28 +337,3 @@ class RigLoop:
     def _notify(self) -> None:
         with self.changed:
             self.changed.notify_all()
-
-
-def about_drop(drop: Drop) -> dict[str, Any]:
-    """Return what events say about a drop.
-
-    Parameters
-    ----------
-    drop : Drop
-        Its row.
-
-    Returns
-    -------
-    dict
-        JSON-ready.
-    """
-    return {
-        "number": drop.number,
-        "state": drop.state,
-        "shot": drop.shot,
-        "owner": drop.owner,
-        "sphere": drop.request.sphere,
-        "surface": drop.request.surface,
-        "drop_height_m": drop.request.drop_height_m,
-        "calibration": drop.calibration,
-    }

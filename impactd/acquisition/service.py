@@ -13,24 +13,18 @@ from the caller's thread, because it must not wait for anything.
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import Any
 
 import structlog
 
+from impactd.acquisition.admission import REMEDY, Admission
 from impactd.acquisition.devices import make_safe
-from impactd.acquisition.errors import BusyError, DropHeightError, NotReadyError
+from impactd.acquisition.endings import about_drop
+from impactd.acquisition.errors import NotReadyError
 from impactd.acquisition.events import Event
 from impactd.acquisition.hands import AbortReport, Reservation, report_of
-from impactd.acquisition.preflight import (
-    CalibrationState,
-    Check,
-    calibration_state,
-    check_calibration,
-    check_disk,
-)
-from impactd.acquisition.rig_loop import Publish, RigLoop, about_drop
+from impactd.acquisition.rig_loop import Publish, RigLoop
 from impactd.acquisition.status import Facts, ServiceStatus, status_of
 from impactd.acquisition.transitions import DROP_UNDER_WAY, State
 from impactd.materials import Materials
@@ -44,7 +38,6 @@ _ALIVE_WITHIN_S = 20.0
 # An abort waits this long for the drop's row, so that its answer can already say "aborted".
 _ROW_PATIENCE_S = 0.05
 _ACKNOWLEDGE_S = 10.0
-_REMEDY = "Do what the sentence says; `impactd status` shows when the rig is ready."
 
 
 class AcquisitionService:
@@ -78,8 +71,7 @@ class AcquisitionService:
         self._materials = materials
         self._tell = publish
         self._loop = RigLoop(rig, archive, settings, materials, self.publish)
-        self._admission = threading.Lock()
-        self._reservation: Reservation | None = None
+        self._admission = Admission(self._loop, archive, settings)
         self._interrupted: tuple[int, ...] = ()
 
     # Life
@@ -94,7 +86,7 @@ class AcquisitionService:
 
     def stop(self) -> None:
         """End whatever runs with the valve safe; safe to call twice."""
-        with self._admission:
+        with self._admission.lock:
             self._loop.ending.set()
         self.abort(by="shutdown")
         self._loop.stop()
@@ -153,12 +145,12 @@ class AcquisitionService:
         """
         self._materials.check(request.sphere, request.surface)
         self.check_height(request.drop_height_m)
-        with self._admission:
+        with self._admission.lock:
             if idempotency_key is not None:
                 known = self._archive.drop_by_key(idempotency_key, request)
                 if known is not None:
                     return known
-            self._admit(calibration)
+            self._admission.admit(calibration, self.status().sentence)
             drop, _ = self._archive.begin_drop(
                 request, owner=owner, idempotency_key=idempotency_key, calibration=calibration
             )
@@ -188,10 +180,11 @@ class AcquisitionService:
         NotReadyError
             If the rig cannot take a drop now.
         """
-        with self._admission:
-            self._admit(calibration)
-            self._reservation = Reservation(owner, calibration)
-            return self._reservation
+        with self._admission.lock:
+            self._admission.admit(calibration, self.status().sentence)
+            reservation = Reservation(owner, calibration)
+            self._admission.reservation = reservation
+            return reservation
 
     def give_back(self, reservation: Reservation) -> None:
         """End a reservation; do nothing when it has ended.
@@ -201,9 +194,9 @@ class AcquisitionService:
         reservation : Reservation
             From `reserve`.
         """
-        with self._admission:
-            if self._reservation is reservation:
-                self._reservation = None
+        with self._admission.lock:
+            if self._admission.reservation is reservation:
+                self._admission.reservation = None
 
     def abort(self, *, by: str, number: int | None = None) -> AbortReport:
         """End whatever runs: vacuum on, digitizer stopped, state changed, before this returns.
@@ -226,7 +219,7 @@ class AcquisitionService:
             run = self._loop.run
             if number is not None and (run is None or run.drop.number != number):
                 return AbortReport(False, None, f"Drop {number} is not under way.", 0.0)
-            reservation = self._reservation
+            reservation = self._admission.reservation
             if run is not None:
                 run.aborted_by = run.aborted_by or by
                 run.aborting.set()
@@ -265,25 +258,11 @@ class AcquisitionService:
         self.publish("rig.acknowledged", {"by": by})
         self._loop.acknowledge()
         if not self.wait_ready(_ACKNOWLEDGE_S):
-            raise NotReadyError(self.status().sentence, _REMEDY)
+            raise NotReadyError(self.status().sentence, REMEDY)
 
     def check_height(self, drop_height_m: float) -> None:
-        """Raise `DropHeightError` unless the rig allows a height.
-
-        Parameters
-        ----------
-        drop_height_m : float
-            [m]
-
-        Raises
-        ------
-        DropHeightError
-            With what is allowed.
-        """
-        rig = self._settings.rig
-        # Written so that NaN is refused too.
-        if not rig.min_drop_height_m <= drop_height_m <= rig.max_drop_height_m:
-            raise DropHeightError(drop_height_m, rig.min_drop_height_m, rig.max_drop_height_m)
+        """Raise `DropHeightError` unless the rig allows a height. [m]"""
+        self._admission.check_height(drop_height_m)
 
     @property
     def materials(self) -> Materials:
@@ -295,9 +274,10 @@ class AcquisitionService:
     def status(self) -> ServiceStatus:
         """Return the one honest light and what is behind it."""
         with self._loop.present:
-            run, state, reservation = self._loop.run, self._loop.machine.state, self._reservation
-        calibration = self._calibration()
-        checks = (*self._loop.findings.checks, *self._quick_checks(calibration))
+            run, state = self._loop.run, self._loop.machine.state
+            reservation = self._admission.reservation
+        calibration = self._admission.calibration()
+        checks = (*self._loop.watch.findings.checks, *self._admission.quick_checks(calibration))
         owner = run.drop.owner if run else reservation.owner if reservation else None
         return status_of(
             Facts(
@@ -309,7 +289,7 @@ class AcquisitionService:
                 retry_s=self._settings.timeouts.recover_every_s,
                 checks=checks,
                 calibration=calibration,
-                alarms=self._alarms(calibration),
+                alarms=(*self._interruptions(), *self._admission.alarms(calibration)),
             )
         )
 
@@ -374,57 +354,8 @@ class AcquisitionService:
         except Exception:  # no listener may stop a drop
             _log.exception("an event could not be told", kind=kind)
 
-    # Inside
-
-    def _admit(self, calibration: int | None) -> None:
-        """Raise unless a drop may begin now; the caller holds the admission lock."""
-        with self._loop.present:
-            run, state = self._loop.run, self._loop.machine.state
-        if run is not None:
-            raise BusyError(run.drop.owner, run.drop.number)
-        held = self._reservation
-        if held is not None and (calibration is None or held.calibration != calibration):
-            raise BusyError(held.owner, None)
-        if state is not State.IDLE or self._loop.ending.is_set():
-            raise NotReadyError(self.status().sentence, _REMEDY)
-        checks = (
-            *self._loop.findings.checks,
-            *self._quick_checks(self._calibration(), for_calibration=calibration is not None),
-        )
-        for check in checks:
-            if not check.ok:
-                self._loop.look_again()
-                raise NotReadyError(f"NOT READY: {check.sentence}.", check.remedy or _REMEDY)
-
-    def _calibration(self) -> CalibrationState:
-        return calibration_state(self._archive.calibrations.current(), self._settings.calibration)
-
-    def _quick_checks(
-        self, calibration: CalibrationState, *, for_calibration: bool = False
-    ) -> tuple[Check, ...]:
-        limits = self._settings.preflight
-        try:
-            disk = check_disk(self._archive.free_bytes())
-        except OSError as error:
-            disk = Check(
-                "disk",
-                False,
-                f"the archive's disk does not answer: {error.strerror}",
-                "Look whether it is mounted.",
-            )
-        return disk, check_calibration(calibration, limits, for_calibration=for_calibration)
-
-    def _alarms(self, calibration: CalibrationState) -> tuple[str, ...]:
-        alarms = [
+    def _interruptions(self) -> list[str]:
+        return [
             f"Drop {number} was interrupted by a restart and is not repeated; see `impactd shots`."
             for number in self._interrupted
         ]
-        if calibration.word != "valid":
-            alarms.append(f"{calibration.sentence[0].upper()}{calibration.sentence[1:]}.")
-        limit = self._settings.calibration.drift_limit_sigmas
-        if calibration.drift_sigmas is not None and calibration.drift_sigmas > limit:
-            alarms.append(
-                f"The load cell drifted by {calibration.drift_sigmas:.1f} standard deviations "
-                f"since the calibration before (limit {limit:g})."
-            )
-        return tuple(alarms)

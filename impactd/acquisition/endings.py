@@ -1,0 +1,165 @@
+"""How a drop ends: in which state, with which problem, and whether the rig may go on."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import structlog
+
+from impactd.acquisition.drop_run import DropRun
+from impactd.acquisition.failures import Doubt, Failure, failure_of
+from impactd.storage.archive import Archive, ArchiveError, Drop, DropStateError
+from impactd.storage.problem import Problem
+
+_log = structlog.get_logger("impactd.acquisition")
+
+
+def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
+    """Return the final state of a drop and why.
+
+    Parameters
+    ----------
+    run : DropRun
+        Knows whether somebody aborted it.
+    failure : Failure
+        What stopped it.
+
+    Returns
+    -------
+    tuple of str and Problem
+        ``failed`` or ``aborted``.
+    """
+    if not run.aborting.is_set():
+        return "failed", failure.problem
+    detail = f"{run.aborted_by} aborted drop {run.drop.number} while it {run.doing}."
+    if failure.problem.type != "aborted":
+        detail += f" Besides: {failure.problem.detail}"
+    remedy = "Ask for a new drop; the sphere may have fallen, so look at the coupon first."
+    return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
+
+
+def worst_of(*found: Failure | None) -> Failure | None:
+    """Return what puts the rig in doubt, first of all what calls for a person.
+
+    Parameters
+    ----------
+    *found : Failure or None
+        In order of importance.
+
+    Returns
+    -------
+    Failure or None
+        ``None`` when the next drop may come.
+    """
+    doubtful = [f for f in found if f is not None and f.doubt is not Doubt.NONE]
+    calling = [f for f in doubtful if f.doubt is Doubt.PERSON]
+    return next(iter(calling or doubtful), None)
+
+
+def keep_evidence(archive: Archive, run: DropRun, failure: Failure, reason: str) -> str | None:
+    """Keep what there is of a failed record.
+
+    Parameters
+    ----------
+    archive : Archive
+        Keeps it in ``partial/``.
+    run : DropRun
+        The drop.
+    failure : Failure
+        Carries the record, if there is one.
+    reason : str
+        Why it is no shot.
+
+    Returns
+    -------
+    str or None
+        Name of the file.
+    """
+    if failure.record is None:
+        return None
+    try:
+        return archive.keep_partial(run.drop.number, failure.record, run.about(), reason).name
+    except Exception:  # evidence is a courtesy: it must not keep a failed drop from ending
+        _log.exception("the partial record could not be kept", drop=run.drop.number)
+        return None
+
+
+class Rows:
+    """Closes drops' rows, and remembers those that the archive could not take.
+
+    Parameters
+    ----------
+    archive : Archive
+        Where the rows are.
+    """
+
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
+        self._unwritten: list[tuple[int, str, Problem]] = []
+
+    def close(self, number: int, state: str, problem: Problem) -> Failure | None:
+        """Write how a drop ended.
+
+        Parameters
+        ----------
+        number : int
+            The drop.
+        state : str
+            ``failed`` or ``aborted``.
+        problem : Problem
+            Why.
+
+        Returns
+        -------
+        Failure or None
+            Why it could not be written: then no further drop should come.
+        """
+        self._unwritten.append((number, state, problem))
+        try:
+            self.write_all()
+        except ArchiveError as error:
+            _log.exception("a drop's end could not be written", drop=number)
+            return Failure(failure_of(error).problem, Doubt.RETRY)
+        return None
+
+    def write_all(self) -> None:
+        """Write what could not be written before.
+
+        Raises
+        ------
+        ArchiveError
+            If the archive still cannot take it.
+        """
+        while self._unwritten:
+            number, state, problem = self._unwritten[0]
+            try:
+                self._archive.set_drop_state(number, state, problem)
+            except DropStateError:
+                # It has ended already, e.g. stored in the very moment that something else failed.
+                _log.warning("a drop had ended before", drop=number, wanted=state)
+            self._unwritten.pop(0)
+
+
+def about_drop(drop: Drop) -> dict[str, Any]:
+    """Return what events say about a drop.
+
+    Parameters
+    ----------
+    drop : Drop
+        Its row.
+
+    Returns
+    -------
+    dict
+        JSON-ready.
+    """
+    return {
+        "number": drop.number,
+        "state": drop.state,
+        "shot": drop.shot,
+        "owner": drop.owner,
+        "sphere": drop.request.sphere,
+        "surface": drop.request.surface,
+        "drop_height_m": drop.request.drop_height_m,
+        "calibration": drop.calibration,
+    }
