@@ -40,8 +40,8 @@ from impactd.storage.errors import CampaignError, CorruptShotError
 from impactd.storage.shot_about import VOLTAGE, Recording, ShotAbout
 
 CHUNK_SAMPLES = 65536
-VIEW_BEFORE_S = 1e-3
-VIEW_AFTER_S = 4e-3
+VIEW_BEFORE_S = 0.5e-3
+VIEW_AFTER_S = 2e-3
 _DATA = "entry/instrument/digitizer/data"
 _CIRCUMSTANCES = "entry/process/circumstances/data"
 
@@ -96,7 +96,7 @@ def build_shot_file(
         _write_people_and_things(entry, about)
         _write_release(entry, recording, about)
         _write_instrument(entry, recording, about)
-        _write_views(entry, number, recording)
+        _write_views(entry, _title(number, about), recording)
         _write_process(entry, recording, about, drop)
     return buffer.getvalue()
 
@@ -148,11 +148,15 @@ def _put(group: h5py.Group, name: str, value: object, units: str | None = None) 
 
 
 def _write_entry(entry: h5py.Group, number: int, about: ShotAbout) -> None:
-    pair = " on ".join(part.name for part in (about.sphere, about.surface) if part is not None)
-    height = "" if about.drop_height_m is None else f" from {about.drop_height_m * 1e3:.1f} mm"
-    _put(entry, "title", f"Shot {number}: {pair or about.origin or 'unknown pair'}{height}")
+    _put(entry, "title", _title(number, about))
     _put(entry, "entry_identifier", str(number))
     _put(entry, "start_time", about.started_utc)
+
+
+def _title(number: int, about: ShotAbout) -> str:
+    pair = " on ".join(part.name for part in (about.sphere, about.surface) if part is not None)
+    height = "" if about.drop_height_m is None else f" from {about.drop_height_m * 1e3:.1f} mm"
+    return f"Shot {number}: {pair or about.origin or 'unknown pair'}{height}"
 
 
 def _write_people_and_things(entry: h5py.Group, about: ShotAbout) -> None:
@@ -223,21 +227,21 @@ def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout)
         _put(cell, "attached_to", "strike cap under the coupon")
 
 
-def _write_views(entry: h5py.Group, number: int, recording: Recording) -> None:
+def _write_views(entry: h5py.Group, title: str, recording: Recording) -> None:
     rate_hz, trigger = recording.sample_rate_hz, recording.trigger_index
     first = max(0, trigger - round(VIEW_BEFORE_S * rate_hz))
     view = replace(
         recording, samples=recording.samples[first : trigger + round(VIEW_AFTER_S * rate_hz)]
     )
     impact = _group(entry, "impact", "NXdata", signal="signal", axes=["time"])
-    _put(impact, "title", f"Shot {number}: impact")
+    _put(impact, "title", f"{title}, impact")
     impact["signal"] = view.signal
     impact["signal"].attrs.update(units=recording.unit, long_name=f"signal ({recording.unit})")
     impact["time"] = _times(view.samples.size, rate_hz, trigger - first)
     impact["time"].attrs.update(units="s", long_name="time after the trigger (s)")
 
     record = _group(entry, "record", "NXdata", signal="data", axes=["time"])
-    _put(record, "title", f"Shot {number}: whole record")
+    _put(record, "title", f"{title}, whole record")
     record["data"] = h5py.SoftLink("/" + _DATA)
     clock = (recording.samples.size, rate_hz, trigger)
     _create_packed(record, "time", (clock[0],), np.dtype(np.float64))
