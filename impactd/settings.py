@@ -1,92 +1,54 @@
 """One TOML file, checked whole, before anything moves.
 
-The keys are described in `impactd.settings_sections`; ``config/rig.toml`` documents every one and
+The keys are described in `impactd.settings_instrument` and
+`impactd.settings_sections`; ``config/rig.toml`` documents every one and
 ``config/impactd.schema.json`` is generated from them (``python -m impactd.settings``).
 """
 
 from __future__ import annotations
 
-import difflib
 import json
 import os
 import sys
 import sysconfig
 import tomllib
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import Field, ValidationError, model_validator
 
+from impactd.settings_errors import SettingsError, SettingsFinding, explain
+from impactd.settings_instrument import (
+    DigitizerSection,
+    ReleaseSection,
+    RigSection,
+    SensorSection,
+    TriggerSection,
+    ValveSection,
+)
+from impactd.settings_keys import Section
 from impactd.settings_sections import (
     CalibrationSection,
-    DigitizerSection,
     JobsSection,
     MaterialsSection,
     PreflightSection,
-    ReleaseSection,
-    RigSection,
-    Section,
-    SensorSection,
     ServerSection,
     SimulationSection,
     StorageSection,
     TimeoutsSection,
-    TriggerSection,
-    ValveSection,
 )
+
+__all__ = [
+    "Settings",
+    "SettingsError",
+    "SettingsFinding",
+    "find_config",
+    "json_schema",
+    "load_settings",
+]
 
 ENVIRONMENT_KEY = "IMPACTD_CONFIG"
 SYSTEM_FILE = Path("/etc/impactd/impactd.toml")
-
-
-@dataclass(frozen=True)
-class SettingsFinding:
-    """One thing that is wrong with a settings file.
-
-    Attributes
-    ----------
-    path_in_file : str
-        Dotted TOML path, empty for the file as a whole.
-    reason : str
-        What is wrong and what to do.
-    """
-
-    path_in_file: str
-    reason: str
-
-    def __str__(self) -> str:
-        return f"{self.path_in_file}: {self.reason}" if self.path_in_file else self.reason
-
-
-class SettingsError(Exception):
-    """A settings file is missing or must not be used; it lists everything that is wrong.
-
-    Parameters
-    ----------
-    file : Path or None
-        The file, ``None`` when none was found.
-    path_in_file : str
-        Dotted TOML path of the first finding.
-    reason : str
-        Reason of the first finding.
-    findings : tuple of SettingsFinding
-        All findings, the first included.
-    """
-
-    def __init__(
-        self,
-        file: Path | None,
-        path_in_file: str,
-        reason: str,
-        findings: tuple[SettingsFinding, ...] = (),
-    ) -> None:
-        self.file = file
-        self.path_in_file = path_in_file
-        self.reason = reason
-        self.findings = findings or (SettingsFinding(path_in_file, reason),)
-        where = f"{file}: " if file is not None else ""
-        super().__init__(where + "\n  ".join(str(finding) for finding in self.findings))
 
 
 class Settings(Section):
@@ -169,7 +131,7 @@ def load_settings(path: Path | None = None, *, data: Path | None = None) -> Sett
     try:
         settings = Settings.model_validate(content)
     except ValidationError as error:
-        findings = tuple(_explain(detail) for detail in error.errors())
+        findings = tuple(explain(detail, Settings) for detail in error.errors())
         raise SettingsError(file, findings[0].path_in_file, findings[0].reason, findings) from None
     settings = _with_absolute_files(settings, file.parent)
     if data is not None:
@@ -241,56 +203,6 @@ def _read_toml(file: Path) -> dict[str, Any]:
         raise SettingsError(file, "", f"this is not UTF-8 text: {error.reason}") from None
     except OSError as error:
         raise SettingsError(file, "", f"cannot be read: {error.strerror}") from None
-
-
-def _explain(detail: Any) -> SettingsFinding:
-    """Turn one of pydantic's findings into a TOML path and a sentence."""
-    location = tuple(part for part in detail["loc"])
-    path = ".".join(str(part) for part in location)
-    kind = detail["type"]
-    if kind == "extra_forbidden":
-        owner = _model_at(location[:-1])
-        known = list(owner.model_fields) if owner else []
-        close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.6)
-        hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
-        return SettingsFinding(path, f"unknown key; {hint}")
-    if kind == "missing":
-        return SettingsFinding(path, _explain_missing(location))
-    if kind == "value_error":
-        return SettingsFinding(path, str(detail["ctx"]["error"]))
-    return SettingsFinding(path, f"{detail['msg']}, got {detail['input']!r}")
-
-
-def _explain_missing(location: tuple[Any, ...]) -> str:
-    owner = _model_at(location[:-1])
-    field = owner.model_fields.get(str(location[-1])) if owner else None
-    if field is None:
-        return "missing"
-    extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
-    meaning = f" ({field.description})" if field.description else ""
-    source = f"; {extra['where']}" if "where" in extra else ""
-    return f"missing{meaning}{source}; it has no default"
-
-
-def _model_at(location: tuple[Any, ...]) -> type[BaseModel] | None:
-    """Return the model that describes the table at a path."""
-    model: type[BaseModel] | None = Settings
-    for part in location:
-        if isinstance(part, int):
-            continue
-        field = model.model_fields.get(str(part)) if model else None
-        model = _model_in(field.annotation) if field else None
-    return model
-
-
-def _model_in(annotation: Any) -> type[BaseModel] | None:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in get_args(annotation):
-        found = _model_in(argument)
-        if found is not None:
-            return found
-    return None
 
 
 def _with_absolute_files(settings: Settings, folder: Path) -> Settings:
