@@ -13,7 +13,7 @@ from analysis.model.hertz import plane_strain_modulus
 
 SEEN = "rebound.seen_ms"
 SEEN_U_MS = 3.0
-"""Nobody says when a rebound was seen; a camera's frames and a record's length are of this order."""
+"""Nobody says when a rebound was seen; camera frames and record lengths are of this order."""
 SEEN_NEEDS_SHOTS = 6
 """Fewer stated restitutions cannot tell the delay from the restitution itself."""
 

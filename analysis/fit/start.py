@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
+from analysis.fit.ring import ring_in_tails
 from analysis.model import solver
 from analysis.model.hertz import CONTACT_TIME_FACTOR, damping_coefficient
 
@@ -118,25 +119,22 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
         return math.sqrt(stiffness.value / mass.value), zeta
     item_list = problem.shots[:: max(1, len(problem.shots) // HEAVIEST_SENSOR_SEARCH)]
     item_list = item_list[:HEAVIEST_SENSOR_SEARCH]
-    best = (math.inf, 1.0, 0.1)
     rate = item_list[0].frame.sample_rate_hz
     width = float(np.median([i.window.width_s for i in item_list]))
-    for omega0 in 2 * math.pi * np.geomspace(0.3 / width, min(0.4 * rate, 30 / width), FREQUENCIES):
-        for zeta in DAMPING_RATIOS:
-            error = sum(
-                _scan(
-                    i,
-                    solver.KV,
-                    speed=_speed(i),
-                    omega0=float(omega0),
-                    zeta=zeta,
-                    e=_restitution(i),
-                )[0]
-                for i in item_list
-            )
-            if error < best[0]:
-                best = (error, float(omega0), zeta)
-    return best[1], best[2]
+    grid = 2 * math.pi * np.geomspace(0.3 / width, min(0.4 * rate, 30 / width), FREQUENCIES)
+    candidates = [(float(omega0), zeta) for omega0 in grid for zeta in DAMPING_RATIOS]
+    seen = ring_in_tails(item_list)
+    if seen is not None:
+        candidates.append(seen)
+    return min(candidates, key=lambda c: _ring_mismatch(item_list, *c))
+
+
+def _ring_mismatch(items: list[FitShot], omega0: float, zeta: float) -> float:
+    """Return the squared error that the best contact times leave with this ring."""
+    return sum(
+        _scan(i, solver.KV, speed=_speed(i), omega0=omega0, zeta=zeta, e=_restitution(i))[0]
+        for i in items
+    )
 
 
 def _speed(item: FitShot) -> float:

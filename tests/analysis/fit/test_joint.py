@@ -14,8 +14,9 @@ from analysis import fit_campaign
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.errors import AnalysisError, UnknownModelError
 from analysis.fit.campaign_fit import _solve
+from analysis.fit.estimates import HSD_FIELDS
 from analysis.fit.joint import normal_equations
-from analysis.fit.problem import build
+from analysis.fit.problem import SENSOR_FIELDS, build
 from analysis.fit.result import FitResult
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
@@ -200,12 +201,7 @@ def test_sensitivity_says_how_the_modulus_follows_the_certificate(
 
     before, sensitivity = log_modulus(one)
     assert sensitivity.shape == (fields,)
-    names = (
-        ["crystal_mass_kg", "crystal_stiffness_n_per_m", "crystal_damping_n_s_per_m"]
-        + ["compliance_m_per_v"]
-        if model == "kv"
-        else ["hsd_n_per_v"]
-    )
+    names = SENSOR_FIELDS if model == "kv" else HSD_FIELDS
     for name, expected in zip(names, sensitivity, strict=True):
         known = getattr(one.sensor, name)
         moved = Quantity(known.value * math.exp(0.004), known.u * math.exp(0.004))

@@ -1,0 +1,78 @@
+"""The crystal's frequency and damping from the free ring after the contact, without any model."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.fit_shot import FitShot
+
+DAMPING_RATIOS = (0.01, 0.03, 0.07, 0.15, 0.3)
+FREQUENCY_STEP = 0.01
+"""Relative; a ring of damping ratio 0.01 is no narrower."""
+LEAST_SHARE = 0.3
+"""A tail of which a damped sine explains less holds no ring worth starting from."""
+LONGEST_TAIL = 1000
+
+Array = NDArray[np.float64]
+
+
+def _tail(item: FitShot) -> Array:
+    """Return the samples after the first pulse fell below 5 % of its peak, baseline removed."""
+    window = item.window
+    width = round(window.width_s * item.frame.sample_rate_hz)
+    start = window.rise_index + width + width // 4
+    return np.asarray(window.signal[start : start + LONGEST_TAIL] - window.baseline)
+
+
+def _explained(tail: Array, omega: Array, zeta: float, rate: float) -> Array:
+    """Return the share of a tail's energy in a sine of each frequency at one damping ratio."""
+    n = tail.size
+    root = np.exp((-zeta * omega + 1j * omega * math.sqrt(1 - zeta**2)) / rate)
+    seen = np.exp(np.log(root)[:, None] * np.arange(n)) @ tail
+    # sums of cos^2, sin^2 and cos sin under the envelope are geometric series
+    square = root**2
+    turning = (1 - square**n) / (1 - square)
+    power = (1 - np.abs(root) ** (2 * n)) / (1 - np.abs(root) ** 2)
+    cc, ss, cs = 0.5 * (power + turning.real), 0.5 * (power - turning.real), 0.5 * turning.imag
+    a, b = seen.real, seen.imag
+    energy = (ss * a**2 - 2 * cs * a * b + cc * b**2) / (cc * ss - cs**2)
+    return np.asarray(energy / float(tail @ tail))
+
+
+def ring_in_tails(items: Sequence[FitShot]) -> tuple[float, float] | None:
+    """Return the frequency and damping ratio of the ring after the contact.
+
+    Parameters
+    ----------
+    items : sequence of FitShot
+        Shots of one cell, at one sample rate.
+
+    Returns
+    -------
+    tuple of float or None
+        omega0 [rad/s] and zeta [1], of the grid's best point; None where no ring is seen.
+
+    Notes
+    -----
+    Source: projection of the tail on damped sines over a grid. Validation: fits without a
+    certificate in ``tests/analysis/fit/test_joint.py``.
+    """
+    rate = items[0].frame.sample_rate_hz
+    tails = [t for t in (_tail(i) for i in items) if t.size > 16 and t.any()]
+    if not tails:
+        return None
+    width = float(np.median([i.window.width_s for i in items]))
+    low, high = 0.3 / width, 0.4 * rate
+    count = math.ceil(math.log(high / low) / FREQUENCY_STEP) if high > low else 0
+    omega = 2 * math.pi * np.geomspace(low, high, max(count, 2))
+    best = (LEAST_SHARE, 0.0, 0.0)
+    for zeta in DAMPING_RATIOS:
+        share = np.mean([_explained(t, omega, zeta, rate) for t in tails], axis=0)
+        at = int(np.argmax(share))
+        if share[at] > best[0]:
+            best = (float(share[at]), float(omega[at]), zeta)
+    return (best[1], best[2]) if best[1] > 0 else None
