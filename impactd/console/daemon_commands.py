@@ -30,6 +30,10 @@ def serve(
     settings = settings_of(config, data)
     given = {name: value for name, value in (("host", host), ("port", port)) if value is not None}
     server = settings.server.model_copy(update=given)
+    from impactd.data_lock import DataLock
+
+    # The daemon locks for itself; asking first refuses at once, before anything heavy is loaded.
+    DataLock(settings.storage.directory).release()
     from impactd.server import serve as run
 
     run(settings.model_copy(update={"server": server}))

@@ -35,17 +35,20 @@ class Rig:
         self.log = data.parent / "serve.log"
         serve = [sys.executable, "-m", "impactd", "serve", "--port", "0"]
         with self.log.open("ab") as log:
+            self._log_start = log.tell()
             self.process = subprocess.Popen(
                 [*serve, "--config", CONFIG, "--data", data], stderr=log
             )
         self.url = until(self._url, bool)
-        self.clients = {scope: self.client(scope) for scope in ("read", "operate")}
+        self.tokens = {scope: self.token(scope) for scope in ("read", "operate")}
+        self.clients = {scope: self.client(scope) for scope in self.tokens}
         self.ready()
 
     def _url(self) -> str:
         assert self.process.poll() is None, self.log.read_text()
-        found = re.findall(r"event=listening url=(\S+)", self.log.read_text())
-        return found[-1] if found else ""
+        written = self.log.read_text()[self._log_start :]
+        found = re.search(r"event=listening url=(\S+)", written)
+        return found[1] if found else ""
 
     def command(self, *words: object, token: str = "") -> subprocess.CompletedProcess[str]:
         """Run the command line against this daemon."""
@@ -63,8 +66,8 @@ class Rig:
         return self.command("token", "create", "--scope", scope, *where).stdout.strip()
 
     def client(self, scope: str) -> httpx2.Client:
-        """Return a client with a fresh token."""
-        headers = {"Authorization": f"Bearer {self.token(scope)}"}
+        """Return another client with the token of that scope."""
+        headers = {"Authorization": f"Bearer {self.tokens[scope]}"}
         return httpx2.Client(base_url=self.url, headers=headers, timeout=30, trust_env=False)
 
     def get(self, path: str) -> dict[str, Any]:
@@ -146,7 +149,7 @@ def test_the_download_is_the_file_that_was_stored(rig):
 def test_a_token_without_scope_moves_nothing(rig):
     """A read token and no token at all: no drop, no abort, no calibration."""
     before = rig.get("/v1/drops")["items"]
-    for headers in ({}, {"Authorization": f"Bearer {rig.token('read')}"}):
+    for headers in ({}, {"Authorization": f"Bearer {rig.tokens['read']}"}):
         for method, path in (
             ("POST", "/v1/drops"),
             ("POST", "/v1/abort"),
@@ -248,7 +251,7 @@ def test_events_tell_the_whole_way_of_a_drop(rig):
 def test_the_command_line_does_the_same(rig):
     """status, drop, shots, moduli and fit as a technician types them."""
     rig.ready()
-    token = rig.token("operate")
+    token = rig.tokens["operate"]
     assert rig.command("status").stdout.startswith("READY")
     dropped = rig.command("drop", "acetal", "aluminium", "0.04", "--operator", "ab", token=token)
     assert dropped.returncode == 0, dropped.stderr
