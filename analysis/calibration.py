@@ -224,19 +224,7 @@ def _warnings(fit: FitResult, sensor: Sensor, kept: list[Shot]) -> list[str]:
     found = []
     cell = fit.sensor_logs()
     if cell is not None:
-        mass = sensor.crystal_mass_kg
-        before = mass.u / mass.value if mass else math.inf
-        after = math.sqrt(float(cell[1][0, 0]))
-        if after > LITTLE_LEARNED * before:
-            found.append(
-                "the crystal's mass is its certificate's: the drops hardly see it; k, mu and c "
-                "share its uncertainty, gain, frequency and damping ratio do not"
-            )
-        elif mass is None:
-            found.append(
-                f"no crystal mass was stated; the drops leave {after:.0%} open, and k, mu and c "
-                "share that"
-            )
+        found.extend(_mass_warning(sensor, math.sqrt(float(cell[1][0, 0]))))
         found.extend(_short_contacts(fit))
     if len({s.drop_height_m for s in kept}) < 2:
         found.append("all drops are from one height: an error of the height goes into the gain")
@@ -251,6 +239,27 @@ def _warnings(fit: FitResult, sensor: Sensor, kept: list[Shot]) -> list[str]:
             "uncertainties were widened, a bias is possible: look at the residual"
         )
     return found
+
+
+def _mass_warning(sensor: Sensor, after: float) -> list[str]:
+    """Return what is to be said about M, k, mu and c apart from their sharp combinations.
+
+    With frequency, damping ratio and gain known, each of the four certificates tells the one
+    combination that is left; only the recoil adds to them.
+    """
+    stated = [q for q in (getattr(sensor, name) for name in SENSOR_FIELDS) if q is not None]
+    if not stated:
+        return [
+            f"no certificate of the cell was given; the drops leave {after:.0%} of its crystal's "
+            "mass open, and k, mu and c share that; gain, frequency and damping ratio do not"
+        ]
+    before = sum((q.u / q.value) ** -2 if q.u > 0 else math.inf for q in stated) ** -0.5
+    if after <= LITTLE_LEARNED * before:
+        return []
+    return [
+        "the crystal's mass is the certificate's: the drops hardly see it; k, mu and c share its "
+        f"{after:.1%}, gain, frequency and damping ratio do not"
+    ]
 
 
 def _short_contacts(fit: FitResult) -> list[str]:

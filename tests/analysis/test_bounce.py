@@ -1,0 +1,147 @@
+"""Restitution from the bounce on records with ring, hum, colour and spikes."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import bounce_indices, restitution_from_bounce
+
+RATE_HZ = 1e6
+TRIGGER = 20_000
+G = 9.80665
+Array = np.ndarray
+
+
+@pytest.fixture(scope="module")
+def bouncing(truth: Any, impact: Any) -> Any:
+    """Return a maker of long records: (volts, true ratio, landing times in samples, speed)."""
+    rig = truth(seed=21)
+
+    def make(
+        height_m: float, restitution: float, samples: int = 400_000, noise_v: float = 1.5e-3
+    ) -> tuple[Array, float, list[float], float]:
+        rig.noise_v = noise_v
+        volts = rig.noise(samples)
+        at, first = float(TRIGGER) + 0.37, math.sqrt(2 * G * height_m)
+        speed, ratio, landed = first, math.nan, []
+        while at < samples and speed > 0.05 * first:
+            begin = int(at) - 4
+            times = (begin - at + np.arange(min(4000, samples - begin))) / RATE_HZ
+            _, crystal, contact, rebound = impact(
+                rig.stiffness("acetal", "polycarbonate"),
+                rig.spheres["acetal"][1],
+                speed,
+                restitution,
+                rtol=1e-7,
+                **rig.cell,
+            ).solve(times)
+            volts[begin : begin + times.size] += crystal / 1.2e-8
+            landed.append(at)
+            ratio = rebound / speed if len(landed) == 1 else ratio
+            at += (contact + 2 * rebound / G) * RATE_HZ
+            speed = rebound
+        return volts, ratio, landed, first
+
+    return make
+
+
+def _measure(volts: Array, speed: float, **changed: float) -> Any:
+    return restitution_from_bounce(
+        volts,
+        RATE_HZ,
+        TRIGGER + 8,
+        **{"impact_speed_m_per_s": speed, "gravity_m_per_s2": G} | changed,
+    )
+
+
+@pytest.mark.parametrize("restitution", [0.35, 0.6, 0.9])
+@pytest.mark.parametrize("height_m", [0.012, 0.1])
+def test_ratio_lies_within_its_uncertainty(
+    bouncing: Any, height_m: float, restitution: float
+) -> None:
+    """The rebound ratio is found within its own uncertainty, which is below a half per cent."""
+    volts, ratio, _, speed = bouncing(height_m, restitution)
+    found = _measure(volts, speed)
+    assert found is not None
+    assert abs(found.value - ratio) < 2 * found.u
+    assert found.u < 0.005 * ratio
+
+
+@pytest.mark.parametrize(
+    "disturbance", ["hum", "slow ring", "drift", "spikes", "inverted", "steps"]
+)
+def test_disturbances_are_no_landings(bouncing: Any, disturbance: str) -> None:
+    """Hum, a slow ring, drift, single-sample spikes, polarity and rounding change nothing."""
+    volts, ratio, landed, speed = bouncing(0.047, 0.75)
+    t = (np.arange(volts.size) - TRIGGER) / RATE_HZ
+    if disturbance == "hum":
+        volts = volts + 0.3 * np.sin(2 * np.pi * 50 * t) + 0.1 * np.sin(2 * np.pi * 150 * t + 1)
+    elif disturbance == "slow ring":
+        volts = volts + np.where(t > 0, 0.3 * np.exp(-t / 5e-3) * np.sin(9e3 * t), 0.0)
+    elif disturbance == "drift":
+        volts = volts + 2.0 * t
+    elif disturbance == "spikes":
+        volts[TRIGGER + 9_000 :: 31_013] += 1.5
+    elif disturbance == "inverted":
+        volts = -volts
+    else:
+        volts = np.round(volts / 4.9e-3) * 4.9e-3
+    found = _measure(volts, speed)
+    assert found is not None
+    assert found.value == pytest.approx(ratio, abs=3 * found.u)
+    assert len(bounce_indices(volts, RATE_HZ, TRIGGER)) <= len(landed)
+
+
+def test_all_landings_are_listed_as_triggers(bouncing: Any) -> None:
+    """Every landing of a low drop is listed at its onset, the first one included."""
+    volts, _, landed, _ = bouncing(0.012, 0.7)
+    found = bounce_indices(volts, RATE_HZ, TRIGGER)
+    assert len(found) >= 5
+    np.testing.assert_allclose(found, landed[: len(found)], atol=25)
+
+
+def test_uncertainty_of_the_impact_speed_is_carried(bouncing: Any) -> None:
+    """A speed known to one per cent makes a ratio known to one per cent."""
+    volts, _, _, speed = bouncing(0.047, 0.8)
+    found = _measure(volts, speed, impact_speed_u_m_per_s=0.01 * speed)
+    assert found is not None
+    assert found.u / found.value == pytest.approx(0.01, rel=0.01)
+
+
+def test_nothing_is_said_when_the_record_is_too_short(bouncing: Any) -> None:
+    """A record that ends before the second landing gives no restitution."""
+    volts, _, _, speed = bouncing(0.1, 0.9, samples=120_000)
+    assert _measure(volts, speed) is None
+    assert len(bounce_indices(volts, RATE_HZ, TRIGGER)) == 1
+
+
+def test_nothing_is_said_when_nothing_lands(bouncing: Any) -> None:
+    """Noise after one impact, a flat record and an empty one give no restitution."""
+    volts, _, _, speed = bouncing(0.1, 0.9, samples=120_000)
+    quiet = np.concatenate([volts, 1.5e-3 * np.random.default_rng(1).standard_normal(280_000)])
+    assert _measure(quiet, speed) is None
+    assert _measure(np.zeros(400_000), speed) is None
+    assert (
+        restitution_from_bounce(
+            np.zeros(10), RATE_HZ, 5, impact_speed_m_per_s=1.0, gravity_m_per_s2=G
+        )
+        is None
+    )
+
+
+def test_a_landing_faster_than_the_impact_is_none(bouncing: Any) -> None:
+    """A flight that would need more speed than the impact had is not called a rebound."""
+    volts, _, _, speed = bouncing(0.047, 0.8)
+    assert _measure(volts, 0.5 * speed) is None
+
+
+def test_a_second_touch_right_after_the_first_is_no_rebound(bouncing: Any) -> None:
+    """A hard second pulse a few milliseconds on contradicts so short a flight and is refused."""
+    volts, _, _, speed = bouncing(0.047, 0.8)
+    pulse = volts[TRIGGER - 10 : TRIGGER + 2000].copy()
+    volts[TRIGGER + 5000 - 10 : TRIGGER + 7000] += 0.7 * pulse
+    assert _measure(volts, speed) is None
