@@ -37,7 +37,27 @@ DECAYS_S = (0.2e-3, 0.6e-3, 2e-3, 8e-3)
 RESONANCES_HZ = (1.5e3, 3e3, 6e3, 10e3, 24e3, 34e3, 50e3, 80e3)
 RESONANCE_ZETA = 0.04
 TOPS = (0.5, 0.7, 0.82, 0.9, 0.96)
-BUMPS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620, 800, 1050, 1400, 1900)
+BUMPS_US = (
+    0,
+    15,
+    30,
+    45,
+    60,
+    80,
+    100,
+    125,
+    150,
+    190,
+    240,
+    300,
+    380,
+    480,
+    620,
+    800,
+    1050,
+    1400,
+    1900,
+)
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
 
@@ -127,7 +147,9 @@ def dynamic_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str]
     )
 
 
-def locked_columns(samples: int, rate: float, touch_down_us: float, size: float) -> tuple[list[str], Array]:
+def locked_columns(
+    samples: int, rate: float, touch_down_us: float, size: float
+) -> tuple[list[str], Array]:
     """Return hat functions of the time after touch-down. Labels and shape (n, q)."""
     t = np.arange(samples) / rate * 1e6 - touch_down_us
     labels, columns = [], []

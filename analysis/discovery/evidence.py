@@ -13,12 +13,14 @@ hundreds of hypotheses cost milliseconds, at the price of being first order.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
+from analysis.discovery.candidates import Proposal, column
 from analysis.discovery.columns import (
     Scale,
     cell_names,
@@ -158,7 +160,7 @@ class Evidence:
                 found.append([("trend", t), ("bow", 1.5 * t * t - 0.5)])
         return found
 
-    def explain(self, family: str, scope: str = "rig") -> Explained:
+    def explain(self, family: str, scope: str = "rig", *, heldout: bool = True) -> Explained:
         """Return what one family of columns explains, and what of it holds on other shots.
 
         Parameters
@@ -174,9 +176,27 @@ class Evidence:
             First-order gains; chi-square distributed without structure.
         """
         at, labels = self.families[family]
-        return self._solve(at, labels, family, scope)
+        if scope == "shot":
+            return self._solve_by_shot(at, family)
+        return self._solve(at, labels, family, scope, heldout=heldout)
 
-    def _solve(self, at: list[int], labels: list[str], family: str, scope: str) -> Explained:
+    def _solve_by_shot(self, at: list[int], family: str) -> Explained:
+        """Return the gain of coefficients that every shot has for itself; globals stay put."""
+        gain, dof = 0.0, 0
+        for shot in self.shots:
+            inner = shot.matrix[np.ix_(at, at)]
+            scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+            values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
+            keep = values > 1e-6
+            parts = vectors[:, keep].T @ (shot.vector[at] / scale)
+            gain += float(np.sum(parts**2 / values[keep]))
+            dof += int(keep.sum())
+        p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
+        return Explained(family, "shot", gain, dof, p, gain - 2.0 * dof, {})
+
+    def _solve(
+        self, at: list[int], labels: list[str], family: str, scope: str, *, heldout: bool
+    ) -> Explained:
         owners = self.owners(scope)
         names = sorted({o for shot in owners for o, _ in shot})
         globals_ = len(self.problem.names)
@@ -199,7 +219,9 @@ class Evidence:
         )
         whole, load = sum(matrices) + prior, sum(vectors) + pull
         gain, dof, coefficients = _project(whole, load, globals_)
-        held = _heldout_gain(self._folds(), matrices, vectors, whole, load, globals_)
+        held = math.nan
+        if heldout:
+            held = _heldout_gain(self._folds(), matrices, vectors, whole, load, globals_)
         p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
         named = {
             f"{label}{f' [{owner}]' if owner else ''}": float(coefficients[i * len(at) + j])
@@ -266,9 +288,7 @@ def _heldout_gain(
         covered += len(fold)
         rest, pull = whole - inside, load - own
         alone = [
-            j
-            for j in range(globals_)
-            if inside[j, j] > 0 and rest[j, j] < OWN_SHARE * whole[j, j]
+            j for j in range(globals_) if inside[j, j] > 0 and rest[j, j] < OWN_SHARE * whole[j, j]
         ]
         x = np.linalg.solve(rest + np.diag(ridge), pull)
         base = np.zeros(size)
@@ -298,8 +318,8 @@ def _scale(problem: JointProblem, fitted: Fitted) -> Scale:
     return Scale(max(tops), float(np.median(depths)), float(np.median(speeds)))
 
 
-def gather(problem: JointProblem, fitted: Fitted) -> Evidence:
-    """Linearise a fitted campaign with all generic columns.
+def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()) -> Evidence:
+    """Linearise a fitted campaign with all generic columns and those of named effects.
 
     Parameters
     ----------
@@ -307,6 +327,8 @@ def gather(problem: JointProblem, fitted: Fitted) -> Evidence:
         With the noise as measured, not widened.
     fitted : Fitted
         Its solution.
+    tried : sequence of Proposal
+        Effects to look along; each becomes a family under its key.
 
     Returns
     -------
@@ -317,7 +339,7 @@ def gather(problem: JointProblem, fitted: Fitted) -> Evidence:
     families: dict[str, tuple[list[int], list[str]]] = {}
     shots = []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
-        shots.append(_shot_evidence(problem, fitted.theta, item, nuisance, scale, families))
+        shots.append(_shot_evidence(problem, fitted.theta, item, nuisance, scale, families, tried))
     return Evidence(problem, fitted, shots, families)
 
 
@@ -352,6 +374,7 @@ def _shot_evidence(
     nuisance: Array,
     scale: Scale,
     families: dict[str, tuple[list[int], list[str]]],
+    tried: Sequence[Proposal],
 ) -> ShotEvidence:
     model = problem.model
     shared, chain = problem.shared_local(item, theta)
@@ -359,6 +382,10 @@ def _shot_evidence(
     found, jacobian, gradient = model.linearise(local, item.frame)
     clean = found.signal - local[len(model.shared) + 3]
     parts = _columns(problem, item, local, clean, jacobian, scale)
+    for proposal in tried:
+        columns, shift = column(proposal, model, local, item, found.signal)
+        labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
+        parts.append((proposal.key, labels, columns, None, shift))
     s = len(model.shared)
     at = s
     for family, labels, _, _, _ in parts:
@@ -394,7 +421,9 @@ def _eliminated(
     white: Array,
     nuisance: Array,
 ) -> ShotEvidence:
-    inner = np.linalg.solve(matrix[keep:, keep:], np.column_stack([matrix[keep:, :keep], vector[keep:]]))
+    inner = np.linalg.solve(
+        matrix[keep:, keep:], np.column_stack([matrix[keep:, :keep], vector[keep:]])
+    )
     cross = matrix[:keep, keep:]
     return ShotEvidence(
         item,

@@ -1,0 +1,366 @@
+"""Named effects as hypotheses: a cheap look along each first, then an honest refit of the best."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.effects.library import library
+from analysis.fit import joint
+from analysis.fit.priors import UNKNOWN_LOG_U
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.impact_model import SHARED, ImpactModel
+
+Array = NDArray[np.float64]
+
+STARTS_TRIED = 8
+AMPLITUDE_STEP = 0.05
+"""Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
+COORDINATE_U = 20.0
+"""Width that only keeps an effect's coordinate finite."""
+SCOPES_TRIED = ("rig", "surface", "sphere")
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One effect from one start: what it would add to each shot, to first order.
+
+    Attributes
+    ----------
+    effect : Effect
+        In the form that is tried.
+    owner : str
+        Id of the library's entry, without the form.
+    coordinates : tuple of float
+        Where the effect's parameters start.
+    amplitude : int or None
+        Which parameter the column's coefficient multiplies; None where the whole column is a
+        difference and a coefficient of one means the start itself.
+    """
+
+    effect: Effect
+    owner: str
+    coordinates: tuple[float, ...]
+    amplitude: int | None
+
+    @property
+    def key(self) -> str:
+        """Return a name that is unique among proposals."""
+        return f"{self.effect.id}@{','.join(f'{c:.4g}' for c in self.coordinates)}"
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model with one more effect, fitted for real.
+
+    Attributes
+    ----------
+    effect : Effect
+        Added, with the scope that was fitted.
+    owner : str
+        Id of the library's entry.
+    scope : str
+        Owner of its amplitude.
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    gain : float
+        Fall of the cost against the model without it.
+    parameters : int
+        How many numbers it has, over all owners.
+    at_bound : bool
+        A number left its physical range.
+    linear_gain : float
+        What the cheap look had promised.
+    """
+
+    effect: Effect
+    owner: str
+    scope: str
+    problem: JointProblem
+    fitted: joint.Fitted
+    gain: float
+    parameters: int
+    at_bound: bool
+    linear_gain: float
+
+    def score(self, penalty: float) -> float:
+        """Return the gain less a price for each number."""
+        return self.gain - penalty * self.parameters
+
+
+def _amplitude(effect: Effect) -> int | None:
+    for at, parameter in enumerate(effect.parameters):
+        if parameter.form in ("linear", "inverse") and not parameter.peak_starts:
+            return at
+    return None
+
+
+def _starts(parameter: EffectParameter, top: float) -> tuple[float, ...]:
+    if parameter.peak_starts:
+        return tuple(top * s for s in parameter.peak_starts)
+    return parameter.starts
+
+
+def can_be_tried(effect: Effect, problem: JointProblem) -> str | None:
+    """Return why an effect cannot be tried on these data, None where it can."""
+    if effect.replaces_base:
+        return "it is a base model of its own"
+    if problem.model.base not in effect.bases:
+        return f"it has no meaning in the base model {problem.model.base}"
+    for need in effect.needs:
+        if any(getattr(s.frame, need) is None for s in problem.shots):
+            return f"{need} is not known for every shot"
+    if effect.speed is not None and any(s.speed_prior is None for s in problem.shots):
+        return "drop heights are not known for every shot"
+    return None
+
+
+def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
+    """Return what can be tried on top of a model, and why the rest cannot.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The present model and its data.
+
+    Returns
+    -------
+    found : list of Proposal
+        All effects, forms and starts.
+    refused : dict
+        Reason by effect id.
+    """
+    top = max(s.window.peak for s in problem.shots)
+    present = {e.id.partition(":")[0] for e in problem.model.effects}
+    found, refused = [], {}
+    for listed in library().values():
+        if listed.id in present:
+            continue
+        why = can_be_tried(listed, problem)
+        if why is not None:
+            refused[listed.id] = why
+            continue
+        for effect in (listed, *listed.variants):
+            amplitude = _amplitude(effect)
+            lists = [
+                _starts(p, top)[:1] if at == amplitude else _starts(p, top)
+                for at, p in enumerate(effect.parameters)
+            ]
+            for values in itertools.islice(itertools.product(*lists), STARTS_TRIED):
+                at = tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
+                found.append(Proposal(effect, listed.id, at, amplitude))
+    return found, refused
+
+
+def column(
+    proposal: Proposal, model: ImpactModel, local: Array, item: FitShot, base: Array
+) -> tuple[Array, Array]:
+    """Return what a proposal adds to one shot per unit coefficient: signal and promised speed.
+
+    Parameters
+    ----------
+    proposal : Proposal
+        What is tried.
+    model : ImpactModel
+        The present model.
+    local : ndarray, shape (p,)
+        The shot's fitted local parameters.
+    item : FitShot
+        The shot.
+    base : ndarray, shape (n,)
+        The present model's signal.
+
+    Returns
+    -------
+    signal : ndarray, shape (n, q)
+        q is 1, or the number of free sizes of an effect with a basis.
+    speed : ndarray, shape (q,)
+        Shift of ln v0.
+    """
+    effect = proposal.effect
+    if effect.basis is not None:
+        found = effect.basis(item.frame.samples, model.context(local, item.frame))
+        return found * item.window.peak, np.zeros(found.shape[1])
+    at = len(model.shared)
+    coordinates = np.array(proposal.coordinates)
+    step = 1.0
+    if proposal.amplitude is not None:
+        step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
+        coordinates[proposal.amplitude] = step
+    tried = model.with_effect(effect)
+    moved = np.concatenate([local[:at], coordinates, local[at:]])
+    signal = tried.predict(moved, item.frame).signal
+    shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
+    if not np.isfinite(signal).all():
+        signal = base
+    return ((signal - base) / step)[:, None], np.array([shift / step])
+
+
+def rescoped(effect: Effect, scope: str) -> Effect:
+    """Return an effect whose amplitude belongs to someone else; its other numbers stay the rig's.
+
+    Parameters
+    ----------
+    effect : Effect
+        Any.
+    scope : str
+        rig, surface or sphere.
+
+    Returns
+    -------
+    Effect
+        With every number that has no amplitude owned by the rig.
+    """
+    amplitude = _amplitude(effect)
+    parameters = tuple(
+        dataclasses.replace(p, scope=scope if amplitude is None or at == amplitude else "rig")
+        for at, p in enumerate(effect.parameters)
+    )
+    return dataclasses.replace(effect, parameters=parameters)
+
+
+def scopes_of(effect: Effect) -> tuple[str, ...]:
+    """Return the owners worth trying: of contact and mounting the materials too."""
+    if effect.basis is not None:
+        return ("shot",)
+    if effect.slot in ("contact", "mounting"):
+        return SCOPES_TRIED
+    return ("rig",)
+
+
+def extended(
+    problem: JointProblem, fitted: joint.Fitted, effect: Effect, coordinates: dict[str, float]
+) -> tuple[JointProblem, Array, Array]:
+    """Return a problem with one more effect, and where to start it.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The present model at its best.
+    effect : Effect
+        To be added, scopes set.
+    coordinates : dict
+        Start of each new global, by its name.
+
+    Returns
+    -------
+    problem : JointProblem
+        Same shots, same knowledge.
+    theta, nuisances : ndarray
+        Where to start.
+    """
+    model = problem.model.with_effect(effect)
+    larger = dataclasses.replace(problem, model=model, names=list(problem.names))
+    first = len(SHARED[model.kind]) + sum(len(e.parameters) for e in problem.model.effects)
+    for row in range(first, len(model.shared)):
+        larger.names.extend(sorted({larger.effect_key(row, s) for s in problem.shots}))
+    new = larger.names[len(problem.names) :]
+    start = np.array([coordinates.get(n, 0.0) for n in new])
+    size, old = len(larger.names), len(problem.names)
+    larger.prior_precision = np.zeros((size, size))
+    larger.prior_precision[:old, :old] = problem.prior_precision
+    for j in range(old, size):
+        larger.prior_precision[j, j] = COORDINATE_U**-2
+    larger.prior_mean = np.concatenate([problem.prior_mean, start])
+    theta = np.concatenate([fitted.theta, start])
+    larger.start = theta
+    extra = len(model.nuisances) - fitted.nuisances.shape[1]
+    nuisances = np.hstack([fitted.nuisances, np.zeros((fitted.nuisances.shape[0], extra))])
+    return larger, theta, nuisances
+
+
+def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:
+    """Tell whether an effect's numbers are such as no such effect can have.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        A fit that has the effect.
+    effect : Effect
+        Which one.
+
+    Returns
+    -------
+    bool
+        A number outside its bounds by more than two standard uncertainties, or no owner whose
+        amplitude differs from neutral.
+    """
+    u = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
+    for parameter in effect.parameters:
+        for j, name in enumerate(problem.names):
+            if name.split("[", 1)[0] != f"{effect.id}.{parameter.name}":
+                continue
+            at, width = float(fitted.theta[j]), 2.0 * float(u[j])
+            nearest = [parameter.value(c) for c in (at - width, at, at + width)]
+            if parameter.form == "inverse" and at - width <= 0.0 <= at + width:
+                continue  # neutral is within reach
+            if not any(parameter.low <= v <= parameter.high for v in nearest):
+                return True
+    return False
+
+
+def refit(
+    problem: JointProblem,
+    fitted: joint.Fitted,
+    proposal: Proposal,
+    scope: str,
+    coefficients: dict[str, float],
+    linear_gain: float,
+    *,
+    max_iterations: int = 25,
+) -> Refit:
+    """Return the model with one more effect, all parameters fitted again.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The present model at its best.
+    proposal : Proposal
+        Effect, form and start.
+    scope : str
+        Who owns the amplitude.
+    coefficients : dict
+        Size of the amplitude by owner, from the cheap look.
+    linear_gain : float
+        What the cheap look promised.
+    max_iterations : int
+        Steps allowed.
+
+    Returns
+    -------
+    Refit
+        Whether it helped or not.
+    """
+    effect = proposal.effect if scope == "shot" else rescoped(proposal.effect, scope)
+    start: dict[str, float] = {}
+    owners = {
+        "rig": [""],
+        "surface": sorted({f"[{s.shot.surface}]" for s in problem.shots}),
+        "sphere": sorted({f"[{s.shot.sphere}]" for s in problem.shots}),
+    }
+    for at, (parameter, coordinate) in enumerate(
+        zip(effect.parameters, proposal.coordinates, strict=True)
+    ):
+        for owner in owners.get(parameter.scope, [""]):
+            value = coordinate
+            if at == proposal.amplitude:
+                found = coefficients.get(owner.strip("[]"), coordinate)
+                # an outlandish first-order size only says "large": start from the usual one
+                value = found if abs(found) < 30 * abs(coordinate) else coordinate
+            start[f"{effect.id}.{parameter.name}{owner}"] = value
+    larger, theta, nuisances = extended(problem, fitted, effect, start)
+    result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
+    gain = fitted.cost - result.cost if math.isfinite(result.cost) else -math.inf
+    count = len(larger.names) - len(problem.names)
+    count += effect.basis_size * len(problem.shots)
+    bad = not result.blocks or left_its_range(larger, result, effect)
+    return Refit(effect, proposal.owner, scope, larger, result, gain, count, bad, linear_gain)
+
+
+__all__ = ["UNKNOWN_LOG_U", "Proposal", "Refit", "column", "proposals", "refit"]

@@ -1,0 +1,101 @@
+"""One question: is there structure in the residual, or only noise? And if so, in which slot?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.discovery.evidence import Evidence, Explained
+
+ALPHA = 2e-3
+"""Chance, all families together, of calling a clean campaign discrepant."""
+
+ASKED: tuple[tuple[str, str], ...] = (
+    ("response", "rig"),
+    ("response", "surface"),
+    ("static", "rig"),
+    ("dynamic", "rig"),
+    ("contact", "rig"),
+    ("contact", "surface"),
+    ("contact", "sphere"),
+    ("loss", "rig"),
+    ("loss", "surface"),
+    ("cell", "surface"),
+    ("cell", "order"),
+    ("cell", "shot"),
+    ("speed", "height"),
+    ("locked", "rig"),
+    ("locked", "pair"),
+)
+
+SLOTS: dict[str, tuple[tuple[str, str], ...]] = {
+    "release": (("speed", "height"),),
+    "contact": (
+        ("contact", "rig"),
+        ("contact", "surface"),
+        ("contact", "sphere"),
+        ("loss", "rig"),
+        ("loss", "surface"),
+    ),
+    "mounting": (("response", "surface"), ("cell", "surface")),
+    "sensor": (("response", "rig"), ("static", "rig")),
+    "electronics": (("response", "rig"), ("static", "rig"), ("dynamic", "rig"), ("cell", "order")),
+}
+"""Whose closures stand for which slot; sensor and electronics share the linear ones."""
+
+
+@dataclass(frozen=True)
+class Omnibus:
+    """The answer to the one question.
+
+    Attributes
+    ----------
+    p_value : float
+        Of the strongest family, corrected for having asked them all.
+    answers : dict
+        What each family explains.
+    """
+
+    p_value: float
+    answers: dict[tuple[str, str], Explained]
+
+    @property
+    def structured(self) -> bool:
+        """Whether the residual is more than noise."""
+        return self.p_value < ALPHA
+
+    @property
+    def strongest(self) -> Explained:
+        """Return the family with the smallest p-value, then the largest gain per number."""
+        return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
+
+    def slot_gains(self) -> dict[str, float]:
+        """Return the best held-out gain of each slot's closures."""
+        found = {}
+        for slot, families in SLOTS.items():
+            gains = [self.answers[f].heldout_gain for f in families if f in self.answers]
+            found[slot] = max(gains, default=0.0)
+        return found
+
+
+def ask(evidence: Evidence, *, heldout: bool = False) -> Omnibus:
+    """Return whether a fit's residual has structure.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of the fit.
+    heldout : bool
+        Also compute each family's gain on held-out shots.
+
+    Returns
+    -------
+    Omnibus
+        p-value corrected by Bonferroni.
+    """
+    answers = {}
+    for family, scope in ASKED:
+        answers[family, scope] = evidence.explain(family, scope, heldout=heldout)
+    p = min(a.p_value for a in answers.values()) * len(answers)
+    return Omnibus(float(np.minimum(p, 1.0)), answers)
