@@ -15,7 +15,7 @@ from typing import Any
 
 import structlog
 
-from drivers.errors import AbortedError, DriverError
+from drivers.errors import AbortedError, DeviceTimeoutError, DriverError
 from impactd.acquisition.devices import confirm_safe, connect, make_safe
 from impactd.acquisition.drop_run import DropRun
 from impactd.acquisition.endings import Rows, about_drop, ending_of, keep_evidence, worst_of
@@ -30,6 +30,7 @@ from impactd.storage.archive import Archive, ArchiveError, Drop, Shot
 
 _log = structlog.get_logger("impactd.acquisition")
 _LOOP_S = 0.1
+_SILENCES = 2
 
 Publish = Callable[[str, dict[str, Any]], None]
 
@@ -88,6 +89,7 @@ class RigLoop:
         self._wake = threading.Event()
         self._acknowledged = threading.Event()
         self._rows = Rows(archive)
+        self._silences = 0
         self._tried_s = -1e9
         self._thread: threading.Thread | None = None
 
@@ -243,9 +245,14 @@ class RigLoop:
     def _look(self) -> None:
         try:
             self.watch.look()
+            self._silences = 0
         except AbortedError:
             return  # somebody made the rig safe just now; look again next time
         except DriverError as error:
+            # One answer that came too late is a busy host; two in a row are a silent device.
+            self._silences += 1
+            if isinstance(error, DeviceTimeoutError) and self._silences < _SILENCES:
+                return
             found = failure_of(error)
             doubt = Doubt.RETRY if found.doubt is Doubt.NONE else found.doubt
             self._doubt(Failure(found.problem, doubt))
