@@ -13,9 +13,13 @@ from one to the next is what identifies it.
 
 import math
 
-from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
-from analysis.model.hertz import contact_time
-from analysis.model.solver import contact_steps
+from analysis.effects.effect import (
+    Effect,
+    EffectParameter,
+    ShotContext,
+    Values,
+    resolving_steps,
+)
 from analysis.model.structure import Structure
 
 
@@ -30,9 +34,8 @@ def _structure(structure: Structure, values: Values, context: ShotContext) -> No
 
 def _steps(values: Values, context: ShotContext) -> float:
     own = math.sqrt(values["stiffness_n_per_m"] / context.known("coupon_mass_kg"))
-    duration = contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
     # what is overdamped decays faster than it would swing
-    return contact_steps(own * max(1.0, 2 * values["damping_ratio"]), duration)
+    return resolving_steps(own * max(1.0, 2 * values["damping_ratio"]), context)
 
 
 EFFECT = Effect(

@@ -15,9 +15,13 @@ Scope: the rig's, it is the stand.
 
 import math
 
-from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
-from analysis.model.hertz import contact_time
-from analysis.model.solver import contact_steps
+from analysis.effects.effect import (
+    Effect,
+    EffectParameter,
+    ShotContext,
+    Values,
+    resolving_steps,
+)
 from analysis.model.structure import FRAME, Structure
 
 
@@ -33,9 +37,8 @@ def _structure(structure: Structure, values: Values, context: ShotContext) -> No
 
 
 def _steps(values: Values, context: ShotContext) -> float:
-    duration = contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
     fastest = max(1.0, 2 * values["damping_ratio"])
-    return contact_steps(2 * math.pi * values["frequency_hz"] * fastest, duration)
+    return resolving_steps(2 * math.pi * values["frequency_hz"] * fastest, context)
 
 
 EFFECT = Effect(

@@ -39,7 +39,7 @@ _CEILING = EffectParameter(
     "rig",
     "inverse",
     1.0,
-    1e-3,
+    0.02,
     100.0,
     (5.0, 1.0),
     "largest output above the baseline, V_c",

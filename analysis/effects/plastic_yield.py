@@ -29,15 +29,18 @@ from numba import njit
 
 from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
 from analysis.model.effect_solver import TERM
-from analysis.model.hertz import damping_coefficient
+from analysis.model.hertz import contact_time, damping_coefficient
 
 _STEPS = 300
 """The law has kinks, at which a step is only of second order."""
+_PULL = 60.0
+"""How firmly the memory is held to the indentation, per contact time."""
 
 
 @njit(TERM, cache=True)
 def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
-    grows = rate if rate > 0.0 and delta >= z else 0.0
+    # the memory runs with the indentation while it grows, pulled to it so that no rounding stays
+    grows = max(rate + p3 * (delta - z), 0.0) if rate > 0.0 else 0.0
     deepest = max(z, delta)
     if deepest <= p0:
         return 0.0, 0.0, grows, 0.0
@@ -56,7 +59,8 @@ def _pack(values: Values, context: ShotContext) -> tuple[float, float, float, fl
     dashpot = damping_coefficient(context.restitution) * math.sqrt(context.mass_kg * K)
     # beyond the neutral point (no yield at any pressure) there is nothing to continue into
     start = (2 * math.pi * pressure * context.known("radius_m") / (3 * K)) ** 2
-    return start if pressure > 0.0 else math.inf, K, dashpot, 0.0
+    duration = contact_time(K, context.mass_kg, context.speed_m_per_s)
+    return start if pressure > 0.0 else math.inf, K, dashpot, _PULL / duration
 
 
 EFFECT = Effect(

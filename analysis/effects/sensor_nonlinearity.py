@@ -18,7 +18,7 @@ EFFECT = Effect(
     source="second-order characteristic",
     validation="closed form",
     parameters=(
-        EffectParameter("curvature_per_v", "1/V", "rig", "linear", 0.05, -10.0, 10.0, (0.01,), "b"),
+        EffectParameter("curvature_per_v", "1/V", "rig", "linear", 0.05, -5.0, 5.0, (0.01,), "b"),
     ),
     order=20,
     output=lambda x, v, c: x + v["curvature_per_v"] * x * x,

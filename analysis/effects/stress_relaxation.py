@@ -12,10 +12,14 @@ pair and takes up the stiffness at one contact time; surface or sphere come seco
 
 from numba import njit
 
-from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
+from analysis.effects.effect import (
+    Effect,
+    EffectParameter,
+    ShotContext,
+    Values,
+    resolving_steps,
+)
 from analysis.model.effect_solver import TERM
-from analysis.model.hertz import contact_time
-from analysis.model.solver import contact_steps
 
 
 @njit(TERM, cache=True)
@@ -25,8 +29,7 @@ def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-d
 
 def _steps(values: Values, context: ShotContext) -> float:
     # an explicit scheme must resolve the relaxation, however short
-    duration = contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
-    return contact_steps(1.0 / values["relaxation_time_s"], duration)
+    return resolving_steps(1.0 / values["relaxation_time_s"], context)
 
 
 EFFECT = Effect(

@@ -33,6 +33,7 @@ class Rig:
     samples: int = 1500
     coupon_mass: float = 3.6e-3
     drop_height: float = 0.047
+    compliance_m_per_v: float = 1.2e-8
 
     @property
     def times(self) -> Array:
@@ -82,8 +83,7 @@ class Rig:
     def local(self, model: ImpactModel, values: Mapping[str, float] | None = None) -> Array:
         """Return local parameters; ``values`` are physical, by ``effect.parameter``."""
         omega = math.sqrt(self.cell_stiffness / self.cell_mass)
-        # the gain of the compression is 1, of a rigid cell's force too
-        gain = self.cell_stiffness if model.base == "kv" else 1.0
+        gain = self.cell_stiffness * self.compliance_m_per_v if model.base == "kv" else 1.0
         own = {
             "ln_K": math.log(self.stiffness),
             "ln_S": math.log(gain),
@@ -108,15 +108,17 @@ class Rig:
         return math.ceil(max([model.steps(local, frame), *asked]))
 
     def predict(self, name: str, values: Mapping[str, float] | None = None) -> Prediction:
-        """Return the model's trace; compression in metres (kv) or force in newtons (hsd)."""
+        """Return the model's trace; in volts (kv) or newtons (hsd)."""
         model = model_named(name)
         local = self.local(model, values)
         return model.predict(local, self.frame(), steps=self.steps(model, local))
 
     def reference(self, **how: object) -> Outcome:
-        """Return the reference impact; ``how`` as `impact` takes it."""
+        """Return the reference impact, compression in volts; ``how`` as `impact` takes it."""
         how = {"ground": self.ground} | how
-        return impact(self.times, mass=self.mass, speed=self.speed, **how)  # type: ignore[arg-type]
+        found = impact(self.times, mass=self.mass, speed=self.speed, **how)  # type: ignore[arg-type]
+        found.compression /= self.compliance_m_per_v
+        return found
 
     def but(self, **changes: float) -> Rig:
         """Return this rig with something changed."""

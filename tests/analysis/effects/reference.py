@@ -38,7 +38,7 @@ def base_dashpot(stiffness: float, mass: float, restitution: float) -> Callable[
 
 @dataclass
 class Ground:
-    """Masses in a row of any wiring; ``links`` are (one, other, stiffness, damping), -1 the frame."""
+    """Masses and ``links`` of (one, other, stiffness, damping); -1 is the frame."""
 
     masses: list[float]
     links: list[tuple[int, int, float, float]]
@@ -92,7 +92,7 @@ def impact(
     """Integrate one impact.
 
     ``recession`` is in metres per second per newton of elastic force; ``share`` of the dissipative
-    force loads the ground; ``after_turn`` makes the law for the way back from the deepest indentation.
+    force loads the ground; ``after_turn`` makes the law of the way back from the deepest point.
     """
     n = len(ground.masses)
     system = ground.system()

@@ -104,7 +104,6 @@ def test_the_neutral_value_is_the_base_model(effect: Effect) -> None:
     layer has none, see its own test.
     """
     base = RIG.predict("kv")
-    found = RIG.but().predict(model_of(effect), neutral(effect))
     same_steps = RIG.steps(model_named("kv"), RIG.local(model_named("kv")))
     model = model_named(model_of(effect))
     local = RIG.local(model, neutral(effect))
@@ -169,7 +168,7 @@ def test_every_parameter_moves_the_model(effect: Effect) -> None:
 def test_an_output_is_repeatable_and_leaves_its_input(effect: Effect) -> None:
     """An output keeps shape and length, gives the same twice, and does not write on its input."""
     assert effect.output is not None
-    signal = RIG.predict("kv").signal * 1e7
+    signal = RIG.predict("kv").signal
     kept = signal.copy()
     values = {p.name: p.starts[0] for p in effect.parameters}
     one = effect.output(signal, values, RIG.context())

@@ -1,0 +1,59 @@
+"""Effects on how, how fast and how often the sphere arrives."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from analysis.effects.library import effect_named
+from analysis.model.impact_model import model_named
+
+from .conftest import Rig, apart
+
+RIG = Rig()
+
+
+@pytest.mark.parametrize("offset", [2e-3, -3e-3])
+def test_a_height_offset_shifts_the_speed(offset: float) -> None:
+    """The promised speed becomes sqrt(2 g (h + dh)), and matters less from higher up."""
+    model = model_named("kv+release_speed_bias")
+    local = RIG.local(model, {"release_speed_bias.height_offset_m": offset})
+    shift = model.speed_shift(local, RIG.frame())
+    promised = math.sqrt(2 * 9.80665 * RIG.drop_height)
+    true = math.sqrt(2 * 9.80665 * (RIG.drop_height + offset))
+    assert shift == pytest.approx(math.log(true / promised), rel=1e-12)
+    assert abs(shift) > abs(model.speed_shift(local, RIG.but(drop_height=0.2).frame()))
+    same = model.predict(local, RIG.frame()).signal
+    assert np.array_equal(same, RIG.predict("kv").signal)
+
+
+def test_a_sphere_below_the_coupon_has_no_speed() -> None:
+    """An offset of more than the height has no logarithm, and says so without an exception."""
+    speed = effect_named("release_speed_bias").speed
+    assert speed is not None
+    low = dataclasses.replace(RIG.context(), drop_height_m=1e-3)
+    assert math.isnan(speed({"height_offset_m": -2e-3}, low))
+
+
+def test_a_second_contact_is_a_slower_impact_later() -> None:
+    """The trace is the sum of two base traces, the second at a fraction of the speed."""
+    values = {"recontact.speed_ratio": 0.3, "recontact.delay_s": 612.5e-6}
+    found = RIG.predict("kv+recontact", values).signal
+    second = RIG.but(speed=0.3 * RIG.speed, touch_down_us=RIG.touch_down_us + 612.5)
+    assert apart(found, RIG.predict("kv").signal + second.predict("kv").signal) < 1e-6
+    assert found[700:].max() > 3 * RIG.predict("kv").signal[700:].max()
+
+
+def test_a_second_contact_fades_with_its_speed() -> None:
+    """The second pulse goes with the speed to the power 6/5, so its neutral value is a limit."""
+
+    def added(ratio: float) -> float:
+        rig = RIG.but(cell_stiffness=4.16e11)  # a stiff cell reads the force
+        values = {"recontact.speed_ratio": ratio, "recontact.delay_s": 6e-4}
+        both = rig.predict("kv+recontact", values).signal - rig.predict("kv").signal
+        return float(both.max())
+
+    assert added(0.2) / added(0.1) == pytest.approx(2**1.2, rel=0.02)
