@@ -192,6 +192,9 @@ class FitResult:
         found = [] if self.outcome.status == "converged" else [self.outcome.status]
         if self.misfit > 1:
             found.append("residual_above_noise")
+        shifts = [m.get("shift_from_stated_in_u", 0.0) for m in self.moduli().values()]
+        if any(abs(shift) > statements.CONTRADICTED_ABOVE for shift in shifts):
+            found.append("references_contradicted")
         if self.problem.model.kind == solver.HSD:
             found.append("rigid_cell_model")
         return found

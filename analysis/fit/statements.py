@@ -16,11 +16,14 @@ from analysis.fit.estimates import (
 )
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json, measurand, young_from_plane_strain
-from analysis.fit.priors import SEEN
-from analysis.fit.problem import SENSOR_FIELDS, UNKNOWN_LOG_U, JointProblem
+from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, modulus_prior
+from analysis.fit.problem import JointProblem
 
 WITHHOLD_ABOVE = 0.25
 """A relative standard uncertainty beyond which a modulus is withheld."""
+
+CONTRADICTED_ABOVE = 3.0
+"""A reference that the fit moved by more of its stated uncertainties speaks against the model."""
 
 _CELL_FORMS = {
     "sensor.ln_S": ("sensor.gain_N_per_V", 1.0, "N/V"),
@@ -74,12 +77,17 @@ def _modulus(log: float, u: float, side: str, material: Sphere | Surface) -> Jso
             log, u, material.youngs_modulus_pa, material.poissons_ratio
         )
         young = measurand(e, e * u_e, "Pa")
-    return {
+    entry: Json = {
         "youngs_modulus_Pa": young,
         "plane_strain_modulus_Pa": measurand(plane, plane * u, "Pa"),
         "side": side,
-        "status": "fitted" if material.youngs_modulus_pa is None else "reference",
+        "status": "fitted",
     }
+    stated = modulus_prior(material.youngs_modulus_pa, material.poissons_ratio)
+    if stated is not None:
+        entry["status"] = "reference"
+        entry["shift_from_stated_in_u"] = (log - stated.mean) / stated.u
+    return entry
 
 
 def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
