@@ -32,7 +32,7 @@ $(BIN)/python:
 
 $(RUNTIME): pyproject.toml | $(BIN)/python
 	@echo "Installing the run-time packages into $(VENV) ..."
-	@$(PIP) install --editable .
+	@$(PIP) install --no-compile --editable .  # Python compiles what the demo imports; pip would all
 	@touch $@
 
 $(TOOLS): pyproject.toml | $(BIN)/python
