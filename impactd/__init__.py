@@ -1,2 +1,3 @@
 """The daemon: acquisition, storage, jobs, REST API and command line."""
+
 __version__ = "0.1.0"
