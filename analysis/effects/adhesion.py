@@ -20,7 +20,7 @@ from analysis.model.effect_solver import TERM
 
 
 @njit(TERM, cache=True)
-def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
     return -p0, 0.0, 0.0, 0.0
 
 

@@ -38,7 +38,7 @@ def _delayed(x, delay):  # type: ignore[no-untyped-def]
     n = x.size
     out = np.empty_like(x)
     weights, last = np.empty(_NODES), np.empty(_NODES)
-    whole = int(math.ceil(delay))  # noqa: RUF046 - a float in numba
+    whole = math.ceil(delay)
     # the wanted point lies between the stencil's third and fourth sample
     _weights(weights, 2.0 + (whole - delay))
     for i in range(n):

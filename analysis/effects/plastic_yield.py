@@ -38,7 +38,7 @@ _PULL = 60.0
 
 
 @njit(TERM, cache=True)
-def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
     # the memory runs with the indentation while it grows, pulled to it so that no rounding stays
     grows = max(rate + p3 * (delta - z), 0.0) if rate > 0.0 else 0.0
     deepest = max(z, delta)

@@ -16,7 +16,7 @@ PROBE_ID = "probe"
 
 
 @njit(TERM, cache=True)
-def probe_term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]
+def probe_term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
     """Return the force p0 K delta^(3/2) delta^p1 rate^p2, on the sphere alone where p3 is 1."""
     force = 0.0
     if delta > 0.0:

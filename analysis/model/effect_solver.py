@@ -7,9 +7,12 @@ numbers, is data. So no combination compiles anew, and the base model does not c
 A contact term is called as ``term(delta, rate, elastic, z, p0, p1, p2, p3)`` with the indentation
 [m], its rate [m/s], Hertz's force K delta^(3/2) [N], its own memory z, and its packed parameters.
 It returns ``(elastic_addition [N], dissipative_addition [N], dz/dt, recession [m/s])``: the elastic
-part also loads the structure, the dissipative part only the sphere (the paper's convention), and the
+part also loads the structure, the dissipative part only the sphere (the paper's convention); the
 recession is taken from the indentation rate.
 """
+
+# One compiled unit: splitting it further would pass a dozen scalars around for nothing.
+# ruff: noqa: PLR0912, PLR0915, PLR0917
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ from analysis.model.solver import _MAX_STEPS, _quintic
 # functions as values are "experimental" in numba's words; the tests pin what is used of them
 warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
 
-TERM = types.UniTuple(float64, 4)(
+TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
     float64, float64, float64, float64, float64, float64, float64, float64
 )
 """Signature of a contact term."""
@@ -164,7 +167,7 @@ def _propagator(A, dt):  # type: ignore[no-untyped-def]
         norm = max(norm, row)
     squarings = 0
     if norm > 0.25:
-        squarings = int(math.ceil(math.log2(norm / 0.25)))
+        squarings = math.ceil(math.log2(norm / 0.25))
     X = A * (dt / 2.0**squarings)
     E = np.eye(n)
     term = np.eye(n)
@@ -196,7 +199,7 @@ def _ring(out, i, s, P, reading, gain):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def integrate_with_effects(
+def integrate_with_effects(  # type: ignore[no-untyped-def]
     out,
     start,
     dt,
@@ -215,7 +218,7 @@ def integrate_with_effects(
     top,
     gain,
     steps,
-):  # type: ignore[no-untyped-def]
+):
     r"""Add one impact at t = 0, sampled at ``start + i dt``, to ``out``.
 
     Parameters
@@ -260,7 +263,7 @@ def integrate_with_effects(
     h = 13.05 * depth**0.25 / v0 / steps
     i = 0
     if start < 0.0:
-        i = int(math.ceil(-start / dt - 1e-12))
+        i = math.ceil(-start / dt - 1e-12)
     f0 = _rates(before, state, K, m, cd, g, share, terms, active, packed, A, b, top)
     ended, deepest = False, 0.0
     for _ in range(_MAX_STEPS):
