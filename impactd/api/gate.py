@@ -11,6 +11,7 @@ import secrets
 import time
 from collections.abc import Callable, Sequence
 
+import anyio
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -93,7 +94,9 @@ class Gate:
             await self._app(scope, self._counted(receive), reply.send)
         except ProblemError as problem:
             await reply.problem(problem, receive)
-        except Exception:  # the last line of defence: the person gets a sentence, the log the rest
+        except Exception as error:  # the last defence: a sentence for the person, the rest logged
+            if reply.started and _reader_is_gone(error):
+                return
             reference = secrets.token_hex(4)
             _log.exception("request failed", reference=reference, path=scope["path"])
             await reply.problem(
@@ -155,7 +158,7 @@ class _Reply:
         self._send = send
         self._observe = observe
         self._began_s = time.perf_counter()
-        self._started = False
+        self.started = False
         self._foreign: ProblemError | None = None
 
     async def send(self, message: Message) -> None:
@@ -178,14 +181,21 @@ class _Reply:
         for name, value in _SECURITY_HEADERS.items():
             headers.setdefault(name, value)
         message["headers"] = headers.raw
-        self._started = True
+        self.started = True
         self._observe(self._scope, message["status"], time.perf_counter() - self._began_s)
         await self._send(message)
 
     async def problem(self, problem: ProblemError, receive: Receive) -> None:
         """Answer with a problem; nothing can be said any more once an answer has begun."""
-        if not self._started:
+        if not self.started:
             await problem.response()(self._scope, receive, self.send)
+
+
+def _reader_is_gone(error: BaseException) -> bool:
+    """A stream whose reader closed the connection ends in broken pipes: that is no failure."""
+    if isinstance(error, BaseExceptionGroup):
+        return all(_reader_is_gone(one) for one in error.exceptions)
+    return isinstance(error, (anyio.BrokenResourceError, anyio.ClosedResourceError, OSError))
 
 
 async def _no_body() -> Message:

@@ -48,7 +48,13 @@ class Metrics(Collector):
         self._seconds.labels(route).observe(seconds)
 
     def collect(self) -> Iterator[Metric]:
-        """Yield what is read at the moment of the scrape."""
+        """Yield what is read at the moment of the scrape.
+
+        Yields
+        ------
+        Metric
+            One per family.
+        """
         status = self._daemon.status()
         archive = self._daemon.archive
         last_drop = archive.drops(limit=1)

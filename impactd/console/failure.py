@@ -4,13 +4,7 @@ from __future__ import annotations
 
 
 class Failure(Exception):  # noqa: N818 - read as a noun: `raise Failure("...")` ends a command
-    """A command ends with exit code 1 and this sentence.
-
-    Parameters
-    ----------
-    sentence : str
-        What happened and what to do.
-    """
+    """A command ends with exit code 1 and the sentence it was made with."""
 
 
 def sentence(error: BaseException) -> str:

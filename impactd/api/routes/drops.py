@@ -9,6 +9,7 @@ from impactd.api.answers import drop_answer, next_page
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import Before, DropAnswer, DropBody, DropPage, Key, Limit, Number
 from impactd.api.security import Caller, Limits, TheCaller, TheDaemon
+from impactd.daemon import Daemon
 from impactd.storage.drops import DropRequest
 
 router = APIRouter(prefix="/v1/drops", tags=["drops"])
@@ -91,17 +92,17 @@ async def abort_drop(
 ) -> DropAnswer:
     """Abort a drop that is under way; 409 when it has ended."""
     limits: Limits = request.app.state.limits
+    return await anyio.to_thread.run_sync(_abort, daemon, number, caller.name, limiter=limits.abort)
 
-    def abort() -> DropAnswer:
-        daemon.archive.drop(number)  # 404 before anything is touched
-        report = daemon.service.abort(by=caller.name, number=number)
-        if not report.aborted:
-            state = daemon.archive.drop(number).state
-            raise ProblemError(
-                "conflict",
-                f"Drop {number} is {state}; only a drop under way can be aborted.",
-                state=state,
-            )
-        return drop_answer(daemon.archive.drop(number))
 
-    return await anyio.to_thread.run_sync(abort, limiter=limits.abort)
+def _abort(daemon: Daemon, number: int, by: str) -> DropAnswer:
+    daemon.archive.drop(number)  # 404 before anything is touched
+    report = daemon.service.abort(by=by, number=number)
+    drop = daemon.archive.drop(number)
+    if not report.aborted:
+        raise ProblemError(
+            "conflict",
+            f"Drop {number} is {drop.state}; only a drop under way can be aborted.",
+            state=drop.state,
+        )
+    return drop_answer(drop)

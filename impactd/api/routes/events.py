@@ -28,7 +28,13 @@ async def events(
         int | None, Query(ge=0, le=_LARGEST, description="As Last-Event-ID, for a first look back.")
     ] = None,
 ) -> AsyncIterable[ServerSentEvent]:
-    """Stream events as they come, from `Last-Event-ID` on when it is given; `: ping` when idle."""
+    """Stream events as they come, from `Last-Event-ID` on when it is given; `: ping` when idle.
+
+    Yields
+    ------
+    ServerSentEvent
+        With the event's number as id, so that a client that returns misses nothing.
+    """
     seen = last_event_id if last_event_id is not None else after
     yield ServerSentEvent(comment="impactd", retry=2000)
     async for event in daemon.bus.listen(seen):

@@ -96,6 +96,16 @@ def test_a_drop_can_be_followed_as_server_sent_events(rig, shot):
     assert "drop.requested" in kinds
 
 
+def test_a_reader_that_leaves_in_the_middle_is_no_failure(rig, capfd):
+    """Closing a stream with a backlog neither logs an error nor stops the next request."""
+    for value in range(300):
+        rig.daemon.bus.publish("test", {"value": value})
+    with rig.reader.stream("GET", "/v1/events", headers={"Last-Event-ID": "0"}) as answer:
+        next(answer.iter_lines())
+    assert rig.reader.get("/v1/drops").status_code == 200
+    assert "request failed" not in capfd.readouterr().out
+
+
 def test_a_last_event_id_that_is_none_is_refused(rig):
     """A wrong id is a problem, not a silent restart."""
     answer = rig.reader.get("/v1/events", headers={"Last-Event-ID": "x"})
