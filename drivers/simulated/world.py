@@ -73,6 +73,9 @@ class World:
         self.settings = settings
         self.clock = RigClock(settings.clock_speed)
         self.faults = Faults()
+        # Two locks, taken in this order: a flight takes a tenth of a second to render, and the
+        # valve must answer meanwhile.
+        self._sampling = threading.RLock()
         self._lock = threading.RLock()
         self._rig = draw_rig(
             settings.seed,
@@ -126,7 +129,7 @@ class World:
         # The table takes a third of a second once; sample 0 is after it.
         noise, seed = self.settings.noise, self.settings.seed
         quiet = quiet_input(noise, seed, self.settings.offset_v, rate_hz, board)
-        with self._lock:
+        with self._sampling, self._lock:
             table_at = (self._streams * 700_001) % TABLE_SAMPLES
             self._streams += 1
             self._stream = _Stream(self.clock.now_s(), rate_hz, board, quiet, table_at)
@@ -134,7 +137,7 @@ class World:
 
     def stop_stream(self) -> None:
         """Stop the converter; do nothing when it stands."""
-        with self._lock:
+        with self._sampling:
             self._stream = None
 
     def samples_due(self) -> int:
@@ -170,12 +173,13 @@ class World:
         RuntimeError
             If no stream runs.
         """
-        with self._lock:
+        with self._sampling:
             stream = self._stream
             if stream is None:
                 raise RuntimeError("The converter stands: start_stream comes first.")
-            self.clock.advance_to(stream.began_s + (start + count) / stream.rate_hz)
-            self._let_go()
+            with self._lock:
+                self.clock.advance_to(stream.began_s + (start + count) / stream.rate_hz)
+                self._let_go()
             codes = read_round(stream.quiet.codes, stream.table_at + start, count)
             self._add_signal(stream, start, codes)
             for conversion in self._conversions:
@@ -214,7 +218,9 @@ class World:
     def _visible(self, stream: _Stream, stop: int) -> list[Segment]:
         """Return the segments of all flights that may reach before ``stop``, rendered once."""
         found: list[Segment] = []
-        for i, (flight, recording) in enumerate(self._flights):
+        with self._lock:
+            flights = list(self._flights)
+        for i, (flight, recording) in enumerate(flights):
             if (flight.landing_s - stream.began_s) * stream.rate_hz > stop + 2e6 and not recording:
                 continue
             if self._over_s.get(i, math.inf) < stream.began_s:
@@ -328,7 +334,7 @@ class World:
 
     def truth(self) -> dict[str, object]:
         """Return everything drawn and everything that happened, ready for JSON."""
-        with self._lock:
+        with self._sampling, self._lock:
             shots = [
                 {
                     "sphere": flight.shot.sphere,
