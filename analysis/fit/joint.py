@@ -17,10 +17,13 @@ from numpy.typing import NDArray
 from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
 from analysis.fit.problem import JointProblem
 
-MAX_ITERATIONS = 60
+MAX_ITERATIONS = 120
 STEP_TOLERANCE = 2e-3
 """Converged when no parameter moves by more than this share of its standard uncertainty."""
 COST_TOLERANCE = 1e-9
+GOOD_STEP, POOR_STEP = 0.7, 0.25
+"""Shares of the promised fall above which damping falls, below which it grows."""
+LEAST_DAMPING = 1e-9
 STALLED_DAMPING = 1e10
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
@@ -152,6 +155,25 @@ def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Ar
     return float(vector @ np.linalg.solve(matrix, vector)) + own
 
 
+def _promised_fall(
+    problem: JointProblem, blocks: list[ShotBlock], theta: Array, step: Array, own: Array
+) -> float:
+    """Return the fall of the cost if the model were linear."""
+    prior = problem.prior_precision
+    fall = float(-2 * step @ prior @ (theta - problem.prior_mean) - step @ prior @ step)
+    for block, nuisance in zip(blocks, own, strict=True):
+        local = np.concatenate([block.chain @ step, nuisance])
+        fall += float(2 * block.vector @ local - local @ block.matrix @ local)
+    return fall
+
+
+def _next_damping(damping: float, kept: float) -> float:
+    """Return the damping after a step that kept so much of what the linear model promised."""
+    if kept > GOOD_STEP:
+        return max(damping / 10, LEAST_DAMPING)
+    return damping if kept > POOR_STEP else damping * 4
+
+
 def fit(
     problem: JointProblem,
     nuisances: Array,
@@ -194,6 +216,7 @@ def fit(
         damped[np.diag_indices_from(damped)] *= 1 + damping
         step = np.linalg.solve(damped, vector)
         own = np.array([p.own - p.back @ step for p in parts])
+        promised = _promised_fall(problem, blocks, theta, step, own)
         new_cost = _total_cost(problem, theta + step, nuisances + own, cost)
         next_blocks = None
         if new_cost <= cost:
@@ -204,7 +227,8 @@ def fit(
             theta, nuisances, blocks = theta + step, nuisances + own, next_blocks
             small = cost - new_cost <= COST_TOLERANCE * max(cost, 1.0)
             converged = bool(moved.max() < STEP_TOLERANCE) or (small and damping < 1e-2)
-            cost, damping = new_cost, max(damping / 10, 1e-12)
+            damping = _next_damping(damping, (cost - new_cost) / max(promised, 1e-300))
+            cost = new_cost
         else:
             damping = max(damping * 10, 1e-6)
             if damping > STALLED_DAMPING:

@@ -20,6 +20,8 @@ START_RESTITUTION = 0.75
 CONTACT_TIMES = 40
 FREQUENCIES = 14
 DAMPING_RATIOS = (0.02, 0.07, 0.25)
+NEAR_CERTIFICATE = 0.3
+"""How far, in the logarithm, a ring may be from the certificate's and still be the crystal's."""
 HEAVIEST_SENSOR_SEARCH = 3
 """How many shots are looked at when nothing is known of the cell's ring."""
 
@@ -109,6 +111,8 @@ def _restitution(item: FitShot) -> float:
 
 def _ring_start(problem: JointProblem) -> tuple[float, float]:
     """Return (omega0, zeta) from the cell's certificate, else from the records."""
+    item_list = problem.shots[:: max(1, len(problem.shots) // HEAVIEST_SENSOR_SEARCH)]
+    item_list = item_list[:HEAVIEST_SENSOR_SEARCH]
     sensor = problem.campaign.sensor
     mass, stiffness = sensor.crystal_mass_kg, sensor.crystal_stiffness_n_per_m
     damping = sensor.crystal_damping_n_s_per_m
@@ -116,9 +120,8 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
         zeta = 0.07
         if damping:
             zeta = damping.value / (2 * math.sqrt(stiffness.value * mass.value))
-        return math.sqrt(stiffness.value / mass.value), zeta
-    item_list = problem.shots[:: max(1, len(problem.shots) // HEAVIEST_SENSOR_SEARCH)]
-    item_list = item_list[:HEAVIEST_SENSOR_SEARCH]
+        stated = math.sqrt(stiffness.value / mass.value)
+        return _nearest_ring(item_list, stated, zeta)
     rate = item_list[0].frame.sample_rate_hz
     width = float(np.median([i.window.width_s for i in item_list]))
     grid = 2 * math.pi * np.geomspace(0.3 / width, min(0.4 * rate, 30 / width), FREQUENCIES)
@@ -127,6 +130,18 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
     if seen is not None:
         candidates.append(seen)
     return min(candidates, key=lambda c: _ring_mismatch(item_list, *c))
+
+
+def _nearest_ring(items: list[FitShot], stated: float, zeta: float) -> tuple[float, float]:
+    """Return the certificate's ring, or the one in the records where it is near and fits better.
+
+    A certificate good to 7 % is several radians off after ten periods, and a fit that starts there
+    has to climb over the beats between the two.
+    """
+    seen = ring_in_tails(items)
+    if seen is None or abs(math.log(seen[0] / stated)) > NEAR_CERTIFICATE:
+        return stated, zeta
+    return min([(stated, zeta), seen], key=lambda c: _ring_mismatch(items, *c))
 
 
 def _ring_mismatch(items: list[FitShot], omega0: float, zeta: float) -> float:
