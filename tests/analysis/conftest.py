@@ -297,6 +297,12 @@ def _read(folder: Path) -> Campaign:
 
 
 @pytest.fixture(scope="session")
+def read_campaign_folder() -> Callable[[Path], Campaign]:
+    """Return the plain reader of campaign folders."""
+    return _read
+
+
+@pytest.fixture(scope="session")
 def shared_campaign() -> Callable[[str], tuple[Campaign, dict[str, Any]]]:
     """Return a reader of shared recordings by path below the shared folder; skips where absent."""
     default = Path(__file__).resolve().parents[3] / "shared"

@@ -10,6 +10,11 @@ from typing import Any
 import pytest
 
 from analysis import fit_campaign
+from drivers.simulated.campaign import (
+    CampaignSettings,
+    simulate_campaign,
+    write_campaign_folder,
+)
 
 
 def test_clean_campaign_gives_the_specimen_inside_its_interval(shared_campaign: Any) -> None:
@@ -50,3 +55,17 @@ def test_real_recordings_fit_in_reduced_units(shared_campaign: Any, name: str, m
     assert found["moduli"] == {}
     assert "residual_above_noise" in found["flags"]
     assert len(found["shots"]) + len(found["rejected"]) == len(campaign.shots)
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_simulated_rigs_campaign_is_recovered(
+    read_campaign_folder: Any, tmp_path: Any, seed: int
+) -> None:
+    """A campaign of the simulated rig, which has its own physics, is recovered within 95 %."""
+    simulated = simulate_campaign(CampaignSettings(), seed)
+    write_campaign_folder(tmp_path, simulated)
+    result = fit_campaign(read_campaign_folder(tmp_path), "kv", heldout=False)
+    assert result.chi2_per_dof == pytest.approx(1.0, abs=0.03)
+    assert result.flags() == []
+    low, high = result.moduli()["specimen"]["youngs_modulus_Pa"]["interval95"]
+    assert low <= simulated["truth"]["specimen_youngs_modulus_Pa"] <= high
