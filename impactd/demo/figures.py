@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from analysis import Campaign, fit_campaign
-from analysis.fit.result import ShotFit
+from analysis import Campaign, Shot, fit_campaign
+from analysis.fit.shot_fit import ShotFit
 from impactd.demo.outcome import Estimate, Outcome, Row
 
 MEASURED, HSD, KV, TRUTH = "#8a8f98", "#d9822b", "#1c6dd0", "#202124"
 """Colours that stay apart in grey and for the colour-blind."""
+
+_BEFORE_US, _AFTER_US = 60.0, 560.0
+"""What of a shot is drawn: the pulse and most of the ring. [us]"""
 
 _LOOK = {"HSD": (HSD, "s", -0.16), "KV": (KV, "o", 0.16)}
 """Colour, marker and shift of each model's whiskers."""
@@ -46,33 +50,45 @@ def draw_trace(file: Path, campaign: Campaign, title: str) -> None:
     title : str
         Over the picture.
     """
-    fits = {model.upper(): fit_campaign(campaign, model).shots[0] for model in ("hsd", "kv")}
-    kv = fits["KV"]
-    time_us = _time_us(kv)
-    pulse_us = kv.contact_time_s * 1e6
+    (shot,) = campaign.shots
+    fits = {model.upper(): fit_campaign(campaign, model).shots for model in ("hsd", "kv")}
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(7.2, 5.2), layout="constrained")
         upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.35])
-        upper.plot(time_us, kv.item.window.signal, ".", color=MEASURED, ms=5, label="measured")
-        for (name, fit), colour in zip(fits.items(), (HSD, KV), strict=True):
-            label = f"{name}, residual {fit.rms * 1e3:.1f} mV rms"
-            upper.plot(_time_us(fit), fit.prediction, color=colour, lw=1.3, label=label)
-            lower.plot(_time_us(fit), fit.residual * 1e3, color=colour, lw=1.0)
+        for name, fitted in fits.items():
+            for fit in fitted:  # none where the model cannot be evaluated on this shot
+                colour, label = _LOOK[name][0], f"{name}, residual {fit.rms * 1e3:.1f} mV rms"
+                upper.plot(
+                    _time_us(fit), fit.prediction, color=colour, lw=1.3, label=label, zorder=3
+                )
+                lower.plot(_time_us(fit), fit.residual * 1e3, color=colour, lw=1.0)
+        touch = _touch_down(shot, fits["KV"])
+        measured_us = (np.arange(shot.signal.size) - touch) / shot.sample_rate_hz * 1e6
+        near = (measured_us > -_BEFORE_US) & (measured_us < _AFTER_US)
+        upper.plot(
+            measured_us[near], shot.signal[near], ".", color=MEASURED, ms=5, label="measured"
+        )
         upper.set_ylabel("signal / V")
         upper.set_title(title, loc="left", fontsize=11)
         upper.legend(loc="upper right")
         lower.set_ylabel("residual / mV")
         lower.set_xlabel("time since touch-down / µs")
-        lower.set_xlim(-0.6 * pulse_us, 6 * pulse_us)
+        lower.set_xlim(-_BEFORE_US, _AFTER_US)
         figure.savefig(file)
 
 
+def _touch_down(shot: Shot, fitted: Sequence[ShotFit]) -> float:
+    """Return where the sphere touched, in samples: as fitted, or the trigger."""
+    for fit in fitted:
+        return float(fit.to_json()["touch_down_s"]["value"]) * shot.sample_rate_hz
+    return float(shot.trigger_index)
+
+
 def _time_us(fit: ShotFit) -> NDArray[np.float64]:
-    """Return each sample's time since the fitted touch-down. [us]"""
-    shot, window = fit.item.shot, fit.item.window
-    touch_s = float(fit.to_json()["touch_down_s"]["value"])
-    samples = window.first + np.arange(window.signal.size)
-    return np.asarray((samples / shot.sample_rate_hz - touch_s) * 1e6, dtype=np.float64)
+    """Return each fitted sample's time since touch-down. [us]"""
+    samples = fit.item.window.first + np.arange(fit.item.window.signal.size)
+    touch = _touch_down(fit.item.shot, [fit])
+    return np.asarray((samples - touch) / fit.item.shot.sample_rate_hz * 1e6, dtype=np.float64)
 
 
 def draw_moduli(file: Path, outcome: Outcome) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+from analysis.fit.shot_fit import MISFIT_ABOVE
 from analysis.model.hertz import reduced_modulus
 
 Json = dict[str, Any]
@@ -149,12 +150,12 @@ class Outcome:
     seed: int
 
     def sentence(self) -> str:
-        """Return the result in two sentences.
+        """Return the result in two sentences, and a third where the model does not suffice.
 
         Returns
         -------
         str
-            How many intervals hold the truth, and how far HSD is off.
+            How many intervals hold the truth, how far HSD is off, what KV leaves over.
         """
         kv = [row for row in self.pairs if row.kv is not None]
         held = sum(row.kv is not None and row.kv.holds(row.truth_pa) for row in kv)
@@ -162,6 +163,12 @@ class Outcome:
         said = f"KV: the stated 95 % interval holds the truth for {held} of {len(kv)} pairs."
         if off:
             said += f" HSD: off by {min(off):+.0%} to {max(off):+.0%}."
+        misfit = self.fits["kv"].get("chi2_per_dof")
+        if misfit is not None and misfit > MISFIT_ABOVE:
+            said += (
+                f" KV leaves {misfit:.3g} times the noise's variance: the instrument has something "
+                "that the model lacks, and no interval covers that."
+            )
         return said
 
     def to_json(self) -> Json:

@@ -162,8 +162,9 @@ class RigProcess:
 
     def _check_alive(self) -> None:
         if self._process.poll() is not None:
-            said = self._log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
+            said = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
+            last = said[-1].removeprefix("impactd: ") if said else "it said nothing"
             raise Failure(
                 f"the daemon ended by itself with code {self._process.returncode}: "
-                f"{said[-1] if said else 'it said nothing'} (all of it: {os.fspath(self._log)})"
+                f"{last} (all of it: {os.fspath(self._log)})"
             )

@@ -53,6 +53,12 @@ def test_a_pair_is_held_against_the_truth_of_both_materials(outcome: Outcome) ->
     assert "+60%" in outcome.sentence()
 
 
+def test_a_model_that_leaves_structure_is_not_praised(outcome: Outcome) -> None:
+    """Where KV leaves more than the noise, the sentence says that its intervals do not cover it."""
+    outcome.fits["kv"]["chi2_per_dof"] = 39.0
+    assert "39 times the noise" in outcome.sentence()
+
+
 def test_a_withheld_modulus_stays_withheld(outcome: Outcome) -> None:
     """Nothing is printed in place of a number that the fit would not state."""
     sphere, surface = outcome.materials
