@@ -40,6 +40,8 @@ def pair_checks(system: System, x: Array, covariance: Array) -> tuple[PairCheck,
     that nothing else controls has none left and no score.
     """
     r, design = linearise(system, x)
+    n = len(system.names)
+    calibrations = np.linalg.inv(system.precision[n:, n:])
     found = []
     pairs = list(dict.fromkeys(o.pair for o in system.observations))
     for pair in pairs:
@@ -48,6 +50,9 @@ def pair_checks(system: System, x: Array, covariance: Array) -> tuple[PairCheck,
         mean_design = share @ design[rows]
         own = float(share**2 @ (1 / system.weight[rows]))
         left = own - float(mean_design @ covariance @ mean_design)
+        # the calibration's error is the same in every shot of the pair: no mean takes it away
+        together = share @ system.common[rows]
+        common = float(together @ calibrations @ together)
         residual = float(share @ r[rows])
         log = float(share @ [system.observations[i].log_reduced_modulus for i in rows])
         scatter = float(system.weight[rows] @ (r[rows] - residual) ** 2)
@@ -59,7 +64,7 @@ def pair_checks(system: System, x: Array, covariance: Array) -> tuple[PairCheck,
                 observations=int(rows.size),
                 log_observed=log,
                 log_adjusted=log - residual,
-                u_observed=math.sqrt(own),
+                u_observed=math.sqrt(own + common),
                 score=residual / math.sqrt(left) if left > 1e-6 * own else None,
                 scatter_chi2=scatter,
             )
