@@ -7,14 +7,13 @@ import pkgutil
 from functools import cache
 from typing import Any
 
-from numba import types
+from numba import njit
 from numba.typed import List
 
 import analysis.effects
 from analysis.effects.effect import SLOTS, Effect
 from analysis.effects.probe import PROBE_ID, probe_term
 from analysis.errors import UnknownModelError
-from analysis.model.effect_solver import TERM
 
 
 @cache
@@ -79,12 +78,18 @@ def library_table() -> str:
     return "\n".join(rows)
 
 
+@njit(cache=True)
+def _as_list(terms):  # type: ignore[no-untyped-def]
+    # compiled once and kept on disk; numba's list filled from outside compiles anew in each process
+    found = List()
+    for term in terms:
+        found.append(term)
+    return found
+
+
 @cache
 def contact_terms() -> tuple[Any, dict[str, int]]:
     """Return all compiled contact terms, as numba's list, and each effect's place in it."""
     having = [e for e in library().values() if e.contact is not None]
-    terms = List.empty_list(types.FunctionType(TERM))
-    for effect in having:
-        terms.append(effect.contact)
-    terms.append(probe_term)
+    terms = _as_list((*(e.contact for e in having), probe_term))
     return terms, {PROBE_ID: len(having)} | {e.id: i for i, e in enumerate(having)}
