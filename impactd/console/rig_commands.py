@@ -137,6 +137,6 @@ def moduli(
     as_json: Json = False,
 ) -> None:
     """Show the fitted moduli with their uncertainties."""
-    from impactd.console import moduli as console
+    from impactd.console.moduli import show
 
-    console.show({"specimen": specimen, "since": since, "until": until}, url=url, as_json=as_json)
+    show({"specimen": specimen, "since": since, "until": until}, url=url, as_json=as_json)

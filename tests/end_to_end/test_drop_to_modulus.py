@@ -7,6 +7,7 @@ import json
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -30,14 +31,16 @@ ENDED = ("stored", "analysed", "failed", "aborted", "interrupted")
 class Rig:
     """A daemon in a process of its own."""
 
-    def __init__(self, data: Path) -> None:
+    def __init__(self, data: Path, **environment: str) -> None:
         self.data = data
         self.log = data.parent / "serve.log"
         serve = [sys.executable, "-m", "impactd", "serve", "--port", "0"]
         with self.log.open("ab") as log:
             self._log_start = log.tell()
             self.process = subprocess.Popen(
-                [*serve, "--config", CONFIG, "--data", data], stderr=log
+                [*serve, "--config", CONFIG, "--data", data],
+                stderr=log,
+                env=os.environ | environment,
             )
         self.url = until(self._url, bool)
         self.tokens = {scope: self.token(scope) for scope in ("read", "operate")}
@@ -118,7 +121,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
         assert running.stop() == 0, running.log.read_text()
 
 
-def test_a_drop_becomes_a_modulus(rig, record_property):
+def test_a_drop_becomes_a_modulus(rig):
     """POST, 202, stored, analysed: HSD and KV give a reduced modulus with uncertainty."""
     rig.ready()
     began_s = time.perf_counter()
@@ -126,7 +129,7 @@ def test_a_drop_becomes_a_modulus(rig, record_property):
     assert answer.status_code == 202, answer.text
     number = answer.json()["number"]
     drop = rig.ended(number, ("analysed", "failed", "aborted", "interrupted"))
-    record_property("post_to_modulus_s", time.perf_counter() - began_s)
+    print(f"request to modulus: {time.perf_counter() - began_s:.2f} s")
     assert drop["state"] == "analysed", drop
     shot = rig.get(f"/v1/shots/{drop['shot']}")
     assert {fit["model"] for fit in shot["fits"]} == {"hsd", "kv"}
@@ -194,10 +197,10 @@ def test_fifty_posts_with_one_key_make_one_drop(rig):
     rig.ended(answers[0].json()["number"])
 
 
-def test_an_abort_takes_effect_at_once(rig, record_property):
+def test_an_abort_takes_effect_at_once(rig):
     """Ten aborts at different moments: the drop ends aborted and the rig is ready again.
 
-    The figure is recorded, not asserted: the bound below only says that nothing waited in a queue.
+    The figures are printed, not asserted: the bound below only says that nothing waited in a queue.
     """
     took_ms, rig_ms = [], []
     for attempt in range(10):
@@ -214,7 +217,6 @@ def test_an_abort_takes_effect_at_once(rig, record_property):
         assert state == "aborted" or not answer.json()["aborted"]
     print("abort: valve safe [ms]", sorted(round(value, 1) for value in rig_ms))
     print("abort: over HTTP [ms]", sorted(round(value, 1) for value in took_ms))
-    record_property("abort_ms", sorted(took_ms))
     assert sorted(took_ms)[5] < 2000
 
 
@@ -289,3 +291,20 @@ def test_a_stopped_daemon_keeps_what_it_stored(rig):
         assert again.get("/v1/shots?limit=200")["items"] == before
     finally:
         assert again.stop() == 0, again.log.read_text()
+
+
+def test_systemd_is_told_how_the_daemon_is(tmp_path):
+    """READY=1 once requests are answered, the light as status, the watchdog fed, STOPPING=1."""
+    address = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as told:
+        told.bind(str(address))
+        told.settimeout(30)
+        running = Rig(tmp_path / "data", NOTIFY_SOCKET=str(address), WATCHDOG_USEC="600000")
+        lines = told.recv(4096).decode().splitlines()
+        assert "READY=1" in lines
+        assert any(line.startswith(("STATUS=READY", "STATUS=NOT READY")) for line in lines)
+        while "WATCHDOG=1" not in told.recv(4096).decode():
+            pass
+        assert running.stop() == 0
+        while "STOPPING=1" not in told.recv(4096).decode():
+            pass
