@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
+import warnings
 from functools import cache
 from typing import Any
 
 from numba import njit
+from numba.core.errors import NumbaExperimentalFeatureWarning
 from numba.typed import List
 
 import analysis.effects
@@ -91,5 +93,8 @@ def _as_list(terms):  # type: ignore[no-untyped-def]
 def contact_terms() -> tuple[Any, dict[str, int]]:
     """Return all compiled contact terms, as numba's list, and each effect's place in it."""
     having = [e for e in library().values() if e.contact is not None]
-    terms = _as_list((*(e.contact for e in having), probe_term))
+    with warnings.catch_warnings():
+        # functions as values are "experimental" in numba's words; the tests pin what is used
+        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
+        terms = _as_list((*(e.contact for e in having), probe_term))
     return terms, {PROBE_ID: len(having)} | {e.id: i for i, e in enumerate(having)}
