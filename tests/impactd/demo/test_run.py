@@ -31,16 +31,17 @@ def test_the_campaign_has_enough_drops_to_tell_materials_apart() -> None:
 
 @pytest.mark.slow
 def test_the_demo_finds_the_truth(tmp_path: Path) -> None:
-    """Through the real daemon, KV's intervals hold the truth for nearly all pairs, HSD's do not."""
+    """Through the real daemon, KV finds every pair within its uncertainty; HSD is biased high."""
     out = tmp_path / "out"
     command = [sys.executable, "-m", "impactd", "demo", "--seed", "3", "--out", str(out)]
     result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=280)
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in (out / "daemon.log").read_text()
     moduli = json.loads((out / "moduli.json").read_text())
-    held = [pair["kv_holds_truth"] for pair in moduli["pairs"].values()]
-    assert sum(held) >= len(held) - 1
     for pair in moduli["pairs"].values():
-        assert pair["hsd"]["value"] > pair["truth_Pa"]
+        # Pairs share the cell's error, so one in twenty seeds is beyond 2 u for all of them; 4 u
+        # is beyond chance.
+        assert abs(pair["kv"]["value"] - pair["truth_Pa"]) < 4 * pair["kv"]["u"]
+        assert pair["hsd"]["value"] > 1.1 * pair["truth_Pa"]
     for name in ("report.html", "trace.png", "moduli.png", "shots/campaign.json", "truth.json"):
         assert (out / name).stat().st_size > 0
