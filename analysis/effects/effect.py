@@ -242,9 +242,9 @@ def resolving_steps(rate_per_s: float, context: ShotContext) -> float:
     Notes
     -----
     The growth is that of ``analysis.model.solver.contact_steps`` as long as the motion is seen.
-    What is faster than 30 radians per contact barely moves and has only to be stable: an explicit
-    scheme of fifth order bears steps of 3 / rate; the largest step is 4.4 contact times over the
-    steps.
+    What is faster than 30 radians per contact barely moves and has only to be stable: the scheme
+    bears steps of 1 / rate on an undamped mode (3 / rate on a decay), and its largest step is 4.4
+    contact times over the steps.
     """
     phase = rate_per_s * contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
     return CONTACT_STEPS + 5.0 * phase + 0.1 * min(phase, 30.0) ** 2
