@@ -5,6 +5,7 @@ from __future__ import annotations
 import anyio
 from fastapi import APIRouter, Request, Response
 
+from impactd.acquisition.errors import NotReadyError
 from impactd.api.answers import drop_answer, next_page
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import Before, DropAnswer, DropBody, DropPage, Key, Limit, Number
@@ -61,11 +62,15 @@ def request_drop(
     202 and a `Location` as soon as the request is durable; the drop goes on by itself. The same
     key and body again give the same drop. 409 names who holds the rig.
     """
-    drop = daemon.service.request_drop(
-        DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator),
-        owner=owner_name(body.operator, caller),
-        idempotency_key=required_key(key, "drop a sphere"),
-    )
+    try:
+        drop = daemon.service.request_drop(
+            DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator),
+            owner=owner_name(body.operator, caller),
+            idempotency_key=required_key(key, "drop a sphere"),
+        )
+    except NotReadyError:
+        daemon.archive.check_space()  # a full disk has a status of its own
+        raise
     response.headers["Location"] = f"/v1/drops/{drop.number}"
     return drop_answer(drop)
 

@@ -136,6 +136,18 @@ def test_an_unknown_material_is_named_with_those_there_are(rig):
     assert "acetal" in document["detail"]
 
 
+def test_a_full_disk_is_a_507_problem_before_anything_moves(rig, monkeypatch):
+    """Inside the reserve no drop begins; the answer says how much is missing."""
+    until(lambda: rig.anybody.get("/v1/status").json(), lambda status: status["ready"])
+    before = rig.daemon.archive.drops()
+    monkeypatch.setattr(rig.daemon.archive, "reserve_bytes", 10**18)
+    document = problem(rig.drop(), "disk-full")
+    assert document["needed_bytes"] == 10**18
+    assert not rig.anybody.get("/v1/status").json()["ready"]
+    assert rig.anybody.get("/readyz").status_code == 503
+    assert rig.daemon.archive.drops() == before
+
+
 def test_a_diagnosis_is_not_yet_there(rig):
     """The loop comes later, and says so."""
     problem(rig.operator.post("/v1/diagnoses", json={"shots": [1]}), "not-yet")
