@@ -40,7 +40,9 @@ def serve(
 
 
 def demo(
-    seed: Annotated[int, typer.Option("--seed", help="Of everything drawn at random.")] = 1,
+    seed: Annotated[
+        int | None, typer.Option("--seed", min=0, help="Of everything drawn; fresh without it.")
+    ] = None,
     effect: Annotated[
         str, typer.Option("--effect", help="An effect's id, random, or none.")
     ] = "none",

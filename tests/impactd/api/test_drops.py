@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 
@@ -91,6 +92,29 @@ def test_drops_come_in_pages_newest_first(rig, shot):
     assert seen == sorted(set(seen), reverse=True)
     assert seen[-1] == 1
     assert all(rig.reader.get(f"/v1/drops/{n}").json()["state"] in ENDED for n in seen)
+
+
+def test_an_abort_does_not_queue_behind_slow_requests(rig, monkeypatch):
+    """With every shared thread taken, an abort is still answered."""
+    until(lambda: rig.anybody.get("/v1/status").json(), lambda status: status["ready"])
+    done, waiting, list_shots = threading.Event(), threading.Semaphore(0), rig.daemon.archive.shots
+
+    def slow(**filters):
+        waiting.release()
+        assert done.wait(60)
+        return list_shots(**filters)
+
+    monkeypatch.setattr(rig.daemon.archive, "shots", slow)
+    with ThreadPoolExecutor(45) as pool:
+        try:
+            answers = [pool.submit(rig.reader.get, "/v1/shots") for _ in range(45)]
+            for _ in range(40):
+                assert waiting.acquire(timeout=30)
+            assert rig.operator.post("/v1/abort").status_code == 200
+            assert not any(answer.done() for answer in answers)
+        finally:
+            done.set()
+        assert {answer.result().status_code for answer in answers} == {200}
 
 
 def test_an_abort_with_nothing_to_abort_says_so(rig):
