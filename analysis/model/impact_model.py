@@ -26,7 +26,8 @@ effect runs through the base solver alone.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,8 +50,8 @@ Array = NDArray[np.float64]
 
 _LARGEST_COORDINATE = 200.0
 """Beyond this a logarithm overflows; such a point has no trace, and a fit steps back from it."""
-_LOG_STEP = 1e-4
-_TIME_STEP_US = 2e-2
+_LOG_STEP = 1e-6
+_TIME_STEP_US = 1e-4
 
 
 @dataclass(frozen=True)
@@ -118,29 +119,33 @@ class ImpactModel:
         `solver.HSD` or `solver.KV`.
     effects : tuple of Effect
         In the order they were added.
+    step_share : float
+        Share of the steps that an error of 1e-6 of the peak needs; the error goes like its fifth
+        power. The discovery, which fits hundreds of models to noise of 1e-4, takes 0.75.
     """
 
     base: str
     kind: int
     effects: tuple[Effect, ...] = ()
+    step_share: float = 1.0
 
     @property
     def name(self) -> str:
         """Return the name, e.g. ``kv+coupler_highpass``."""
         return "+".join((self.base, *(e.id for e in self.effects)))
 
-    @property
+    @cached_property
     def shared(self) -> tuple[str, ...]:
         """Return the names of the shared local parameters, in order."""
         extra = tuple(f"{e.id}.{p.name}" for e in self.effects for p in e.parameters)
         return SHARED[self.kind] + extra
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Return all local parameters: shared, then nuisances."""
         return self.shared + self.nuisances
 
-    @property
+    @cached_property
     def nuisances(self) -> tuple[str, ...]:
         """Return the names of a shot's own parameters."""
         extra = (f"{e.id}.basis{i}" for e in self.effects for i in range(e.basis_size))
@@ -148,7 +153,7 @@ class ImpactModel:
 
     def with_effect(self, effect: Effect) -> ImpactModel:
         """Return this model with one more effect."""
-        return ImpactModel(self.base, self.kind, (*self.effects, effect))
+        return replace(self, effects=(*self.effects, effect))
 
     def steps(self, local: Array, frame: ShotFrame) -> int:
         """Return the solver's steps for these parameters; kept while derivatives are taken."""
@@ -156,7 +161,12 @@ class ImpactModel:
             math.exp(local[0]), frame.mass_kg, math.exp(local[len(self.shared)])
         )
         omega0 = math.exp(local[2]) if self.kind == solver.KV else 0.0
-        return solver.contact_steps(omega0, duration)
+        least = float(solver.contact_steps(omega0, duration))
+        if any(e.steps is not None for e in self.effects):
+            values, context = self.effect_values(local), self.context(local, frame)
+            asked = [e.steps(values[e.id], context) for e in self.effects if e.steps is not None]
+            least = max(least, *asked)
+        return math.ceil(self.step_share * least)
 
     def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
         """Return the trace of one shot.
@@ -241,6 +251,7 @@ class ImpactModel:
             stiffness=math.exp(local[0]),
             speed_m_per_s=math.exp(local[at]),
             touch_down_s=float(local[at + 2]) * 1e-6,
+            restitution=math.exp(local[at + 1]),
             radius_m=frame.radius_m,
             drop_height_m=frame.drop_height_m,
             coupon_mass_kg=frame.coupon_mass_kg,
@@ -382,31 +393,35 @@ class ImpactModel:
 
         Notes
         -----
-        Central differences on one grid: the solver is smooth in every parameter, so a step of
-        1e-4 leaves 1e-8 relative. Baseline is analytic, and so is the gain of a linear chain.
+        One-sided differences on one grid: the solver is smooth in every parameter, so a step of
+        1e-6 leaves about 1e-6 relative of truncation and 1e-8 of rounding. Baseline and free sizes
+        are analytic, and so is the gain of a linear chain.
         """
         steps = self.steps(local, frame)
         centre = self.predict(local, frame, steps=steps)
-        jacobian = np.empty((frame.samples, local.size), order="F")
+        jacobian = np.zeros((frame.samples, local.size), order="F")
         gradient = np.zeros(local.size)
         linear = not any(e.output is not None or e.basis is not None for e in self.effects)
-        for j, name in enumerate(self.names):
+        at = len(self.shared)
+        for j, name in enumerate(self.names[: at + len(NUISANCE)]):
             if name == "baseline":
                 jacobian[:, j] = 1.0
-            elif name == "seen_ms":
-                jacobian[:, j] = 0.0
             elif name == "ln_S" and linear:
-                jacobian[:, j] = local[len(self.shared) + 3] - centre.signal
-            else:
+                jacobian[:, j] = local[at + 3] - centre.signal
+            elif name != "seen_ms":
                 step = _TIME_STEP_US if name == "t0_us" else _LOG_STEP
                 moved = local.copy()
-                moved[j] = local[j] + step
-                above = self.predict(moved, frame, steps=steps)
-                moved[j] = local[j] - step
-                below = self.predict(moved, frame, steps=steps)
-                jacobian[:, j] = (above.signal - below.signal) / (2 * step)
+                moved[j] += step
+                ahead = self.predict(moved, frame, steps=steps)
+                jacobian[:, j] = (ahead.signal - centre.signal) / step
                 if name != "t0_us":
-                    gradient[j] = (above.rebound_ratio - below.rebound_ratio) / (2 * step)
+                    gradient[j] = (ahead.rebound_ratio - centre.rebound_ratio) / step
+        place = at + len(NUISANCE)
+        for effect in self.effects:
+            if effect.basis is not None:
+                columns = effect.basis(frame.samples, self.context(local, frame))
+                jacobian[:, place : place + effect.basis_size] = columns
+                place += effect.basis_size
         return centre, jacobian, gradient
 
 
