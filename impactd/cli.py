@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from impactd import blas_threads
 from impactd.console import (
     analysis_commands,
     archive_commands,
@@ -59,6 +60,7 @@ app.add_typer(token_commands.app, name="token")
 
 def main() -> None:
     """Run the command line; a failure is one sentence on stderr and exit code 1."""
+    blas_threads.keep_to_one()  # nothing has imported numpy yet
     try:
         app(prog_name="impactd")
     except KeyboardInterrupt:

@@ -23,6 +23,7 @@ import traceback
 from pathlib import Path
 from typing import Any, TextIO
 
+from impactd import blas_threads
 from impactd.jobs import progress
 
 REPORT_EVERY_S = 0.2
@@ -32,6 +33,7 @@ _PR_SET_PDEATHSIG = 1
 
 def main() -> int:
     """Run tasks until standard input ends."""
+    blas_threads.keep_to_one()  # nothing has imported numpy yet
     options = _options()
     os.nice(_NICENESS)  # the sample stream goes first
     _die_with_parent(options.parent)
