@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from analysis.fit.fit_shot import FitShot
@@ -28,17 +29,31 @@ def _tail(item: FitShot) -> Array:
     return np.asarray(window.signal[start : start + LONGEST_TAIL] - window.baseline)
 
 
+@njit(cache=True)
+def _project(tail, step_re, step_im, seen_re, seen_im):  # type: ignore[no-untyped-def]
+    """Add the sum of ``tail[i] step**i`` for each complex step; no array of powers is kept."""
+    power_re, power_im = np.ones(step_re.size), np.zeros(step_re.size)
+    for y in tail:
+        # frequencies inside: they are independent, so the processor takes several at once
+        for j in range(step_re.size):
+            a, b = power_re[j], power_im[j]
+            seen_re[j] += y * a
+            seen_im[j] += y * b
+            power_re[j] = a * step_re[j] - b * step_im[j]
+            power_im[j] = a * step_im[j] + b * step_re[j]
+
+
 def _explained(tail: Array, omega: Array, zeta: float, rate: float) -> Array:
     """Return the share of a tail's energy in a sine of each frequency at one damping ratio."""
     n = tail.size
     root = np.exp((-zeta * omega + 1j * omega * math.sqrt(1 - zeta**2)) / rate)
-    seen = np.exp(np.log(root)[:, None] * np.arange(n)) @ tail
+    a, b = np.zeros(omega.size), np.zeros(omega.size)
+    _project(tail, root.real.copy(), root.imag.copy(), a, b)
     # sums of cos^2, sin^2 and cos sin under the envelope are geometric series
     square = root**2
     turning = (1 - square**n) / (1 - square)
     power = (1 - np.abs(root) ** (2 * n)) / (1 - np.abs(root) ** 2)
     cc, ss, cs = 0.5 * (power + turning.real), 0.5 * (power - turning.real), 0.5 * turning.imag
-    a, b = seen.real, seen.imag
     energy = (ss * a**2 - 2 * cs * a * b + cc * b**2) / (cc * ss - cs**2)
     return np.asarray(energy / float(tail @ tail))
 
