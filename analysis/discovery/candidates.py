@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.effects.library import library
 from analysis.fit import joint
-from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import SHARED, ImpactModel
 
@@ -210,12 +209,12 @@ def rescoped(effect: Effect, scope: str) -> Effect:
     effect : Effect
         Any.
     scope : str
-        rig, surface or sphere.
+        rig, surface or sphere; without an amplitude all numbers go to that owner.
 
     Returns
     -------
     Effect
-        With every number that has no amplitude owned by the rig.
+        With every number that is no amplitude owned by the rig.
     """
     amplitude = _amplitude(effect)
     parameters = tuple(
@@ -229,8 +228,10 @@ def scopes_of(effect: Effect) -> tuple[str, ...]:
     """Return the owners worth trying: of contact and mounting the materials too."""
     if effect.basis is not None:
         return ("shot",)
-    if effect.slot in ("contact", "mounting"):
+    if effect.slot == "contact":
         return SCOPES_TRIED
+    if effect.slot == "mounting":
+        return ("rig",) if _amplitude(effect) is None else ("rig", "surface")
     return ("rig",)
 
 
@@ -309,10 +310,10 @@ def refit(
     problem: JointProblem,
     fitted: joint.Fitted,
     proposal: Proposal,
+    *,
     scope: str,
     coefficients: dict[str, float],
     linear_gain: float,
-    *,
     max_iterations: int = 25,
 ) -> Refit:
     """Return the model with one more effect, all parameters fitted again.
@@ -363,4 +364,29 @@ def refit(
     return Refit(effect, proposal.owner, scope, larger, result, gain, count, bad, linear_gain)
 
 
-__all__ = ["UNKNOWN_LOG_U", "Proposal", "Refit", "column", "proposals", "refit"]
+def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> Refit:
+    """Return a refit carried on from where it stopped.
+
+    Parameters
+    ----------
+    base : Fitted
+        The model without the effect.
+    found : Refit
+        Not yet converged.
+    max_iterations : int
+        Steps allowed.
+
+    Returns
+    -------
+    Refit
+        At least as good.
+    """
+    result = joint.fit(
+        found.problem, found.fitted.nuisances, theta=found.fitted.theta,
+        max_iterations=max_iterations,
+    )  # fmt: skip
+    bad = not result.blocks or left_its_range(found.problem, result, found.effect)
+    return dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
+
+
+__all__ = ["Proposal", "Refit", "column", "continued", "proposals", "refit"]

@@ -11,7 +11,7 @@ family          what it can take up
 ``dynamic``     a nonlinearity in the signal's slope
 ``contact``     a contact force K delta^(3/2) (delta/d)^i (rate/v)^j, on sphere and cell
 ``loss``        the same on the sphere alone
-``cell``        the cell's own four numbers, where they change from surface to surface or shot to shot
+``cell``        the cell's own four numbers, where they change with surface, shot or time
 ``speed``       the impact speed that a drop height promises
 ``locked``      anything additive that comes at a fixed time after touch-down
 ==============  ====================================================================================
@@ -103,7 +103,7 @@ class ShotColumns:
 def _delayed(signal: Array, samples: float) -> Array:
     """Return the signal later by a number of samples, at rest before."""
     at = np.arange(signal.size) - samples
-    return np.interp(at, np.arange(signal.size), signal, left=0.0)
+    return np.asarray(np.interp(at, np.arange(signal.size), signal, left=0.0))
 
 
 def response_columns(signal: Array, rate: float) -> tuple[list[str], Array]:

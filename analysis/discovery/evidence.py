@@ -4,10 +4,10 @@ For each shot the whitened normal equations of
 
     shared parameters | columns | the shot's nuisances
 
-are formed and the nuisances eliminated. What is left is a small matrix a shot; from these, any set of
-columns with any owner (rig, surface, sphere, pair, height, order in time) can be solved for, with and
-without some shots, without touching a trace again. So tests, upper bounds and held-out errors of
-hundreds of hypotheses cost milliseconds, at the price of being first order.
+are formed and the nuisances eliminated. What is left is a small matrix a shot; from these, any set
+of columns with any owner (rig, surface, sphere, pair, height, order in time) can be solved for,
+with and without some shots, without touching a trace again. So tests, upper bounds and held-out
+errors of hundreds of hypotheses cost milliseconds, at the price of being first order.
 """
 
 from __future__ import annotations
@@ -221,7 +221,14 @@ class Evidence:
         gain, dof, coefficients = _project(whole, load, globals_)
         held = math.nan
         if heldout:
-            held = _heldout_gain(self._folds(), matrices, vectors, whole, load, globals_)
+            held = _heldout_gain(
+                self._folds(),
+                matrices=matrices,
+                vectors=vectors,
+                whole=whole,
+                load=load,
+                globals_=globals_,
+            )
         p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
         named = {
             f"{label}{f' [{owner}]' if owner else ''}": float(coefficients[i * len(at) + j])
@@ -261,12 +268,13 @@ def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Arra
     keep = values > RANK_TOLERANCE
     parts = vectors[:, keep].T @ (g / raw)
     gain = float(np.sum(parts**2 / values[keep]))
-    ridged = np.linalg.solve(schur + np.eye(g.size) / RIDGE**2, g)
+    ridged = np.asarray(np.linalg.solve(schur + np.eye(g.size) / RIDGE**2, g), dtype=np.float64)
     return gain, int(keep.sum()), ridged
 
 
 def _heldout_gain(
     folds: list[list[int]],
+    *,
     matrices: list[Array],
     vectors: list[Array],
     whole: Array,
@@ -283,14 +291,14 @@ def _heldout_gain(
     ridge = np.zeros(size)
     ridge[globals_:] = RIDGE**-2
     for fold in folds:
-        inside = sum(matrices[i] for i in fold)
-        own = sum(vectors[i] for i in fold)
+        inside = np.sum([matrices[i] for i in fold], axis=0)
+        own = np.sum([vectors[i] for i in fold], axis=0)
         covered += len(fold)
         rest, pull = whole - inside, load - own
         alone = [
             j for j in range(globals_) if inside[j, j] > 0 and rest[j, j] < OWN_SHARE * whole[j, j]
         ]
-        x = np.linalg.solve(rest + np.diag(ridge), pull)
+        x = np.asarray(np.linalg.solve(rest + np.diag(ridge), pull), dtype=np.float64)
         base = np.zeros(size)
         base[:globals_] = np.linalg.solve(rest[:globals_, :globals_], pull[:globals_])
         fall = [_fall(v, inside, own, alone) for v in (x, base)]
@@ -339,12 +347,28 @@ def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()
     families: dict[str, tuple[list[int], list[str]]] = {}
     shots = []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
-        shots.append(_shot_evidence(problem, fitted.theta, item, nuisance, scale, families, tried))
+        shots.append(
+            _shot_evidence(
+                problem,
+                fitted.theta,
+                item,
+                nuisance=nuisance,
+                scale=scale,
+                families=families,
+                tried=tried,
+            )
+        )
     return Evidence(problem, fitted, shots, families)
 
 
 def _columns(
-    problem: JointProblem, item: FitShot, local: Array, clean: Array, jacobian: Array, scale: Scale
+    problem: JointProblem,
+    item: FitShot,
+    *,
+    local: Array,
+    clean: Array,
+    jacobian: Array,
+    scale: Scale,
 ) -> list[tuple[str, list[str], Array, Array | None, Array | None]]:
     """Return (family, labels, signal, rebound, speed) of all families for one shot."""
     model = problem.model
@@ -371,6 +395,7 @@ def _shot_evidence(
     problem: JointProblem,
     theta: Array,
     item: FitShot,
+    *,
     nuisance: Array,
     scale: Scale,
     families: dict[str, tuple[list[int], list[str]]],
@@ -381,7 +406,7 @@ def _shot_evidence(
     local = np.concatenate([shared, nuisance])
     found, jacobian, gradient = model.linearise(local, item.frame)
     clean = found.signal - local[len(model.shared) + 3]
-    parts = _columns(problem, item, local, clean, jacobian, scale)
+    parts = _columns(problem, item, local=local, clean=clean, jacobian=jacobian, scale=scale)
     for proposal in tried:
         columns, shift = column(proposal, model, local, item, found.signal)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
@@ -408,11 +433,21 @@ def _shot_evidence(
     for value, row in zip(extra, wide, strict=True):
         matrix += np.outer(row, row)
         vector -= value * row
-    return _eliminated(item, matrix, vector, chain, s + q, residual, white, nuisance)
+    return _eliminated(
+        item,
+        matrix=matrix,
+        vector=vector,
+        chain=chain,
+        keep=s + q,
+        residual=residual,
+        white=white,
+        nuisance=nuisance,
+    )
 
 
 def _eliminated(
     item: FitShot,
+    *,
     matrix: Array,
     vector: Array,
     chain: Array,

@@ -25,6 +25,9 @@ GOOD_STEP, POOR_STEP = 0.7, 0.25
 """Shares of the promised fall above which damping falls, below which it grows."""
 LEAST_DAMPING = 1e-9
 STALLED_DAMPING = 1e10
+STRAIGHT_UP_TO = 0.5
+"""Share by which 1/E' may fall in one straight step."""
+_BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
 
@@ -167,6 +170,22 @@ def _promised_fall(
     return fall
 
 
+def _along(problem: JointProblem, theta: Array, step: Array) -> Array:
+    """Return where a step leads: moduli move straight in 1/E', of which the pairs see sums.
+
+    What a network of pairs leaves open is a straight line in the compliances and a bent one in
+    their logarithms, along which a fit would have to creep.
+    """
+    moved = theta + step
+    for j, name in enumerate(problem.names):
+        if name.startswith(("sphere.", "surface.")):
+            d = float(step[j])
+            # 1/E' must stay positive: beyond half way down it goes on like the logarithm
+            ahead = -math.log1p(-d) if d < STRAIGHT_UP_TO else d + _BEYOND
+            moved[j] = theta[j] + ahead
+    return moved
+
+
 def _next_damping(damping: float, kept: float) -> float:
     """Return the damping after a step that kept so much of what the linear model promised."""
     if kept > GOOD_STEP:
@@ -214,17 +233,18 @@ def fit(
         matrix, vector, parts = _gather(problem, blocks, theta, damping)
         damped = matrix.copy()
         damped[np.diag_indices_from(damped)] *= 1 + damping
-        step = np.linalg.solve(damped, vector)
+        step = np.asarray(np.linalg.solve(damped, vector), dtype=np.float64)
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
-        new_cost = _total_cost(problem, theta + step, nuisances + own, cost)
+        moved_to = _along(problem, theta, step)
+        new_cost = _total_cost(problem, moved_to, nuisances + own, cost)
         next_blocks = None
         if new_cost <= cost:
             # at the edge of what can be evaluated a trace may exist and its neighbours not
-            next_blocks = _linearise_all(problem, theta + step, nuisances + own)
+            next_blocks = _linearise_all(problem, moved_to, nuisances + own)
         if next_blocks is not None:
             moved = np.abs(step) * np.sqrt(np.diag(matrix))
-            theta, nuisances, blocks = theta + step, nuisances + own, next_blocks
+            theta, nuisances, blocks = moved_to, nuisances + own, next_blocks
             small = cost - new_cost <= COST_TOLERANCE * max(cost, 1.0)
             converged = bool(moved.max() < STEP_TOLERANCE) or (small and damping < 1e-2)
             damping = _next_damping(damping, (cost - new_cost) / max(promised, 1e-300))

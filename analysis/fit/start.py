@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
 from analysis.fit.ring import ring_in_tails
+from analysis.fit.start_moduli import choose_start, start_moduli
 from analysis.model import solver
 from analysis.model.hertz import CONTACT_TIME_FACTOR, damping_coefficient
 
@@ -189,7 +190,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
         t0_us = shift / item.frame.sample_rate_hz * 1e6
         nuisances[row, :4] = math.log(speed), math.log(e), t0_us, item.window.baseline
     _complete(problem, stiffness, log_gain, omega0, zeta)
-    return nuisances
+    return choose_start(problem, stiffness, nuisances)
 
 
 def _known_gain(problem: JointProblem) -> float | None:
@@ -238,7 +239,7 @@ def _complete(
             start[j] = float(np.median(stiffness[rows]))
         else:
             start[j] = _effect_start(problem, name)
-    _start_moduli(problem, stiffness, start)
+    start_moduli(problem, stiffness, start)
     information = problem.prior_mean
     weak = np.diag(problem.prior_precision) <= 0
     problem.prior_precision[weak, weak] = UNKNOWN_LOG_U**-2
@@ -257,32 +258,3 @@ def _effect_start(problem: JointProblem, name: str) -> float:
             if plain == f"{effect.id}.{parameter.name}":
                 return parameter.coordinate(parameter.starts[0])
     return 0.0
-
-
-def _start_moduli(
-    problem: JointProblem, stiffness: NDArray[np.float64], start: NDArray[np.float64]
-) -> None:
-    """Give every modulus its prior mean, or what the pairs leave for it."""
-    inverse: dict[str, float] = {}
-    for j, name in enumerate(problem.names):
-        known = name.startswith(("sphere.", "surface.")) and problem.prior_precision[j, j] > 0
-        if known:
-            inverse[name] = math.exp(-problem.prior_mean[j] / problem.prior_precision[j, j])
-    unknown = [
-        n for n in problem.names if n.startswith(("sphere.", "surface.")) and n not in inverse
-    ]
-    for _ in range(2):  # the second round uses what the first one found
-        for name in unknown:
-            left = []
-            for item, log_k in zip(problem.shots, stiffness, strict=True):
-                keys = problem.material_keys(item)
-                if keys is None or name not in keys or item.radius_m is None:
-                    continue
-                total = 4 / 3 * math.sqrt(item.radius_m) / math.exp(log_k)
-                other = keys[0] if keys[1] == name else keys[1]
-                rest = inverse.get(other, 0.5 * total)
-                left.append(max(total - rest, 0.1 * total))
-            inverse[name] = float(np.median(left))
-    for j, name in enumerate(problem.names):
-        if name in inverse:
-            start[j] = -math.log(inverse[name])

@@ -23,7 +23,7 @@ import numpy as np
 from numba import float64, njit, types
 from numba.core.errors import NumbaExperimentalFeatureWarning
 
-from analysis.model.solver import _MAX_STEPS, _quintic
+from analysis.model.solver import MAX_STEPS, _quintic
 
 # functions as values are "experimental" in numba's words; the tests pin what is used of them
 warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
@@ -266,7 +266,7 @@ def integrate_with_effects(  # type: ignore[no-untyped-def]
         i = math.ceil(-start / dt - 1e-12)
     f0 = _rates(before, state, K, m, cd, g, share, terms, active, packed, A, b, top)
     ended, deepest = False, 0.0
-    for _ in range(_MAX_STEPS):
+    for _ in range(MAX_STEPS):
         length = h
         _advance(new, state, k, h, K, m, cd, g, share, terms, active, packed, A, b, top)
         if new[_Y] <= 0.0 and new[_U] < 0.0:

@@ -18,9 +18,9 @@ t0_us      touch-down, in microseconds  after the window's first sample (nuisanc
 baseline   offset                       unit of the signal (nuisance)
 ========== ============================ ======================================================
 
-The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline. Effects add shared local
-parameters named ``<effect>.<parameter>``, in the coordinate that the effect states; what has no
-effect runs through the base solver alone.
+The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline. Effects add shared
+local parameters named ``<effect>.<parameter>``, in the coordinate that the effect states; what has
+no effect runs through the base solver alone.
 """
 
 from __future__ import annotations
@@ -166,7 +166,7 @@ class ImpactModel:
             values, context = self.effect_values(local), self.context(local, frame)
             asked = [e.steps(values[e.id], context) for e in self.effects if e.steps is not None]
             least = max(least, *asked)
-        return math.ceil(self.step_share * least)
+        return math.ceil(self.step_share * min(least, 2.0 * solver.MAX_STEPS))
 
     def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
         """Return the trace of one shot.
@@ -190,6 +190,8 @@ class ImpactModel:
             return Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
         if steps is None:
             steps = self.steps(local, frame)
+        if steps > solver.MAX_STEPS:
+            return Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
         if self.effects:
             duration, rebound, deepest = self._add_with_effects(signal, local, frame, steps)
         else:
@@ -297,7 +299,9 @@ class ImpactModel:
         values = self.effect_values(local)
         context = self.context(local, frame)
         if any(e.in_solver for e in self.effects):
-            found = self._solve_with_effects(signal, local, frame, steps, values, context)
+            found = self._solve_with_effects(
+                signal, local, frame, steps=steps, values=values, context=context
+            )
         else:
             found = self._add_to(signal, local, frame, steps)
         for effect in self.effects:
@@ -328,6 +332,7 @@ class ImpactModel:
         signal: Array,
         local: Array,
         frame: ShotFrame,
+        *,
         steps: int,
         values: dict[str, dict[str, float]],
         context: ShotContext,
