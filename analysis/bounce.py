@@ -196,10 +196,12 @@ def restitution_from_bounce(
         Calibrated sample rate. [Hz]
     trigger_index : int
         Sample near the first touch.
-    impact_speed_m_per_s, impact_speed_u_m_per_s : float
-        Speed at the first touch, > 0, and its standard uncertainty. [m/s]
+    impact_speed_m_per_s : float
+        Speed at the first touch, > 0. [m/s]
     gravity_m_per_s2 : float
         Local gravity, > 0. [m/s^2]
+    impact_speed_u_m_per_s : float
+        Standard uncertainty of the speed. [m/s]
 
     Returns
     -------

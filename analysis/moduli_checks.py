@@ -181,9 +181,11 @@ def with_dark_uncertainty(system: System) -> tuple[System, float]:
     """
 
     def wider(dark_u: float) -> System:
+        """Return the system with so much added to every recording."""
         return dataclasses.replace(system, weight=1 / (1 / system.weight + dark_u**2))
 
     def excess(log_dark_u: float) -> float:
+        """Return chi2 beyond its expectation."""
         trial = wider(math.exp(log_dark_u))
         found = consistency(trial, *solve(trial))
         return found.chi2 - found.degrees_of_freedom

@@ -169,6 +169,8 @@ class Evidence:
             A key of ``families``.
         scope : str
             Who owns a coefficient.
+        heldout : bool
+            Also compute the gain on held-out shots.
 
         Returns
         -------

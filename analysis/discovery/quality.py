@@ -1,0 +1,39 @@
+"""How well one turn of the loop fits, by the same figures as any other fit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from analysis.fit.campaign_fit import heldout_rms, solve
+from analysis.fit.joint import Fitted
+from analysis.fit.problem import JointProblem
+from analysis.fit.result import FitResult, Outcome
+from analysis.fit.shot_fit import collect
+
+
+def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
+    """Return a turn of the loop as the fit result that `fit_campaign` would have made of it.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        A model at its best, the noise as measured.
+    heldout : bool
+        Also compute the error on held-out shots.
+
+    Returns
+    -------
+    FitResult
+        Covariance widened where the residual exceeds the noise.
+    """
+    name = problem.model.name
+    if not fitted.blocks:
+        outcome = Outcome("not_evaluable", "The model cannot be evaluated on these records.")
+        return FitResult(name, outcome, problem, fitted, (), 1.0, None)
+    own = dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots))
+    found, scale = solve(own, fitted.nuisances)
+    outcome = Outcome("converged", "The fit converged.")
+    if not found.converged:
+        outcome = Outcome("not_converged", f"The fit still moved after {found.iterations} steps.")
+    held = heldout_rms(own, found) if heldout else None
+    return FitResult(name, outcome, own, found, collect(own, found, scale=scale), scale, held)

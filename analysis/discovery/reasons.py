@@ -1,0 +1,98 @@
+"""Why a candidate was not named, in words a person can check against the numbers beside them."""
+
+from __future__ import annotations
+
+from analysis.discovery.candidates import Refit
+from analysis.discovery.diagnosis import MIN_GAIN, PENALTY, Diagnosis, Step
+from analysis.effects.library import effect_named
+
+
+def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
+    """Return why a refitted candidate was not taken in a turn of the loop.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        The whole.
+    step : Step
+        The turn.
+    refit : Refit
+        One of its candidates.
+
+    Returns
+    -------
+    str or None
+        None for the one that was taken.
+    """
+    taken = _taken(diagnosis, step)
+    if taken is not None and refit.effect.id == taken.effect.id and refit.scope == taken.scope:
+        return None
+    if refit.at_bound:
+        bounds = "; ".join(
+            f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
+        )
+        return f"its best fit leaves what is physically possible ({bounds})"
+    if refit.score(PENALTY) < MIN_GAIN:
+        return (
+            f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its "
+            f"{refit.parameters} number(s) cost by chance alone"
+        )
+    if taken is None:
+        return _left(refit) + "; what remains is still structured"
+    if refit.owner in diagnosis.confusable and step is diagnosis.steps[0]:
+        return f"these data cannot tell it from {taken.owner}"
+    return f"{_left(refit)}; {taken.owner} leaves {_chi2_per_dof(taken):.3g}"
+
+
+def not_refitted(step: Step, owner: str) -> str:
+    """Return why a library effect was not refitted at all.
+
+    Parameters
+    ----------
+    step : Step
+        The turn.
+    owner : str
+        Id of the library's entry.
+
+    Returns
+    -------
+    str
+        In words.
+    """
+    if owner in step.refused:
+        return f"not tried: {step.refused[owner]}"
+    if owner in (e.id.partition(":")[0] for e in step.problem.model.effects):
+        return "already in the model"
+    seen = [
+        step.evidence.explain(key, _first_scope(key), heldout=False)
+        for key in step.evidence.families
+        if key.partition("@")[0].partition(":")[0] == owner and "@" in key
+    ]
+    if not seen:
+        return "not tried"
+    best = max(seen, key=lambda e: e.gain)
+    share = best.gain / max(step.evidence.chi2, 1e-300)
+    return (
+        f"to first order it explains {share:.1%} of the residual's energy at most; "
+        "others promised more and were refitted"
+    )
+
+
+def _first_scope(key: str) -> str:
+    return "shot" if effect_named(key.partition("@")[0]).basis is not None else "rig"
+
+
+def _taken(diagnosis: Diagnosis, step: Step) -> Refit | None:
+    place = next((i for i, s in enumerate(diagnosis.steps) if s is step), len(diagnosis.steps))
+    return diagnosis.chosen[place] if place < len(diagnosis.chosen) else None
+
+
+def _chi2_per_dof(refit: Refit) -> float:
+    """Return the whitened squares left per degree of freedom."""
+    shots = refit.problem.shots
+    used = sum(s.frame.samples - s.noise.order - 4 for s in shots) - len(refit.problem.names)
+    return sum(b.chi2 for b in refit.fitted.blocks) / max(used, 1)
+
+
+def _left(refit: Refit) -> str:
+    return f"it leaves a residual of {_chi2_per_dof(refit):.3g} noise variances"
