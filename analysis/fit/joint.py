@@ -23,11 +23,11 @@ STEP_TOLERANCE = 2e-3
 COST_TOLERANCE = 1e-9
 GOOD_STEP, POOR_STEP = 0.7, 0.25
 """Shares of the promised fall above which damping falls, below which it grows."""
-LEAST_DAMPING = 1e-9
-STALLED_DAMPING = 1e10
 STRAIGHT_UP_TO = 0.5
 """Share by which 1/E' may fall in one straight step."""
 _BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
+LEAST_DAMPING = 1e-9
+STALLED_DAMPING = 1e10
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
 
