@@ -17,10 +17,13 @@ from analysis.discovery.candidates import (
 )
 from analysis.discovery.evidence import Evidence, Explained, gather
 from analysis.discovery.omnibus import Omnibus, ask
+from analysis.effects.effect import Effect
+from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import prepare
-from analysis.model.impact_model import model_named
+from analysis.model import solver
+from analysis.model.impact_model import ImpactModel, model_named
 
 PENALTY = 12.0
 """Price of one number in whitened squares, about ln of the number of samples."""
@@ -31,6 +34,8 @@ STARTS_REFITTED = 2
 FIRST_STEPS = 6
 CONTINUE_SHARE = 0.3
 """A candidate this far behind after its first steps is not carried on."""
+ALWAYS_TRIED = 3
+SPARED_BELOW = 0.5
 CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
 MAX_EFFECTS = 3
@@ -137,34 +142,42 @@ def _coefficients(seen: Explained) -> dict[str, float]:
     return found
 
 
+def _first_round(step: Step, scores: list[Scored]) -> Refit:
+    """Return the best of an effect's starts after a few steps each."""
+    found = [
+        refit(
+            step.problem,
+            step.fitted,
+            proposal,
+            scope=scope,
+            coefficients=_coefficients(seen),
+            linear_gain=seen.gain,
+            max_iterations=FIRST_STEPS,
+        )
+        for _, proposal, scope, seen in _distinct(scores)
+    ]
+    return max(found, key=lambda r: r.score(PENALTY))
+
+
 def _refits(step: Step, tried: list[Proposal], progress: Progress) -> list[Refit]:
-    """Refit the most promising effects: a few steps from several starts, the best to the end."""
+    """Refit the most promising effects: a few steps from several starts, the best to the end.
+
+    The cheap look puts them in order. As soon as one is so far ahead that nothing further down the
+    list promises half as much, the rest is spared.
+    """
     scored = _scored(step, tried)
     order = sorted(scored, key=lambda owner: -scored[owner][0][0])[:SHORTLIST]
-    first: list[Refit] = []
-    for place, owner in enumerate(order):
-        progress(f"trying {owner}", place / len(order))
-        for _, proposal, scope, seen in _distinct(scored[owner]):
-            first.append(
-                refit(
-                    step.problem,
-                    step.fitted,
-                    proposal,
-                    scope=scope,
-                    coefficients=_coefficients(seen),
-                    linear_gain=seen.gain,
-                    max_iterations=FIRST_STEPS,
-                )
-            )
-    ahead = max((r.score(PENALTY) for r in first), default=0.0)
     best: dict[str, Refit] = {}
-    for result in sorted(first, key=lambda r: -r.score(PENALTY)):
-        if result.owner in best:
-            continue
+    for place, owner in enumerate(order):
+        ahead = max((r.score(PENALTY) for r in best.values() if not r.at_bound), default=0.0)
+        if place >= ALWAYS_TRIED and scored[owner][0][0] < SPARED_BELOW * ahead:
+            break
+        progress(f"trying {owner}", place / len(order))
+        result = _first_round(step, scored[owner])
         if not result.fitted.converged and result.score(PENALTY) > CONTINUE_SHARE * ahead:
-            progress(f"refining {result.owner}", 0.9)
-            result = continued(step.fitted, result)  # noqa: PLW2901 - the better form replaces it
-        best[result.owner] = result
+            progress(f"refining {owner}", (place + 0.5) / len(order))
+            result = continued(step.fitted, result)
+        best[owner] = result
     return sorted(best.values(), key=lambda r: -r.score(PENALTY))
 
 
@@ -210,8 +223,16 @@ def diagnose_campaign(
     confusable: list[str] = []
     step, tried = _look(problem, fitted)
     steps.append(step)
+    if model.kind == solver.HSD and step.omnibus.structured:
+        told("trying crystal_dynamics", 0.1)
+        crystal = _crystal(campaign, step)
+        step.refits = [crystal]
+        if crystal.score(PENALTY) > MIN_GAIN:
+            chosen.append(crystal)
+            step, tried = _look(crystal.problem, crystal.fitted)
+            steps.append(step)
     while step.omnibus.structured and len(chosen) < MAX_EFFECTS:
-        step.refits = _refits(step, tried, told)
+        step.refits += _refits(step, tried, told)
         best = next((r for r in step.refits if not r.at_bound), None)
         if best is None or best.score(PENALTY) < MIN_GAIN:
             break
@@ -224,7 +245,61 @@ def diagnose_campaign(
                 for r in steps[0].refits
                 if r is not best and not r.at_bound and best.gain - r.gain < CONFUSED_WITHIN
             ]
+    steps, chosen = _backward(steps, chosen)
     return _judge(steps, chosen, confusable)
+
+
+def _crystal(campaign: Campaign, step: Step) -> Refit:
+    """Return the model in which the cell is no longer rigid."""
+    effect = effect_named("crystal_dynamics")
+    model = dataclasses.replace(model_named(effect.replaces_base), step_share=STEP_SHARE)
+    problem = build(_without_restitution(campaign), model)
+    fitted = joint.fit(problem, prepare(problem))
+    count = len(problem.names) - len(step.problem.names)
+    gain = step.fitted.cost - fitted.cost
+    return Refit(effect, effect.id, "rig", problem, fitted, gain, count, not fitted.blocks, gain)
+
+
+def _backward(steps: list[Step], chosen: list[Refit]) -> tuple[list[Step], list[Refit]]:
+    """Take out an effect that a later one has made needless."""
+    if len(chosen) < 2 or steps[-1].omnibus.structured:
+        return steps, chosen
+    last = steps[-1]
+    for place, old in enumerate(chosen[:-1]):
+        if old.effect.replaces_base:
+            continue
+        kept = tuple(e for e in last.problem.model.effects if e.id != old.effect.id)
+        without = _reduced(last, kept)
+        if without.fitted.cost - last.fitted.cost < MIN_GAIN:
+            others = [c for at, c in enumerate(chosen) if at != place]
+            return [*steps[:-1], without], others
+    return steps, chosen
+
+
+def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step:
+    """Return a step's model with fewer effects, fitted again."""
+    model = dataclasses.replace(step.problem.model, effects=effects)
+    keep = [
+        j
+        for j, name in enumerate(step.problem.names)
+        if not _is_effect(name, step.problem.model) or _is_effect(name, model)
+    ]
+    problem = dataclasses.replace(
+        step.problem,
+        model=model,
+        names=[step.problem.names[j] for j in keep],
+        start=step.fitted.theta[keep],
+        prior_mean=step.problem.prior_mean[keep],
+        prior_precision=step.problem.prior_precision[keep][:, keep],
+    )
+    nuisances = step.fitted.nuisances[:, : len(model.nuisances)]
+    fitted = joint.fit(problem, nuisances, theta=problem.start)
+    evidence = gather(problem, fitted)
+    return Step(problem, fitted, evidence, ask(evidence))
+
+
+def _is_effect(name: str, model: ImpactModel) -> bool:
+    return any(name.startswith(f"{e.id}.") for e in model.effects)
 
 
 def _judge(steps: list[Step], chosen: list[Refit], confusable: list[str]) -> Diagnosis:

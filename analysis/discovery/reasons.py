@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.discovery.candidates import Refit
+from analysis.discovery.candidates import Refit, scopes_of
 from analysis.discovery.diagnosis import MIN_GAIN, PENALTY, Diagnosis, Step
 from analysis.effects.library import effect_named
 
@@ -64,22 +64,19 @@ def not_refitted(step: Step, owner: str) -> str:
     if owner in (e.id.partition(":")[0] for e in step.problem.model.effects):
         return "already in the model"
     seen = [
-        step.evidence.explain(key, _first_scope(key), heldout=False)
+        step.evidence.explain(key, scope, heldout=False)
         for key in step.evidence.families
-        if key.partition("@")[0].partition(":")[0] == owner and "@" in key
+        if "@" in key and key.partition("@")[0].partition(":")[0] == owner
+        for scope in scopes_of(effect_named(key.partition("@")[0]))
     ]
     if not seen:
         return "not tried"
     best = max(seen, key=lambda e: e.gain)
     share = best.gain / max(step.evidence.chi2, 1e-300)
     return (
-        f"to first order it explains {share:.1%} of the residual's energy at most; "
+        f"to first order it explains {share:.1%} of the residual's energy; "
         "others promised more and were refitted"
     )
-
-
-def _first_scope(key: str) -> str:
-    return "shot" if effect_named(key.partition("@")[0]).basis is not None else "rig"
 
 
 def _taken(diagnosis: Diagnosis, step: Step) -> Refit | None:

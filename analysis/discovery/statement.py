@@ -6,6 +6,8 @@ import dataclasses
 import math
 from typing import Any
 
+import numpy as np
+
 from analysis.discovery.candidates import Refit
 from analysis.discovery.diagnosis import Diagnosis, Step
 from analysis.discovery.evidence import Explained
@@ -308,6 +310,8 @@ def _finite(value: Any) -> Any:
         return {key: _finite(one) for key, one in value.items()}
     if isinstance(value, list | tuple):
         return [_finite(one) for one in value]
-    if isinstance(value, float):  # numpy's own floats too
-        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.generic):
+        return _finite(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
     return value
