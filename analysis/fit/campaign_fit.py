@@ -44,10 +44,27 @@ def _widen(problem: JointProblem, factor: float) -> None:
     ]
 
 
-def _solve(
-    problem: JointProblem, nuisances: Array, progress: Progress | None
+def solve(
+    problem: JointProblem, nuisances: Array, progress: Progress | None = None
 ) -> tuple[joint.Fitted, float]:
-    """Return the fit and the variance factor its residual asked for."""
+    """Return the fit and the variance factor its residual asked for.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Prepared; its noise is widened in place where the residual exceeds it.
+    nuisances : ndarray, shape (shots, 4)
+        Where the shots' nuisances start.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    fitted : Fitted
+        End point.
+    scale : float
+        Factor on the noise variance, 1 where the model explains the data.
+    """
     fitted = joint.fit(problem, nuisances, progress=progress)
     scale = 1.0
     for _ in range(MISFIT_ROUNDS):
@@ -171,7 +188,7 @@ def fit_campaign(
     """
     problem = build(campaign, model_named(model), by_pair=by_pair)
     nuisances = prepare(problem)
-    fitted, scale = _solve(problem, nuisances, progress)
+    fitted, scale = solve(problem, nuisances, progress)
     if not fitted.blocks:
         outcome = Outcome(
             "not_evaluable",

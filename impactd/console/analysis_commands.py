@@ -4,12 +4,20 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from impactd.console.options import Json, Url
+
+
+class BaseModel(StrEnum):
+    """What a diagnosis may start from."""
+
+    KV = "kv"
+    HSD = "hsd"
 
 
 def add_to(app: typer.Typer) -> None:
@@ -44,18 +52,34 @@ def fit(
 
 
 def diagnose(
-    campaign: Annotated[Path, typer.Argument(help="A campaign folder's campaign.json.")],
-    base: Annotated[str, typer.Option("--base", help="kv or hsd.")] = "kv",
-    json_out: Annotated[Path | None, typer.Option("--json", metavar="OUT")] = None,
-    report: Annotated[Path | None, typer.Option("--report", metavar="OUT.html")] = None,
+    what: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="[CAMPAIGN.json | SHOT...]",
+            help="A campaign folder's file, diagnosed here; or shot numbers, or nothing for all "
+            "shots, diagnosed by the daemon.",
+        ),
+    ] = None,
+    base: Annotated[BaseModel, typer.Option("--base", help="Model to start from.")] = BaseModel.KV,
+    json_out: Annotated[
+        Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
+    ] = None,
+    report: Annotated[
+        Path | None, typer.Option("--report", metavar="OUT.html", help="Write the report here.")
+    ] = None,
+    url: Url = None,
 ) -> None:
-    """Find out why a model does not fit. Not yet there."""
-    from impactd.console.failure import Failure
+    """Close the loop: find what the model misses, name it, and show the error before and after."""
+    from impactd.console import diagnoses
 
-    raise Failure(
-        f"diagnosing {campaign} from the base {base} is not there yet; `impactd fit` shows R2, "
-        "chi2 and flags of the base model."
-    )
+    given = what or []
+    if all(item.isdigit() for item in given):
+        numbers = [int(item) for item in given]
+        diagnoses.by_the_daemon(numbers, base.value, json_out=json_out, report=report, url=url)
+    elif len(given) == 1:
+        diagnoses.offline(Path(given[0]), base.value, json_out=json_out, report=report)
+    else:
+        raise typer.BadParameter("give one campaign file, or only shot numbers")
 
 
 def effects(as_json: Json = False) -> None:

@@ -16,7 +16,7 @@ from impactd.settings import find_config
 CONFIG = find_config("simulated.toml")
 COMMANDS = """
 serve demo bench doctor status drop abort calibrate shots moduli fit diagnose effects
-import export verify reindex token
+import export verify reindex refit token
 """.strip().split()
 
 
@@ -95,9 +95,10 @@ def test_a_token_is_printed_once_and_alone(tmp_path):
     assert "no token 99" in failed(run("token", "revoke", 99, *where))
 
 
-def test_diagnose_says_that_it_is_not_there_yet(tmp_path):
-    """One sentence, exit code 1."""
-    assert "not there yet" in failed(run("diagnose", tmp_path / "campaign.json"))
+def test_a_diagnosis_of_no_campaign_is_one_sentence(tmp_path):
+    """A folder that is not there is named; an unknown base is wrong usage."""
+    assert "campaign.json" in failed(run("diagnose", tmp_path / "campaign.json"))
+    assert run("diagnose", tmp_path / "campaign.json", "--base", "none").returncode == 2
 
 
 def test_effects_can_be_listed():

@@ -13,7 +13,7 @@ import pytest
 from analysis import fit_campaign
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.errors import AnalysisError, UnknownModelError
-from analysis.fit.campaign_fit import _solve
+from analysis.fit.campaign_fit import solve
 from analysis.fit.estimates import HSD_FIELDS
 from analysis.fit.joint import normal_equations
 from analysis.fit.problem import SENSOR_FIELDS, build
@@ -88,7 +88,7 @@ def test_cell_is_recovered_where_it_is_identifiable(
 def test_eliminating_nuisances_equals_the_dense_normal_equations(made: Any) -> None:
     """The Schur complement gives the covariance and the step of the whole dense system."""
     problem = build(made[1], model_named("kv"))
-    solution, _ = _solve(problem, prepare(problem), None)
+    solution, _ = solve(problem, prepare(problem))
     matrix, vector, _ = normal_equations(problem, solution)
     g, shots = len(problem.names), len(solution.blocks)
     dense = np.zeros((g + 4 * shots, g + 4 * shots))

@@ -1,0 +1,157 @@
+"""``impactd diagnose``: a campaign folder here, or stored shots by the daemon."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from impactd.console.client import Client, connect, fresh_key
+from impactd.console.failure import Failure
+from impactd.console.fits import moduli_table
+from impactd.console.tables import measured, print_json, progress, table
+
+MOST_SHOTS = 500
+"""As many as the daemon takes into one diagnosis."""
+
+
+def offline(path: Path, base: str, *, json_out: Path | None, report: Path | None) -> None:
+    """Diagnose a campaign folder in this process.
+
+    Parameters
+    ----------
+    path : Path
+        ``campaign.json`` or its folder.
+    base : str
+        ``kv`` or ``hsd``.
+    json_out : Path or None
+        Where ``impactd-diagnosis/1`` goes; ``-`` prints it instead of the tables.
+    report : Path or None
+        Where the page goes.
+    """
+    from impactd.diagnosis.run import diagnose
+    from impactd.storage.campaign_folder import read_campaign
+
+    campaign = read_campaign(path)
+    document = diagnose(
+        campaign, base, progress=lambda what, share: progress(f"{what} {100 * share:.0f} %")
+    )
+    progress("", last=True)
+    if report is not None:
+        from impactd.diagnosis.report import write_report
+
+        write_report(report, document)
+    _deliver(document, json_out, report)
+
+
+def by_the_daemon(
+    numbers: list[int], base: str, *, json_out: Path | None, report: Path | None, url: str | None
+) -> None:
+    """Have the daemon diagnose stored shots.
+
+    Parameters
+    ----------
+    numbers : list of int
+        Shots; none means all, the newest 500.
+    base : str
+        ``kv`` or ``hsd``.
+    json_out : Path or None
+        Where the result goes; ``-`` prints it.
+    report : Path or None
+        Where the page goes.
+    url : str or None
+        The daemon.
+
+    Raises
+    ------
+    Failure
+        If it failed or was cancelled.
+    """
+    with connect(url) as client:
+        shots = sorted(
+            numbers or (item["number"] for item in client.pages("/v1/shots", MOST_SHOTS))
+        )
+        if not shots:
+            raise Failure("the archive has no shots yet; drop some, or name a campaign file.")
+        made = client.send("POST", "/v1/diagnoses", {"shots": shots, "base": base}, key=fresh_key())
+        at = f"/v1/diagnoses/{made['id']}"
+        made = client.wait(
+            at,
+            lambda answer: answer["state"] in ("done", "failed", "cancelled"),
+            lambda state: progress(f"diagnosis {made['id']}: {state}"),
+        )
+        progress("", last=True)
+        if made["state"] != "done":
+            raise Failure(f"diagnosis {made['id']} {made['state']}: {made['reason']}")
+        if report is not None:
+            client.download(f"{at}/report.html", report)
+    _deliver(made["result"], json_out, report)
+
+
+def _all_shots(client: Client) -> list[int]:
+    return sorted(int(item["number"]) for item in client.pages("/v1/shots", MOST_SHOTS))
+
+
+def _deliver(document: dict[str, Any], json_out: Path | None, report: Path | None) -> None:
+    if json_out == Path("-"):
+        print_json(document)
+        return
+    if json_out is not None:
+        text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
+        json_out.write_text(text + "\n", encoding="utf-8")
+    print(summary(document))
+    if report is not None:
+        print(f"\nReport: {report}")
+
+
+def summary(document: dict[str, Any]) -> str:
+    """Return a diagnosis as a person reads it on a terminal.
+
+    Parameters
+    ----------
+    document : dict
+        ``impactd-diagnosis/1``.
+
+    Returns
+    -------
+    str
+        Verdict, numbers of what was found, before and after, moduli, candidates.
+    """
+    parts = [f"{document['verdict'].upper()}: {document['sentence']}"]
+    if document["effects"]:
+        rows = [
+            (effect["id"], name, measured(value), value["unit"])
+            for effect in document["effects"]
+            for name, value in effect["parameters"].items()
+        ]
+        if rows:
+            parts.append(table(("effect", "parameter", "value +- u", "unit"), rows))
+    blocks = [document["before"]]
+    if document["verdict"] != "adequate":
+        blocks.append(document["after"])
+    keys = ("rms_V", "heldout_rms_V", "nrmse", "r2", "chi2_per_dof")
+    parts.append(
+        table(
+            ("model", *keys),
+            [(block["model"], *(block.get(key) for key in keys)) for block in blocks],
+        )
+        + f"\nnoise before the trigger: {document['noise_rms_V']:.4g} V rms"
+    )
+    parts += [
+        f"Moduli under {block['model']}:\n{moduli_table(block['moduli'])}"
+        for block in blocks
+        if block.get("moduli")
+    ]
+    tried = [c for c in document["candidates"] if c["delta_log_likelihood"] is not None]
+    if tried:
+        lines = [(c["id"], c["heldout_rms_V"], c["why_not"] or "taken") for c in tried]
+        parts.append(table(("candidate", "held-out rms", ""), lines))
+    if document["next_drop"]:
+        parts.append(f"Drop next: {json.dumps(document['next_drop'])}")
+    parts += [
+        f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
+        for item in document["rejected"]
+    ]
+    return "\n\n".join(parts)

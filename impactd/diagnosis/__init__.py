@@ -1,0 +1,1 @@
+"""Diagnoses as people and programs get them: run, named models, the report."""

@@ -1,0 +1,51 @@
+"""One diagnosis, from a campaign to ``impactd-diagnosis/1``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from analysis.campaign import Campaign
+from analysis.discovery.diagnosis import diagnose_campaign
+from analysis.discovery.statement import diagnosis_json
+from impactd.storage.version import software
+
+Json = dict[str, Any]
+
+
+def diagnose(
+    campaign: Campaign, base: str = "kv", *, progress: Callable[[str, float], None] | None = None
+) -> Json:
+    """Close the loop on a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Recordings and what is known.
+    base : str
+        ``kv`` or ``hsd``.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    dict
+        ``impactd-diagnosis/1``.
+
+    Raises
+    ------
+    AnalysisError
+        If no shot can be used at all.
+    """
+    found = diagnose_campaign(campaign, base, progress=progress)
+    if progress is not None:
+        progress("writing down what was found", 0.99)
+    document = diagnosis_json(found, software=software())
+    rejected = [
+        {"name": one.name, "path": one.path, "reason": one.reason} for one in campaign.rejected
+    ]
+    seen = {(one["name"], one["path"]) for one in rejected}
+    document["rejected"] = rejected + [
+        one for one in document["rejected"] if (one["name"], one["path"]) not in seen
+    ]
+    return document
