@@ -6,6 +6,7 @@ it. It hooks into the model at one or more of these places:
 ``contact``    a compiled term of the contact law (``analysis.model.effect_solver.TERM``)
 ``pack``       the effect's values and the shot's context -> the four numbers of its term
 ``share``      the part of the dissipative force that also loads the structure
+``mobility``   the speed at which the ground recedes per newton of the whole contact force
 ``structure``  adds masses and links below the sphere (``analysis.model.structure``)
 ``output``     changes the sampled signal, baseline not yet added
 ``speed``      shifts ln of the impact speed that the drop height promises
@@ -207,6 +208,7 @@ class Effect:
     contact: Any = None
     pack: Callable[[Values, ShotContext], tuple[float, float, float, float]] | None = None
     share: Callable[[Values], float] | None = None
+    mobility: Callable[[Values], float] | None = None
     structure: Callable[[Structure, Values, ShotContext], None] | None = None
     output: Callable[[Array, Values, ShotContext], Array] | None = None
     speed: Callable[[Values, ShotContext], float] | None = None
@@ -221,7 +223,7 @@ class Effect:
     @property
     def in_solver(self) -> bool:
         """Whether it changes the equations of motion, not only what is read."""
-        return any(x is not None for x in (self.contact, self.share, self.structure))
+        return any(x is not None for x in (self.contact, self.share, self.mobility, self.structure))
 
 
 def resolving_steps(rate_per_s: float, context: ShotContext) -> float:

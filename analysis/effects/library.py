@@ -92,7 +92,8 @@ def _as_list(terms):  # type: ignore[no-untyped-def]
 @cache
 def contact_terms() -> tuple[Any, dict[str, int]]:
     """Return all compiled contact terms, as numba's list, and each effect's place in it."""
-    having = [e for e in library().values() if e.contact is not None]
+    every = [e for listed in library().values() for e in (listed, *listed.variants)]
+    having = [e for e in every if e.contact is not None]
     with warnings.catch_warnings():
         # functions as values are "experimental" in numba's words; the tests pin what is used
         warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)

@@ -51,14 +51,14 @@ _TABLE = np.array(
 
 
 @njit(cache=True)
-def _forces(state, K, cd, terms, active, packed):  # type: ignore[no-untyped-def]
+def _forces(state, K, cd, mobility, terms, active, packed):  # type: ignore[no-untyped-def]
     """Return (elastic, dissipative, recession) and leave dz/dt in ``packed``'s last column."""
     y = max(state[_Y], 0.0)
     delta = y * y * y * y
     elastic = K * delta * y * y
     total, lost, recession, rate = elastic, 0.0, 0.0, state[_U]
-    # where the ground recedes, the laws are asked once more with the rate that is left
-    for _ in range(2):
+    # where the ground recedes, the laws are asked again with the rate that is left
+    for _ in range(4):
         total, lost, receding = elastic, cd * y * rate, 0.0
         for a in range(active.size):
             j = active[a]
@@ -70,7 +70,8 @@ def _forces(state, K, cd, terms, active, packed):  # type: ignore[no-untyped-def
             lost += d
             receding += r
             packed[j, 4] = z
-        if receding == recession:
+        receding += mobility * (total + lost)
+        if abs(receding - recession) <= 1e-9 * abs(state[_U]):
             break
         recession = receding
         rate = state[_U] - recession
@@ -78,9 +79,9 @@ def _forces(state, K, cd, terms, active, packed):  # type: ignore[no-untyped-def
 
 
 @njit(cache=True)
-def _rates(out, state, K, m, cd, g, share, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
+def _rates(out, state, K, m, cd, g, share, mobility, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
     """Write d(state)/ds and return the force on the structure."""
-    elastic, lost, recession = _forces(state, K, cd, terms, active, packed)
+    elastic, lost, recession = _forces(state, K, cd, mobility, terms, active, packed)
     y = state[_Y]
     y3 = y * y * y
     load = elastic + share * lost
@@ -102,11 +103,11 @@ def _rates(out, state, K, m, cd, g, share, terms, active, packed, A, b, top):  #
 
 
 @njit(cache=True)
-def _advance(new, state, k, h, K, m, cd, g, share, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
+def _advance(new, state, k, h, K, m, cd, g, share, mobility, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
     """Write the state one step of size h in s later (Dormand & Prince, order 5)."""
     new[:] = state
     for stage in range(6):
-        _rates(k[stage], new, K, m, cd, g, share, terms, active, packed, A, b, top)
+        _rates(k[stage], new, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
         for i in range(state.size):
             total = 0.0
             for j in range(stage + 1):
@@ -143,7 +144,9 @@ def _fraction_at(ti, t0, d0, t1, d1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _force_at(ti, state, new, before, after, h, work, K, cd, share, terms, active, packed):  # type: ignore[no-untyped-def]
+def _force_at(
+    ti, state, new, before, after, h, work, K, cd, share, mobility, terms, active, packed
+):  # type: ignore[no-untyped-def]
     """Return the force at time ``ti`` within a step, by the laws themselves at the state there.
 
     The states are smooth in s where the force in time is not, so they are what is interpolated.
@@ -151,7 +154,7 @@ def _force_at(ti, state, new, before, after, h, work, K, cd, share, terms, activ
     x = _fraction_at(ti, state[_T], h * before[_T], new[_T], h * after[_T])
     for i in range(state.size):
         work[i] = _cubic(state[i], h * before[i], new[i], h * after[i], x)
-    elastic, lost, _ = _forces(work, K, cd, terms, active, packed)
+    elastic, lost, _ = _forces(work, K, cd, mobility, terms, active, packed)
     return elastic + share * lost
 
 
@@ -209,6 +212,7 @@ def integrate_with_effects(  # type: ignore[no-untyped-def]
     alpha,
     g,
     share,
+    mobility,
     terms,
     active,
     packed,
@@ -231,6 +235,8 @@ def integrate_with_effects(  # type: ignore[no-untyped-def]
         As in ``analysis.model.solver.integrate``.
     share : float
         Part of the dissipative force that also loads the structure. [1]
+    mobility : float
+        Speed at which the ground recedes per newton of the whole contact force. [m/(N s)]
     terms : tuple of compiled functions
         All contact terms of the library, in its order.
     active : ndarray of int64, shape (a,)
@@ -264,25 +270,44 @@ def integrate_with_effects(  # type: ignore[no-untyped-def]
     i = 0
     if start < 0.0:
         i = math.ceil(-start / dt - 1e-12)
-    f0 = _rates(before, state, K, m, cd, g, share, terms, active, packed, A, b, top)
+    f0 = _rates(before, state, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
     ended, deepest = False, 0.0
     for _ in range(MAX_STEPS):
         length = h
-        _advance(new, state, k, h, K, m, cd, g, share, terms, active, packed, A, b, top)
+        _advance(new, state, k, h, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
         if new[_Y] <= 0.0 and new[_U] < 0.0:
             part = h
             for _ in range(12):
-                _advance(new, state, k, part, K, m, cd, g, share, terms, active, packed, A, b, top)
+                _advance(
+                    new,
+                    state,
+                    k,
+                    part,
+                    K,
+                    m,
+                    cd,
+                    g,
+                    share,
+                    mobility,
+                    terms,
+                    active,
+                    packed,
+                    A,
+                    b,
+                    top,
+                )
                 correction = 4.0 * new[_Y] / new[_U]
                 part -= correction
                 if abs(correction) <= 1e-14 * h:
                     break
-            _advance(new, state, k, part, K, m, cd, g, share, terms, active, packed, A, b, top)
+            _advance(
+                new, state, k, part, K, m, cd, g, share, mobility, terms, active, packed, A, b, top
+            )
             new[_Y] = 0.0
             length = part
             ended = True
         deepest = max(deepest, new[_Y])
-        f1 = _rates(after, new, K, m, cd, g, share, terms, active, packed, A, b, top)
+        f1 = _rates(after, new, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
         t0, t1 = state[_T], new[_T]
         if i < n and start + i * dt <= t1:
             q0 = p1 = p2 = p3 = p4 = p5 = 0.0
@@ -313,7 +338,7 @@ def integrate_with_effects(  # type: ignore[no-untyped-def]
                 else:
                     q = _force_at(
                         ti, state, new, before, after, length, work,
-                        K, cd, share, terms, active, packed,
+                        K, cd, share, mobility, terms, active, packed,
                     )  # fmt: skip
                 out[i] += gain * q
                 i += 1

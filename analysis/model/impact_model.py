@@ -339,7 +339,7 @@ class ImpactModel:
     ) -> tuple[float, float, float]:
         terms, places = contact_terms()
         packed = np.zeros((max(len(terms), 1), 5))
-        active, share = [], 0.0
+        active, share, mobility = [], 0.0, 0.0
         crystal_mass, k, mu, gain = self._crystal(local)
         structure = Structure.kelvin_voigt(crystal_mass, k, mu)
         for effect in self.effects:
@@ -349,6 +349,8 @@ class ImpactModel:
                 active.append(places[effect.id])
             if effect.share is not None:
                 share = effect.share(own)
+            if effect.mobility is not None:
+                mobility += effect.mobility(own)
             if effect.structure is not None:
                 effect.structure(structure, own, context)
         system, load, reading, top = structure.assemble()
@@ -365,6 +367,7 @@ class ImpactModel:
             damping_coefficient(math.exp(ln_e)),
             frame.gravity_m_per_s2,
             share,
+            mobility,
             terms,
             np.array(sorted(active), dtype=np.int64),
             packed,

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 Array = NDArray[np.float64]
 Law = Callable[[float, float, Array], tuple[float, float, Sequence[float]]]
@@ -86,12 +87,14 @@ def impact(
     ground: Ground,
     memories: int = 0,
     recession: float = 0.0,
+    mobility: float = 0.0,
     share: float = 0.0,
     after_turn: Callable[[float], Law] | None = None,
 ) -> Outcome:
     """Integrate one impact.
 
-    ``recession`` is in metres per second per newton of elastic force; ``share`` of the dissipative
+    ``recession`` is in metres per second per newton of elastic force, ``mobility`` of the whole
+    force; ``share`` of the dissipative
     force loads the ground; ``after_turn`` makes the law of the way back from the deepest point.
     """
     n = len(ground.masses)
@@ -105,6 +108,14 @@ def impact(
         if recession:
             # the receding ground sees the plain elastic force, which does not depend on the rate
             rate -= recession * present[0](depth, 0.0, s[at:])[0]
+        if mobility:
+            # rate = u - mobility * F(rate): a bracketed root, F grows with the rate
+            rate = brentq(
+                lambda v: v - rate + mobility * sum(present[0](depth, v, s[at:])[:2]),
+                rate - 10.0,
+                rate + 10.0,
+                xtol=1e-14,
+            )
         return (*present[0](depth, rate, s[at:]), rate)
 
     def slope(_t: float, s: Array) -> Array:

@@ -87,6 +87,11 @@ CASES: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
     "plate": (
         "plate_radiation",
         {"impedance_n_s_per_m": 150.0},
+        {"law": plain(), "mobility": 1 / 150.0},
+    ),
+    "plate, elastic": (
+        "plate_radiation:elastic",
+        {"impedance_n_s_per_m": 150.0},
         {"law": plain(), "recession": 1 / 150.0},
     ),
     "reaction": ("dashpot_reaction", {"share": 1.0}, {"law": plain(), "share": 1.0}),
