@@ -18,7 +18,7 @@ from analysis.model.impact_model import SHARED, ImpactModel
 
 Array = NDArray[np.float64]
 
-STARTS_TRIED = 8
+STARTS_TRIED = 25
 AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
 COORDINATE_U = 20.0

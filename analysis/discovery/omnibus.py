@@ -25,12 +25,13 @@ ASKED: tuple[tuple[str, str], ...] = (
     ("cell", "order"),
     ("cell", "shot"),
     ("speed", "height"),
+    ("speed", "shot"),
     ("locked", "rig"),
     ("locked", "pair"),
 )
 
 SLOTS: dict[str, tuple[tuple[str, str], ...]] = {
-    "release": (("speed", "height"),),
+    "release": (("speed", "height"), ("speed", "shot")),
     "contact": (
         ("contact", "rig"),
         ("contact", "surface"),
@@ -40,7 +41,13 @@ SLOTS: dict[str, tuple[tuple[str, str], ...]] = {
     ),
     "mounting": (("response", "surface"), ("cell", "surface")),
     "sensor": (("response", "rig"), ("static", "rig")),
-    "electronics": (("response", "rig"), ("static", "rig"), ("dynamic", "rig"), ("cell", "order")),
+    "electronics": (
+        ("response", "rig"),
+        ("static", "rig"),
+        ("dynamic", "rig"),
+        ("cell", "order"),
+        ("cell", "shot"),
+    ),
 }
 """Whose closures stand for which slot; sensor and electronics share the linear ones."""
 

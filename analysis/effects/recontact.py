@@ -14,6 +14,9 @@ Scope: the rig's; a delay that goes with the height is not in this form.
 
 from analysis.effects.effect import Effect, EffectParameter
 
+# a second pulse far from where it is looked for has no slope towards it: look every 12 %
+_DELAYS_S = tuple(1.5e-4 * 1.12**i for i in range(25))
+
 EFFECT = Effect(
     id="recontact",
     slot="release",
@@ -41,7 +44,7 @@ EFFECT = Effect(
             1e-3,
             1e-4,
             0.3,
-            (1e-3, 4e-4, 2e-3),
+            _DELAYS_S,
             "from first to second touch-down",
         ),
     ),
