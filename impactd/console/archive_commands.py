@@ -13,6 +13,13 @@ import typer
 from impactd.console.options import Config, Data, Json
 
 
+class ExecutorKind(StrEnum):
+    """Where a re-fit runs."""
+
+    PROCESS = "process"
+    DASK = "dask"
+
+
 class ExportFormat(StrEnum):
     """What shots may be exported as."""
 
@@ -27,6 +34,7 @@ def add_to(app: typer.Typer) -> None:
     app.command("export")(export)
     app.command()(verify)
     app.command()(reindex)
+    app.command()(refit)
 
 
 def import_campaign(
@@ -70,3 +78,35 @@ def reindex(config: Config = None, data: Data = None, as_json: Json = False) -> 
     from impactd.console import archive_files
 
     archive_files.reindex(config=config, data=data, as_json=as_json)
+
+
+def refit(  # noqa: PLR0917 - typer reads options from the parameters
+    executor: Annotated[
+        ExecutorKind, typer.Option("--executor", help="Processes here, or a Dask cluster.")
+    ] = ExecutorKind.PROCESS,
+    workers: Annotated[int, typer.Option("--workers", min=1, help="How many processes.")] = 1,
+    scheduler: Annotated[
+        str | None,
+        typer.Option("--scheduler", metavar="ADDRESS", help="A Dask cluster that runs already."),
+    ] = None,
+    model: Annotated[
+        list[str] | None, typer.Option("--model", help="Repeatable; hsd and kv without it.")
+    ] = None,
+    label: Annotated[
+        str, typer.Option("--label", help="Another label fits again what is done already.")
+    ] = "",
+    config: Config = None,
+    data: Data = None,
+) -> None:
+    """Fit every stored shot again with today's calibration; goes on where it was ended."""
+    from impactd.console import refit as console
+
+    console.run(
+        executor.value,
+        workers=workers,
+        scheduler=scheduler,
+        models=model or ["hsd", "kv"],
+        label=label,
+        config=config,
+        data=data,
+    )

@@ -8,7 +8,8 @@
     │   ├── WorkerCrashedError  it died (a signal, an exit)
     │   ├── TaskTimeoutError    it took too long and was ended
     │   └── TaskMemoryError     it took too much memory and was ended
-    └── StoppedError            the daemon is going down; the task is to run again later
+    ├── StoppedError            the daemon is going down; the task is to run again later
+    └── ClusterError            there is no cluster to run it on
 
 One `WorkerLostError` is worth another try, a second one is not.
 """
@@ -94,3 +95,7 @@ class TaskMemoryError(WorkerLostError):
 
 class StoppedError(TaskError):
     """The daemon is going down; the task is to run again later."""
+
+
+class ClusterError(TaskError):
+    """There is no cluster to run tasks on."""

@@ -1,25 +1,29 @@
 """Where tasks run, behind the one seam of ``concurrent.futures``: ``submit`` gives a ``Future``.
 
-`WorkerExecutor` keeps warm, killable processes on this machine. A cluster is another executor:
-``distributed.Client(...).get_executor(pure=False, retries=0)`` takes the same module-level
-functions and JSON arguments, as paths and hashes travel and arrays do not.
+`WorkerExecutor` keeps warm, killable processes on this machine. A cluster is another executor,
+`dask_executor`: the same module-level functions and JSON arguments, as paths and hashes travel and
+arrays do not.
 """
+
+# ruff: noqa: PLC0415 - distributed is an optional extra and takes a second to import
 
 from __future__ import annotations
 
 import contextlib
+import logging
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
-from impactd.jobs.errors import StoppedError, TaskError
+from impactd.jobs.errors import ClusterError, StoppedError, TaskError
 from impactd.jobs.worker_process import WorkerLimits, WorkerProcess
 
 START_PAUSE_S = 5.0
 """After a worker that would not start; a broken installation must not spin."""
+CONNECT_LIMIT_S = 30.0
 
 
 class _Submission:
@@ -200,3 +204,67 @@ class WorkerExecutor(Executor):
 def name_of(function: Callable[..., object]) -> str:
     """Return ``module:function``, by which a worker finds a module-level function."""
     return f"{function.__module__}:{function.__qualname__}"
+
+
+@contextlib.contextmanager
+def dask_executor(
+    *,
+    workers: int = 2,
+    scheduler: str | None = None,
+    warm_up: Callable[[], object] | None = None,
+) -> Iterator[Executor]:
+    """Run tasks in a Dask cluster, behind the same seam.
+
+    Parameters
+    ----------
+    workers : int
+        Processes of a cluster on this machine; of one thread each, as the solver holds one core.
+    scheduler : str, optional
+        Address of a cluster that runs already, e.g. ``tcp://host:8786``; ``workers`` is then
+        ignored. Its machines must see the shot files under the same paths.
+    warm_up : callable, optional
+        Called once on every worker before the first task.
+
+    Yields
+    ------
+    concurrent.futures.Executor
+        Shut down, with a cluster of our own, at the end of the block.
+
+    Raises
+    ------
+    ClusterError
+        If ``distributed`` is not installed or the scheduler does not answer.
+
+    Notes
+    -----
+    ``pure=False``: a task is not looked up by its arguments. ``retries=0``: who calls knows which
+    results were written and decides what is done again.
+    """
+    try:
+        from distributed import Client, LocalCluster
+    except ImportError as error:
+        raise ClusterError(
+            "A Dask cluster needs the package 'distributed': pip install 'impactd[cluster]'."
+        ) from error
+    with contextlib.ExitStack() as stack:
+        try:
+            target = scheduler or stack.enter_context(
+                LocalCluster(  # type: ignore[no-untyped-call]  # distributed has no hints
+                    n_workers=workers,
+                    threads_per_worker=1,
+                    processes=True,
+                    dashboard_address=None,
+                    silence_logs=logging.ERROR,
+                )
+            )
+            client = stack.enter_context(
+                Client(target, timeout=CONNECT_LIMIT_S)  # type: ignore[no-untyped-call]  # the same
+            )
+        except OSError as error:
+            raise ClusterError(
+                f"No Dask scheduler answers at {scheduler}: {error}. Start one with "
+                "`dask scheduler`, and workers with `dask worker ADDRESS --nthreads 1`."
+            ) from error
+        if warm_up is not None:
+            client.run(warm_up)
+        yield client.get_executor(pure=False, retries=0)

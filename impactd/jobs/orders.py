@@ -7,6 +7,7 @@ force at that moment and says which.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from analysis.calibration import sensor_from_json
@@ -99,16 +100,55 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
     numbers = _numbers(job, archive)
     if not numbers:
         raise ArchiveError(f"{job.subject}: there is no stored shot to fit.")
+    return {
+        **_knowledge(archive, settings, materials, with_calibration=job.kind != CALIBRATE),
+        "shots": [_where(archive, archive.shot(number)) for number in numbers],
+        "models": list(job.payload.get("models", SHOT_MODELS)),
+        "model": job.payload.get("model", "kv"),
+    }
+
+
+def order_without_shots(
+    archive: Archive, settings: Settings, materials: Materials, models: Sequence[str]
+) -> Json:
+    """Return an order for single-shot fits that lacks only ``shots``; see `shot_places`.
+
+    Parameters
+    ----------
+    archive : Archive
+        The calibration in force.
+    settings : Settings
+        Certificate of the cell, gravity, release.
+    materials : Materials
+        Spheres and surfaces of today.
+    models : sequence of str
+        Which to fit.
+
+    Returns
+    -------
+    dict
+        JSON-ready; equal knowledge gives equal orders.
+    """
+    known = _knowledge(archive, settings, materials, with_calibration=True)
+    return {**known, "models": list(models)}
+
+
+def shot_places(archive: Archive, numbers: Sequence[int]) -> list[Json]:
+    """Return an order's ``shots``: where each file is and what its SHA-256 must be."""
+    return [_where(archive, archive.shot(number)) for number in numbers]
+
+
+def _knowledge(
+    archive: Archive, settings: Settings, materials: Materials, *, with_calibration: bool
+) -> Json:
+    """Return what is known today of the cell, the release and the materials."""
     # A calibration starts from the certificate, not from the last calibration: were that a prior,
     # a drifting cell would hide its own drift.
-    calibration = None if job.kind == CALIBRATE else archive.calibrations.current()
+    calibration = archive.calibrations.current() if with_calibration else None
     known = settings.sensor.sensor()
     if calibration is not None and calibration.result is not None:
         known = _calibrated(calibration.result, known)
     return {
-        "shots": [_where(archive, archive.shot(number)) for number in numbers],
-        "models": list(job.payload.get("models", SHOT_MODELS)),
-        "model": job.payload.get("model", "kv"),
         "sensor": sensor_to_json(known),
         "calibration": None if calibration is None else calibration.number,
         "gravity_m_per_s2": settings.release.gravity_m_per_s2,

@@ -63,14 +63,52 @@ class FitTable:
         result: dict[str, Any],
         *,
         job: int | None = None,
+        run: str | None = None,
     ) -> Fit:
-        """Write a result."""
+        """Write a result; an archive's re-fit names its run, which takes each shot once."""
         number = self._index.write(
-            "INSERT INTO fits (shot, model, calibration, job, result, created_utc) "
-            "VALUES (?, ?, ?, ?, ?, ?)",
-            (shot, model, calibration, job, as_text(result), utc_now()),
+            "INSERT INTO fits (shot, model, calibration, job, result, created_utc, run) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?)",
+            (shot, model, calibration, job, as_text(result), utc_now(), run),
         )
         return self.get(number)
+
+    def not_in_run(self, run: str, *, after: int = 0, limit: int = 1000) -> list[int]:
+        """Return the next shots that a re-fit has not done.
+
+        Parameters
+        ----------
+        run : str
+            Of the re-fit.
+        after : int
+            Only numbers above this one.
+        limit : int
+            At most so many.
+
+        Returns
+        -------
+        list of int
+            Shots, in the order of their numbers.
+        """
+        rows = self._index.rows(
+            "SELECT number FROM shots WHERE number > ? AND NOT EXISTS "
+            "(SELECT 1 FROM fits WHERE fits.run = ? AND fits.shot = shots.number) "
+            "ORDER BY number LIMIT ?",
+            (after, run, limit),
+        )
+        return [row["number"] for row in rows]
+
+    def count_in_run(self, run: str) -> int:
+        """Return how many shots a re-fit has done."""
+        return self._index.number("SELECT count(DISTINCT shot) FROM fits WHERE run = ?", (run,))
+
+    def count_not_in_run(self, run: str) -> int:
+        """Return how many shots a re-fit has still to do."""
+        return self._index.number(
+            "SELECT count(*) FROM shots WHERE NOT EXISTS "
+            "(SELECT 1 FROM fits WHERE fits.run = ? AND fits.shot = shots.number)",
+            (run,),
+        )
 
     def get(self, number: int) -> Fit:
         """Return one fit.

@@ -79,6 +79,11 @@ _MIGRATIONS: tuple[str, ...] = (
     CREATE TABLE active_models (
         id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, since_utc TEXT NOT NULL) STRICT;
     """,
+    # A re-fit of the archive writes each shot once per model, whatever is killed and started again.
+    """
+    ALTER TABLE fits ADD COLUMN run TEXT;
+    CREATE UNIQUE INDEX fits_by_run ON fits(run, shot, model) WHERE run IS NOT NULL;
+    """,
 )
 
 

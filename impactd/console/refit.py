@@ -1,0 +1,140 @@
+"""What ``impactd refit`` does: an executor, a progress bar, a report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from concurrent.futures import Executor
+from contextlib import contextmanager
+from pathlib import Path
+
+from impactd.console.failure import Failure
+from impactd.console.options import settings_of
+from impactd.console.tables import progress
+from impactd.jobs.executors import WorkerExecutor, dask_executor
+from impactd.jobs.tasks import warm_up
+from impactd.jobs.worker_process import WorkerLimits
+from impactd.materials import load_materials
+from impactd.refit import CHUNK, refit
+from impactd.settings import Settings
+from impactd.storage.archive import Archive
+
+BAR_WIDTH = 30
+MOST_REASONS = 10
+
+
+def run(
+    kind: str,
+    *,
+    workers: int,
+    scheduler: str | None,
+    models: list[str],
+    label: str,
+    config: Path | None,
+    data: Path | None,
+) -> None:
+    """Fit the archive again and say how it went.
+
+    Parameters
+    ----------
+    kind : str
+        ``process`` or ``dask``.
+    workers : int
+        Processes.
+    scheduler : str or None
+        Address of a running Dask cluster.
+    models : list of str
+        Which to fit.
+    label : str
+        See `impactd.refit.run_name`.
+    config, data : Path or None
+        As given on the command line.
+
+    Raises
+    ------
+    Failure
+        If shots could not be fitted.
+    """
+    settings = settings_of(config, data)
+    materials = load_materials(settings.materials.file)
+    storage = settings.storage
+    with (
+        Archive.open(storage.directory, reserve_bytes=storage.reserve_bytes) as archive,
+        executor_named(kind, settings, workers=workers, scheduler=scheduler) as executor,
+    ):
+        bar = Bar()
+        report = refit(
+            archive,
+            settings,
+            materials,
+            executor,
+            workers=workers,
+            models=models,
+            label=label,
+            progress=bar.show,
+        )
+    progress("", last=True)
+    if report.before:
+        print(f"{report.before} shots had been done before.")
+    rate = report.fitted / report.duration_s if report.duration_s > 0 else 0.0
+    print(f"Fitted {report.fitted} shots in {report.duration_s:.1f} s ({rate:.0f} per second).")
+    if report.failed:
+        reasons = [f"shot {n}: {why}" for n, why in sorted(report.failed.items())]
+        more = len(reasons) - MOST_REASONS
+        if more > 0:
+            reasons[MOST_REASONS:] = [f"and {more} more"]
+        raise Failure(f"{len(report.failed)} shots could not be fitted. {'; '.join(reasons)}")
+
+
+@contextmanager
+def executor_named(
+    kind: str, settings: Settings, *, workers: int, scheduler: str | None = None
+) -> Iterator[Executor]:
+    """Provide the executor of a name, warm.
+
+    Parameters
+    ----------
+    kind : str
+        ``process`` or ``dask``.
+    settings : Settings
+        Limits of a task.
+    workers : int
+        Processes.
+    scheduler : str, optional
+        Address of a running Dask cluster.
+
+    Yields
+    ------
+    concurrent.futures.Executor
+        Ready.
+    """
+    if kind == "dask":
+        with dask_executor(workers=workers, scheduler=scheduler, warm_up=warm_up) as executor:
+            yield executor
+        return
+    limits = WorkerLimits(settings.jobs.fit_time_limit_s * CHUNK, settings.jobs.fit_memory_bytes)
+    local = WorkerExecutor(limits, workers=workers, warm_up=warm_up)
+    try:
+        local.wait_warm(60.0)
+        yield local
+    finally:
+        local.shutdown()
+
+
+class Bar:
+    """A line that says how far it is, how fast, and how long it will take."""
+
+    def __init__(self) -> None:
+        self._first: tuple[float, int] | None = None
+
+    def show(self, done: int, total: int) -> None:
+        """Show that so many shots of so many are done."""
+        now = time.monotonic()
+        if self._first is None:
+            self._first = (now, done)
+        since_s, fresh = now - self._first[0], done - self._first[1]
+        full = BAR_WIDTH * done // max(total, 1)
+        line = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {done} of {total} shots"
+        if fresh > 0 and since_s > 0:
+            line += f", {fresh / since_s:.0f}/s, {(total - done) * since_s / fresh:.0f} s left"
+        progress(line)
