@@ -25,7 +25,7 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
         None for the one that was taken.
     """
     taken = _taken(diagnosis, step)
-    if taken is not None and refit.effect.id == taken.effect.id and refit.scope == taken.scope:
+    if refit is taken:
         return None
     if refit.at_bound:
         bounds = "; ".join(
@@ -37,6 +37,13 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
             f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its "
             f"{refit.parameters} number(s) cost by chance alone"
         )
+    return _beaten(diagnosis, step, refit, taken)
+
+
+def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None) -> str:
+    """Return why a candidate that helps and is possible was still not taken."""
+    if taken is None and step is not diagnosis.steps[-1]:
+        return "what was added later explains it better"
     if taken is None:
         return _left(refit) + "; what remains is still structured"
     if refit.owner in diagnosis.confusable and step is diagnosis.steps[0]:
@@ -80,8 +87,7 @@ def not_refitted(step: Step, owner: str) -> str:
 
 
 def _taken(diagnosis: Diagnosis, step: Step) -> Refit | None:
-    place = next((i for i, s in enumerate(diagnosis.steps) if s is step), len(diagnosis.steps))
-    return diagnosis.chosen[place] if place < len(diagnosis.chosen) else None
+    return next((c for c in diagnosis.chosen if any(c is r for r in step.refits)), None)
 
 
 def _chi2_per_dof(refit: Refit) -> float:

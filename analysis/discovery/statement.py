@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from analysis.discovery.candidates import Refit
+from analysis.discovery.description import describe
 from analysis.discovery.diagnosis import Diagnosis, Step
 from analysis.discovery.evidence import Explained
 from analysis.discovery.omnibus import ask
@@ -65,6 +66,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "trail": [_turn(diagnosis, step) for step in diagnosis.steps],
         "next_drop": getattr(diagnosis, "next_drop", None),
         "campaign": _campaign(before),
+        "residual": {
+            "before": describe(before),
+            "after": None if after is before else describe(after),
+        },
         "rejected": [dataclasses.asdict(r) for r in first.problem.rejected],
         "assumptions": list(first.problem.assumptions),
         "software": software,
