@@ -12,14 +12,13 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from analysis.calibration_document import FORMAT, IDENTIFIABLE, drift, sensor_from_json
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.errors import AnalysisError
 from analysis.fit.campaign_fit import Progress, fit_campaign
 from analysis.fit.problem import SENSOR_FIELDS
 from analysis.fit.result import FitResult
+from analysis.identifiability_words import short_sentence
 
 __all__ = ["CalibrationResult", "calibrate", "drift", "sensor_from_json"]
 
@@ -27,8 +26,6 @@ Json = dict[str, Any]
 
 LOOSENED_U = 0.5
 """An earlier calibration only starts the fit; were it a prior, drift would be hidden by itself."""
-SHORT_CONTACT_PERIODS = 0.5
-"""A contact shorter than this share of the crystal's period hardly shows the contact law."""
 LITTLE_LEARNED = 0.7
 """Uncertainty after over before, above which the shots said little about a quantity."""
 
@@ -263,17 +260,4 @@ def _mass_warning(sensor: Sensor, after: float) -> list[str]:
 
 
 def _short_contacts(fit: FitResult) -> list[str]:
-    frequency = float(fit.parameters()["sensor.natural_frequency_Hz"]["value"])
-    by_pair: dict[str, list[float]] = {}
-    for s in fit.shots:
-        by_pair.setdefault(s.item.pair, []).append(s.contact_time_s)
-    found = []
-    for pair, times in by_pair.items():
-        typical = float(np.median(times))
-        if typical * frequency < SHORT_CONTACT_PERIODS:
-            found.append(
-                f"{pair}: the contact ({typical * 1e6:.0f} us) is short beside the crystal's "
-                f"period ({1e6 / frequency:.0f} us); it shows impulse and ring, the contact law is "
-                "not identifiable from it"
-            )
-    return found
+    return [short_sentence(pair, share) for pair, share in fit.identifiability().short.items()]

@@ -170,20 +170,57 @@ def _promised_fall(
     return fall
 
 
-def _along(problem: JointProblem, theta: Array, step: Array) -> Array:
+def _is_modulus(name: str) -> bool:
+    return name.startswith(("sphere.", "surface."))
+
+
+def along(problem: JointProblem, theta: Array, step: Array) -> Array:
     """Return where a step leads: moduli move straight in 1/E', of which the pairs see sums.
 
     What a network of pairs leaves open is a straight line in the compliances and a bent one in
     their logarithms, along which a fit would have to creep.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Says which globals are moduli.
+    theta, step : ndarray, shape (g,)
+        Globals, and what a linear model would add to them.
+
+    Returns
+    -------
+    ndarray, shape (g,)
+        New globals.
     """
     moved = theta + step
     for j, name in enumerate(problem.names):
-        if name.startswith(("sphere.", "surface.")):
+        if _is_modulus(name):
             d = float(step[j])
             # 1/E' must stay positive: beyond half way down it goes on like the logarithm
             ahead = -math.log1p(-d) if d < STRAIGHT_UP_TO else d + _BEYOND
             moved[j] = theta[j] + ahead
     return moved
+
+
+def step_towards(name: str, distance: float) -> float:
+    """Return the step of one global after which `along` has moved it by a distance.
+
+    Parameters
+    ----------
+    name : str
+        The global.
+    distance : float
+        Wanted change. [logarithm or coordinate]
+
+    Returns
+    -------
+    float
+        The step.
+    """
+    if not _is_modulus(name):
+        return distance
+    step = -math.expm1(-distance)
+    return step if step < STRAIGHT_UP_TO else distance - _BEYOND
 
 
 def _next_damping(damping: float, kept: float) -> float:
@@ -236,7 +273,7 @@ def fit(
         step = np.asarray(np.linalg.solve(damped, vector), dtype=np.float64)
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
-        moved_to = _along(problem, theta, step)
+        moved_to = along(problem, theta, step)
         new_cost = _total_cost(problem, moved_to, nuisances + own, cost)
         next_blocks = None
         if new_cost <= cost:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from analysis.fit.measurand import Json, as_quantity, measurand, young_from_plan
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.shot_fit import MISFIT_ABOVE, ShotFit, collect
 from analysis.fit.statements import WITHHOLD_ABOVE
+from analysis.identifiability import Identifiability, identifiability
 from analysis.model import solver
 
 __all__ = [
@@ -142,6 +144,10 @@ class FitResult:
         """Return what was fitted, identifiable combinations first, with units."""
         return {} if self._void else statements.parameters_json(self.problem, self.fitted)
 
+    def identifiability(self, profiled: Sequence[str] = ()) -> Identifiability:
+        """Return which numbers come from the shots; a profile for each global named."""
+        return identifiability(self.problem, self.fitted, self.shots, profiled=profiled)
+
     @property
     def _void(self) -> bool:
         return self.outcome.status == "not_evaluable"
@@ -157,6 +163,7 @@ class FitResult:
                 "covariance": None,
                 "moduli": {},
                 "pairs": {},
+                "identifiability": None,
                 "shots": [],
                 "rejected": [dataclasses.asdict(r) for r in self.problem.rejected],
             }
@@ -181,6 +188,7 @@ class FitResult:
             },
             "moduli": self.moduli(),
             "pairs": self.pairs(),
+            "identifiability": self.identifiability().to_json(),
             "shots": [s.to_json() for s in self.shots],
             "rejected": [dataclasses.asdict(r) for r in self.problem.rejected],
             "assumptions": list(self.problem.assumptions),
@@ -197,6 +205,8 @@ class FitResult:
             found.append("references_contradicted")
         if self.problem.model.kind == solver.HSD:
             found.append("rigid_cell_model")
+        if not self._void and self.identifiability().short:
+            found.append("contact_law_not_identifiable")
         return found
 
     def _distinct_noise(self) -> list[FitShot]:

@@ -38,6 +38,13 @@ def fit(
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,
+    identifiability: Annotated[
+        bool,
+        typer.Option(
+            "--identifiability",
+            help="Also say what the shots fix and what they do not, with profile likelihoods.",
+        ),
+    ] = False,
     url: Url = None,
 ) -> None:
     """Fit recordings together, and show each pair's modulus."""
@@ -46,7 +53,7 @@ def fit(
     if all(item.isdigit() for item in what):
         fits.by_the_daemon([int(item) for item in what], model, json_out=json_out, url=url)
     elif len(what) == 1:
-        fits.offline(Path(what[0]), model, json_out=json_out)
+        fits.offline(Path(what[0]), model, json_out=json_out, identifiability=identifiability)
     else:
         raise typer.BadParameter("give one campaign file, or only shot numbers")
 

@@ -4,16 +4,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.tables import measured, print_json, progress, table
 
+if TYPE_CHECKING:
+    from analysis.fit.result import FitResult
 
-def offline(path: Path, model: str, *, json_out: Path | None) -> None:
+
+def offline(
+    path: Path, model: str, *, json_out: Path | None, identifiability: bool = False
+) -> None:
     """Fit a campaign folder in this process and print what was found.
 
     Parameters
@@ -24,6 +30,8 @@ def offline(path: Path, model: str, *, json_out: Path | None) -> None:
         ``hsd`` or ``kv``.
     json_out : Path or None
         Where the result goes as ``impactd-fit/1``; ``-`` prints it instead of the tables.
+    identifiability : bool
+        Also take the profile likelihood of every shared parameter, and say what the shots fix.
 
     Raises
     ------
@@ -40,9 +48,28 @@ def offline(path: Path, model: str, *, json_out: Path | None) -> None:
     )
     progress("", last=True)
     document = {**result.to_json(), "software": software()}
+    usable = document["outcome"]["status"] != "not_evaluable"
+    if identifiability and usable:
+        document["identifiability"] = _profiled(result)
     _deliver(document, json_out)
+    if identifiability and usable and json_out != Path("-"):
+        print("\nWhat these shots fix, and what they do not:")
+        print("\n".join(f"- {line}" for line in document["identifiability"]["sentences"]))
     if document["outcome"]["status"] == "not_evaluable":
         raise Failure(f"{path}: {document['outcome']['message']}")
+
+
+def _profiled(result: FitResult) -> dict[str, Any]:
+    """Return the report with a profile likelihood for every shared parameter."""
+    from analysis.fit.profile import profile
+
+    names = result.problem.names
+    found = []
+    for done, name in enumerate(names):
+        progress(f"profile of {name} {100 * done / len(names):.0f} %")
+        found.append(profile(result.problem, result.fitted, name))
+    progress("", last=True)
+    return dataclasses.replace(result.identifiability(), profiles=tuple(found)).to_json()
 
 
 def by_the_daemon(
