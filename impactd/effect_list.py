@@ -4,29 +4,51 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from analysis.effects.effect import Effect, EffectParameter
 
 
 def effect_list() -> list[dict[str, Any]]:
-    """Return every effect this version knows.
+    """Return every effect this version knows, in the order of the slots.
 
     Returns
     -------
     list of dict
-        JSON-ready: id, slot, parameters. Empty while the library is empty.
+        JSON-ready: id, slot, title, how it shows, source, validation, parameters with units,
+        bounds and neutral value, what must be known to try it, other forms.
     """
-    import analysis.effects
+    from analysis.effects.library import library
 
-    library = getattr(analysis.effects, "LIBRARY", {})
-    return [_described(effect) for effect in library.values()]
+    return [_described(effect) for effect in library().values()]
 
 
-def _described(effect: Any) -> dict[str, Any]:
-    if hasattr(effect, "to_json"):
-        described: dict[str, Any] = effect.to_json()
-        return described
+def _described(effect: Effect) -> dict[str, Any]:
     return {
-        "id": str(effect.id),
-        "slot": str(effect.slot),
-        "title": str(getattr(effect, "title", "")),
+        "id": effect.id,
+        "slot": effect.slot,
+        "title": effect.title,
+        "tell_tale": effect.tell_tale,
+        "source": effect.source,
+        "validation": effect.validation,
+        "parameters": [_parameter(one) for one in effect.parameters],
+        "free_sizes_per_shot": effect.basis_size,
+        "needs": list(effect.needs),
+        "bases": list(effect.bases),
+        "replaces_base": effect.replaces_base or None,
+        "variants": [_described(one) for one in effect.variants],
+    }
+
+
+def _parameter(parameter: EffectParameter) -> dict[str, Any]:
+    return {
+        "name": parameter.name,
+        "unit": parameter.unit,
+        "description": parameter.description,
+        "belongs_to": parameter.scope,
+        "low": parameter.low,
+        "high": parameter.high,
+        "neutral": {"linear": "0", "inverse": "infinity"}.get(parameter.form),
+        "starts": list(parameter.starts),
     }

@@ -142,7 +142,7 @@ def spectrum(shots: Sequence[ShotFit]) -> Json:
     used = [s for s in used if s.item.shot.quantity == used[0].item.shot.quantity]
     size = min(SEGMENT, *(s.residual.size for s in used))
     densities = [welch(s.residual, rate, nperseg=size, detrend=False)[1] for s in used]
-    frequency = np.arange(1, size // 2 + 1) * (rate / size)
+    frequency: Array = np.asarray(np.arange(1, size // 2 + 1) * (rate / size), dtype=np.float64)
     residual = np.mean(densities, axis=0)[1:]
     noise = np.mean([_noise_density(s.item.noise, frequency, rate) for s in used], axis=0)
     edges = np.geomspace(frequency[0] * 0.99, frequency[-1] * 1.01, SPECTRUM_POINTS + 1)

@@ -94,8 +94,12 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
         For people.
     """
     names = " and ".join(library()[r.owner].title + f" ({r.owner})" for r in diagnosis.chosen)
-    fall = f"the residual falls from {before.rms:.3g} to {after.rms:.3g}"
-    noise = f"the noise is {before.noise_rms:.3g}"
+    unit = (
+        "mV" if before.problem.shots[0].shot.quantity == "voltage" else "e-3 of the signal's unit"
+    )
+    had, left, floor = (f"{1e3 * v:.3g}" for v in (before.rms, after.rms, before.noise_rms))
+    fall = f"the residual falls from {had} to {left} {unit} rms"
+    noise = f"the noise is {floor} {unit}"
     if diagnosis.verdict == "adequate":
         return f"The model {before.model} explains the data: its residual is noise."
     if diagnosis.verdict == "identified":

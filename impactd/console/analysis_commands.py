@@ -97,8 +97,17 @@ def effects(as_json: Json = False) -> None:
     found = effect_list()
     if as_json:
         print_json(found)
-    elif found:
-        headings = ("id", "slot", "title")
-        print(table(headings, [[item.get(name, "") for name in headings] for item in found]))
-    else:
-        print("The effect library of this version is empty.")
+        return
+    rows = [
+        (
+            effect["id"],
+            effect["slot"],
+            effect["title"],
+            ", ".join(f"{one['name']} ({one['belongs_to']})" for one in effect["parameters"])
+            or f"{effect['free_sizes_per_shot']} free sizes per shot",
+            effect["tell_tale"],
+        )
+        for effect in found
+    ]
+    print(table(("id", "slot", "what a real rig does", "numbers (owner)", "how it shows"), rows))
+    print(f"\n{len(found)} effects; --json has units, bounds, sources and validation too.")

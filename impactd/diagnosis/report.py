@@ -1,12 +1,60 @@
-"""One self-contained page that says what was seen, what it is, and what it changes."""
+"""One self-contained page that says what was seen, what it is, and what it changes.
+
+Everything comes from the JSON of the diagnosis, so a page can be made again at any time without
+the recordings.
+"""
 
 from __future__ import annotations
 
 import html
 from pathlib import Path
+from string import Template
 from typing import Any
 
+from impactd.diagnosis import figures, sections
+from impactd.diagnosis.style import STYLE
+
 Json = dict[str, Any]
+
+_PAGE = Template("""<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>impactd diagnosis: $verdict</title>
+<style>$style</style>
+</head>
+<body>
+<h1>Does the model explain these impacts?</h1>
+<p class="soft">$campaign</p>
+<p class="verdict $verdict"><b>$verdict</b> $sentence</p>
+$found
+<h2>The error before and after</h2>
+<p class="soft">Held out: the error on shots that the parameters shared by all shots were not
+fitted to. With nothing missing it equals the noise before the trigger.</p>
+<div class="wide">$quality</div>
+<h2>What was seen</h2>
+$seen
+$residual_before
+$spectra
+<h2>Where it lives</h2>
+$slots
+<h2>The trail</h2>
+$trail
+$closure
+<h2>Moduli before and after</h2>
+$moduli
+<h2>What remains</h2>
+$remains
+$residual_after
+<h2>What to drop next</h2>
+<p>$next_drop</p>
+<h2>Circumstances</h2>
+$circumstances
+<p class="soft">$software. This page was made from the diagnosis' JSON and needs nothing else.</p>
+</body>
+</html>
+""")
 
 
 def write_report(file: Path, document: Json) -> None:
@@ -35,5 +83,60 @@ def page(document: Json) -> str:
     str
         HTML, complete in itself.
     """
-    said = html.escape(document["sentence"])
-    return f"<!doctype html><title>impactd diagnosis</title><p>{said}</p>"
+    before, after = document["residual"]["before"], document["residual"]["after"]
+    noise = document["noise_rms_V"]
+    repaired = None if after is None or not after.get("stacks") else after
+    return _PAGE.substitute(
+        style=STYLE,
+        verdict=html.escape(document["verdict"]),
+        sentence=html.escape(document["sentence"]),
+        campaign=html.escape(sections.campaign(document)),
+        found=sections.found(document),
+        quality=sections.quality(document),
+        seen=sections.bullets(before["said"]),
+        residual_before=_stack(
+            before, noise, f"Residual of {document['before']['model']}, stacked over repetitions"
+        ),
+        spectra=_picture(
+            figures.spectra(before["spectrum"], repaired["spectrum"] if repaired else None)
+            if before.get("spectrum")
+            else None,
+            "Power density of the residual and of the noise before the trigger",
+        ),
+        slots=sections.slots(document),
+        trail=sections.trail(document),
+        closure=sections.closure(document),
+        moduli=_picture(
+            figures.moduli(document["before"]["moduli"], document["after"]["moduli"])
+            if document["effects"]
+            else None,
+            "Plane-strain moduli before and after, with 95 % intervals",
+        )
+        + sections.moduli(document),
+        remains=sections.remains(document),
+        residual_after=_stack(
+            repaired, noise, f"Residual of {document['after']['model']}, stacked over repetitions"
+        )
+        if repaired
+        else "",
+        next_drop=sections.next_drop(document),
+        circumstances=sections.circumstances(document),
+        software=html.escape(document["software"]),
+    )
+
+
+def _stack(seen: Json, noise_rms_v: float, title: str) -> str:
+    if not seen.get("stacks"):
+        return ""
+    return _picture(
+        figures.stacked(seen["stacks"], noise_rms_v, title),
+        "Mean over repetitions. Sand: the contact; grey: one standard deviation of a sample's "
+        "noise.",
+    )
+
+
+def _picture(source: str | None, caption: str) -> str:
+    if source is None:
+        return ""
+    said = html.escape(caption)
+    return f'<figure><img alt="{said}" src="{source}"><figcaption>{said}</figcaption></figure>'

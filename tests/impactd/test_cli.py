@@ -102,8 +102,13 @@ def test_a_diagnosis_of_no_campaign_is_one_sentence(tmp_path):
 
 
 def test_effects_can_be_listed():
-    """The effect library prints, empty or not."""
-    assert isinstance(json.loads(run("effects", "--json").stdout), list)
+    """Every effect comes with source, validation and described numbers; people get a table."""
+    found = {effect["id"]: effect for effect in json.loads(run("effects", "--json").stdout)}
+    constant = found["coupler_highpass"]["parameters"][0]
+    assert (constant["name"], constant["unit"]) == ("time_constant_s", "s")
+    assert constant["low"] < constant["high"]
+    assert all(effect["source"] and effect["validation"] for effect in found.values())
+    assert "coupler_highpass " in run("effects").stdout
 
 
 def test_a_missing_campaign_is_one_sentence(tmp_path):

@@ -1,0 +1,29 @@
+"""How the page looks."""
+
+STYLE = """
+:root { --ink: #202124; --soft: #5f6570; --line: #e4e6ea; --before: #c4572c; --after: #1c6dd0; }
+body { font: 16px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; max-width: 62rem;
+       padding: 2rem 1rem 4rem; }
+h1 { font-size: 1.5rem; margin: 0; }
+h2 { font-size: 1.15rem; margin: 2.4rem 0 .6rem; }
+h3 { font-size: 1rem; margin: 1.4rem 0 .4rem; }
+.soft, figcaption, li { color: var(--soft); }
+.verdict { font-size: 1.15rem; border-left: 4px solid var(--after); padding: .4rem 0 .4rem .8rem; }
+.verdict b { text-transform: uppercase; font-size: .85rem; letter-spacing: .06em;
+             margin-right: .4rem; }
+.verdict.unknown, .verdict.partial { border-color: var(--before); }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); }
+th:first-child, td:first-child { text-align: left; }
+td.words { text-align: left; color: var(--soft); font-size: .9rem; }
+th { font-weight: 600; color: var(--soft); font-size: .88rem; white-space: nowrap; }
+th.words { text-align: left; }
+tr.taken td { font-weight: 600; color: var(--after); }
+.bar { display: inline-block; height: .7rem; background: var(--before); vertical-align: middle; }
+figure { margin: 1rem 0; } img { max-width: 100%; height: auto; }
+figcaption { font-size: .9rem; }
+ul { padding-left: 1.2rem; }
+code { font-size: .92em; }
+@media print { body { max-width: none; } }
+"""

@@ -1,0 +1,95 @@
+"""The page: complete in itself, and saying what the JSON says."""
+
+from __future__ import annotations
+
+import copy
+from html.parser import HTMLParser
+
+from impactd.diagnosis.report import page, write_report
+
+VOID = {"meta", "img", "br", "link"}
+
+
+class Balanced(HTMLParser):
+    """Checks that every element is closed, and collects what a page refers to."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.sources, self.text = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        """Remember an element."""
+        if tag not in VOID:
+            self.open.append(tag)
+        self.sources += [value for name, value in attrs if name in ("src", "href")]
+
+    def handle_endtag(self, tag):
+        """Close it again."""
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        """Collect text."""
+        self.text.append(data)
+
+
+def read(made: str) -> Balanced:
+    """Return a page as a browser takes it apart."""
+    reader = Balanced()
+    reader.feed(made)
+    assert reader.open == []
+    return reader
+
+
+def test_the_page_is_one_file_that_needs_no_other(document, tmp_path):
+    """Pictures are inside; nothing is fetched."""
+    file = tmp_path / "report.html"
+    write_report(file, document)
+    reader = read(file.read_text(encoding="utf-8"))
+    assert len(reader.sources) >= 4
+    assert all(source.startswith("data:image/") for source in reader.sources)
+
+
+def test_the_page_tells_the_whole_story(document):
+    """Verdict, effect, both errors, every candidate, what remains and what to drop next."""
+    text = " ".join(read(page(document)).text)
+    for said in (
+        "identified",
+        document["sentence"],
+        "time_constant_s",
+        f"{document['before']['heldout_rms_V'] * 1e3:.4g}",
+        f"{document['after']['heldout_rms_V'] * 1e3:.4g}",
+        "specimen",
+        "What remains",
+        "What to drop next",
+        *(line["id"] for line in document["candidates"]),
+    ):
+        assert said in text
+
+
+def test_other_verdicts_have_a_page_too(document):
+    """Without effect, with a closure, or without anything to find, the page still closes."""
+    unknown = copy.deepcopy(document)
+    unknown.update(
+        verdict="unknown",
+        effects=[],
+        closure={
+            "family": "locked",
+            "scope": "rig",
+            "numbers": 2,
+            "coefficients": {"0 us after touch-down": 0.3},
+        },
+    )
+    assert "learned closure" in page(unknown)
+    adequate = copy.deepcopy(document)
+    adequate.update(verdict="adequate", effects=[], slots={}, slot=None, after=document["before"])
+    adequate["residual"]["after"] = None
+    read(page(adequate))
+
+
+def test_what_people_typed_is_escaped(document):
+    """A file name cannot put a script into the page."""
+    nasty = copy.deepcopy(document)
+    nasty["rejected"] = [{"name": "<script>", "path": "/shots/0", "reason": "a & b"}]
+    made = page(nasty)
+    assert "<script>" not in made
+    assert "a &amp; b" in made
