@@ -68,7 +68,7 @@ class NoiseModel:
         """
         p = self.order
         n = values.shape[0]
-        white = values[p:].copy()
+        white = values[p:].copy(order="K")  # a Jacobian comes by columns and stays so
         for j, a in enumerate(self.coefficients, start=1):
             white -= a * values[p - j : n - j]
         white /= self.innovation_rms

@@ -58,13 +58,18 @@ def _explained(tail: Array, omega: Array, zeta: float, rate: float) -> Array:
     return np.asarray(energy / float(tail @ tail))
 
 
-def ring_in_tails(items: Sequence[FitShot]) -> tuple[float, float] | None:
+def ring_in_tails(
+    items: Sequence[FitShot], *, near: tuple[float, float] | None = None
+) -> tuple[float, float] | None:
     """Return the frequency and damping ratio of the ring after the contact.
 
     Parameters
     ----------
     items : sequence of FitShot
         Shots of one cell, at one sample rate.
+    near : tuple of float, optional
+        Frequency [rad/s], and how far from it in the logarithm a ring may be; all that the records
+        can show by default.
 
     Returns
     -------
@@ -82,7 +87,12 @@ def ring_in_tails(items: Sequence[FitShot]) -> tuple[float, float] | None:
         return None
     width = float(np.median([i.window.width_s for i in items]))
     low, high = 0.3 / width, 0.4 * rate
+    if near is not None:
+        middle, far = near[0] / (2 * math.pi), math.exp(near[1])
+        low, high = max(low, middle / far), min(high, middle * far)
     count = math.ceil(math.log(high / low) / FREQUENCY_STEP) if high > low else 0
+    if count == 0:
+        return None
     omega = 2 * math.pi * np.geomspace(low, high, max(count, 2))
     best = (LEAST_SHARE, 0.0, 0.0)
     for zeta in DAMPING_RATIOS:

@@ -13,96 +13,17 @@ from numpy.typing import NDArray
 
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
 from analysis.fit.ring import ring_in_tails
+from analysis.fit.scan import best_contact_time, stiffness_for
 from analysis.fit.start_moduli import choose_start, start_moduli
 from analysis.model import solver
-from analysis.model.hertz import CONTACT_TIME_FACTOR, damping_coefficient
 
 START_RESTITUTION = 0.75
-CONTACT_TIMES = 40
 FREQUENCIES = 14
 DAMPING_RATIOS = (0.02, 0.07, 0.25)
 NEAR_CERTIFICATE = 0.3
 """How far, in the logarithm, a ring may be from the certificate's and still be the crystal's."""
 HEAVIEST_SENSOR_SEARCH = 3
 """How many shots are looked at when nothing is known of the cell's ring."""
-
-
-def _stiffness_for(duration_s: float, mass_kg: float, speed: float) -> float:
-    """Return the K whose loss-free contact lasts so long."""
-    depth = duration_s * speed / CONTACT_TIME_FACTOR
-    return float(1.25 * mass_kg * speed**2 / depth**2.5)
-
-
-def _shape(
-    item: FitShot,
-    kind: int,
-    duration_s: float,
-    *,
-    speed: float,
-    omega0: float,
-    zeta: float,
-    e: float,
-) -> NDArray[np.float64]:
-    """Return a trace at unit gain that starts at its first sample."""
-    out = np.zeros(item.frame.samples)
-    mass = item.frame.mass_kg
-    crystal = 1e3 * mass
-    k = crystal * omega0**2
-    solver.integrate(
-        out,
-        kind,
-        0.0,
-        1.0 / item.frame.sample_rate_hz,
-        _stiffness_for(duration_s, mass, speed),
-        mass,
-        speed,
-        damping_coefficient(e),
-        item.frame.gravity_m_per_s2,
-        crystal,
-        k,
-        2 * zeta * crystal * omega0,
-        k if kind == solver.KV else 1.0,
-        solver.contact_steps(omega0 if kind == solver.KV else 0.0, duration_s),
-    )
-    return out
-
-
-def _mismatch(item: FitShot, shape: NDArray[np.float64]) -> tuple[float, float, int]:
-    """Return (squared error, amplitude, shift) of a shape laid on the record, peak on peak."""
-    y = item.window.signal - item.window.baseline
-    n = y.size
-    best = (math.inf, 0.0, 0)
-    peak = int(np.argmax(shape))
-    for shift in range(item.window.peak_index - peak - 2, item.window.peak_index - peak + 3):
-        if shift < 0 or shift >= n:
-            continue
-        moved = shape[: n - shift]
-        power = float(moved @ moved)
-        if power == 0.0:
-            continue
-        amplitude = float(moved @ y[shift:]) / power
-        error = float(y @ y) - amplitude**2 * power
-        if amplitude > 0 and error < best[0]:
-            best = (error, amplitude, shift)
-    return best
-
-
-def _scan(
-    item: FitShot, kind: int, *, speed: float, omega0: float, zeta: float, e: float
-) -> tuple[float, float, float, int]:
-    """Return (error, contact time, amplitude, shift) of the best contact time."""
-    dt = 1.0 / item.frame.sample_rate_hz
-    times = np.geomspace(
-        max(2.0 * dt, item.window.width_s / 8), 1.6 * item.window.width_s, CONTACT_TIMES
-    )
-    best = (math.inf, times[-1], 1.0, 0)
-    for duration in times:
-        error, amplitude, shift = _mismatch(
-            item, _shape(item, kind, float(duration), speed=speed, omega0=omega0, zeta=zeta, e=e)
-        )
-        if error < best[0]:
-            best = (error, float(duration), amplitude, shift)
-    return best
 
 
 def _restitution(item: FitShot) -> float:
@@ -139,8 +60,8 @@ def _nearest_ring(items: list[FitShot], stated: float, zeta: float) -> tuple[flo
     A certificate good to 7 % is several radians off after ten periods, and a fit that starts there
     has to climb over the beats between the two.
     """
-    seen = ring_in_tails(items)
-    if seen is None or abs(math.log(seen[0] / stated)) > NEAR_CERTIFICATE:
+    seen = ring_in_tails(items, near=(stated, NEAR_CERTIFICATE))
+    if seen is None:
         return stated, zeta
     return min([(stated, zeta), seen], key=lambda c: _ring_mismatch(items, *c))
 
@@ -148,7 +69,9 @@ def _nearest_ring(items: list[FitShot], stated: float, zeta: float) -> tuple[flo
 def _ring_mismatch(items: list[FitShot], omega0: float, zeta: float) -> float:
     """Return the squared error that the best contact times leave with this ring."""
     return sum(
-        _scan(i, solver.KV, speed=_speed(i), omega0=omega0, zeta=zeta, e=_restitution(i))[0]
+        best_contact_time(
+            i, solver.KV, speed=_speed(i), omega0=omega0, zeta=zeta, e=_restitution(i)
+        )[0]
         for i in items
     )
 
@@ -178,7 +101,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
     known_gain = _known_gain(problem)
     for row, item in enumerate(problem.shots):
         speed, e = _speed(item), _restitution(item)
-        _, duration, amplitude, shift = _scan(
+        _, duration, amplitude, shift = best_contact_time(
             item, kind, speed=speed, omega0=omega0, zeta=zeta, e=e
         )
         gain = item.fixed_gain if item.fixed_gain is not None else known_gain
@@ -186,7 +109,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
             # at a given contact time the force goes like the speed
             speed *= amplitude * math.exp(gain)
         log_gain[row] = -math.log(amplitude)
-        stiffness[row] = math.log(_stiffness_for(duration, item.frame.mass_kg, speed))
+        stiffness[row] = math.log(stiffness_for(duration, item.frame.mass_kg, speed))
         t0_us = shift / item.frame.sample_rate_hz * 1e6
         nuisances[row, :4] = math.log(speed), math.log(e), t0_us, item.window.baseline
     _complete(problem, stiffness, log_gain, omega0, zeta)
