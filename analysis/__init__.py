@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from analysis.bounce import bounce_indices, restitution_from_bounce
+    from analysis.bounce_shots import bounce_shots, with_bounces
     from analysis.calibration import CalibrationResult, calibrate, drift, sensor_from_json
     from analysis.campaign import Campaign, Quantity, Rejected, Sensor, Shot, Sphere, Surface
     from analysis.errors import AnalysisError
@@ -39,6 +40,7 @@ _HOME = {
     "Surface": "analysis.campaign",
     "adjust_moduli": "analysis.moduli",
     "bounce_indices": "analysis.bounce",
+    "bounce_shots": "analysis.bounce_shots",
     "calibrate": "analysis.calibration",
     "drift": "analysis.calibration",
     "fit_campaign": "analysis.fit.campaign_fit",
@@ -46,6 +48,7 @@ _HOME = {
     "observations_from_fit": "analysis.moduli",
     "restitution_from_bounce": "analysis.bounce",
     "sensor_from_json": "analysis.calibration",
+    "with_bounces": "analysis.bounce_shots",
 }
 
 __all__ = [
@@ -63,6 +66,7 @@ __all__ = [
     "Surface",
     "adjust_moduli",
     "bounce_indices",
+    "bounce_shots",
     "calibrate",
     "drift",
     "fit_campaign",
@@ -70,6 +74,7 @@ __all__ = [
     "observations_from_fit",
     "restitution_from_bounce",
     "sensor_from_json",
+    "with_bounces",
 ]
 
 

@@ -127,7 +127,7 @@ def _why_not(shot: Shot, campaign: Campaign) -> str | None:
         found.append("its surface is not known")
     elif surface.youngs_modulus_pa is None:
         found.append(f"the surface {surface.name!r} has no stated modulus")
-    if shot.drop_height_m is None:
+    if shot.drop_height_m is None and shot.impact_speed_m_per_s is None:
         found.append("its drop height is not known")
     if shot.clipped:
         found.append("it sits on a limit of the converter or amplifier")
@@ -223,7 +223,9 @@ def _warnings(fit: FitResult, sensor: Sensor, kept: list[Shot]) -> list[str]:
     if cell is not None:
         found.extend(_mass_warning(sensor, math.sqrt(float(cell[1][0, 0]))))
         found.extend(_short_contacts(fit))
-    if len({s.drop_height_m for s in kept}) < 2:
+    if len({s.drop_height_m for s in kept if s.impact_speed_m_per_s is None}) < 2 and not any(
+        s.impact_speed_m_per_s for s in kept
+    ):
         found.append("all drops are from one height: an error of the height goes into the gain")
     if len({(s.sphere, s.surface) for s in kept}) < 2:
         found.append(

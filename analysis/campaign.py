@@ -99,6 +99,8 @@ class Shot:
         Rebound speed of the sphere over its impact speed. [1]
     quantum : float or None
         Step of the converter in the unit of ``signal``.
+    impact_speed_m_per_s : Quantity or None
+        As measured, e.g. from the flight before a bounce; counts instead of the drop height. [m/s]
     clipped : bool
         The record sits on a limit of converter or amplifier; kept, and flagged.
     """
@@ -114,6 +116,7 @@ class Shot:
     restitution: Quantity | None = None
     quantum: float | None = None
     clipped: bool = False
+    impact_speed_m_per_s: Quantity | None = None
 
 
 @dataclass(frozen=True)

@@ -113,7 +113,10 @@ def fit_shot(
     frame = _frame_of(shot, window, campaign)
     physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
     speed = None
-    if shot.drop_height_m is not None:
+    if shot.impact_speed_m_per_s is not None:
+        measured = shot.impact_speed_m_per_s
+        speed = Prior(math.log(measured.value), max(measured.u / measured.value, 1e-6))
+    elif shot.drop_height_m is not None:
         mean = 0.5 * math.log(2 * campaign.gravity_m_per_s2 * shot.drop_height_m)
         speed = Prior(mean, campaign.speed_repeatability or ASSUMED_REPEATABILITY)
     heavy = None
@@ -195,4 +198,4 @@ def gain_is_observable(campaign: Campaign, *, kv: bool) -> bool:
         return True
     if not kv and sensor.hsd_n_per_v:
         return True
-    return any(s.drop_height_m is not None for s in campaign.shots)
+    return any(s.drop_height_m is not None or s.impact_speed_m_per_s for s in campaign.shots)

@@ -15,7 +15,7 @@ import numpy as np
 
 from analysis import calibrate as analysis_calibrate
 from analysis import fit_campaign as analysis_fit_campaign
-from analysis import restitution_from_bounce
+from analysis import restitution_from_bounce, with_bounces
 from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
@@ -34,6 +34,8 @@ from impactd.storage.version import software
 
 Json = dict[str, Any]
 FORMAT = "impactd-shot-fit/1"
+_FIRST_LANDING_ONLY = ("release_speed_bias", "recontact")
+"""Effects of the release and of a second touch: a bounce has neither."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,10 @@ def fit_campaign(order: Json) -> Json:
         ``fit``: ``impactd-fit/1``.
     """
     shots = _read(order)
-    result = analysis_fit_campaign(_campaign(order, shots), order["model"], progress=report)
+    campaign = _campaign(order, shots)
+    if not any(effect in order["model"] for effect in _FIRST_LANDING_ONLY):
+        campaign = with_bounces(campaign)
+    result = analysis_fit_campaign(campaign, order["model"], progress=report)
     return {"fit": {**result.to_json(), **_provenance(order, shots)}}
 
 
@@ -104,7 +109,8 @@ def calibrate(order: Json) -> Json:
         ``calibration``: ``impactd-calibration/1``.
     """
     shots = _read(order)
-    result = analysis_calibrate(_campaign(order, shots), order["model"], progress=report)
+    campaign = with_bounces(_campaign(order, shots))
+    result = analysis_calibrate(campaign, order["model"], progress=report)
     return {"calibration": {**result.to_json(), **_provenance(order, shots)}}
 
 
