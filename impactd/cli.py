@@ -19,6 +19,7 @@ from impactd.console import (
     analysis_commands,
     archive_commands,
     daemon_commands,
+    paper_command,
     rig_commands,
     token_commands,
 )
@@ -55,6 +56,7 @@ daemon_commands.add_to(app)
 rig_commands.add_to(app)
 analysis_commands.add_to(app)
 archive_commands.add_to(app)
+paper_command.add_to(app)
 app.add_typer(token_commands.app, name="token")
 
 

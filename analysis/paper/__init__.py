@@ -1,0 +1,1 @@
+"""Maranzano & Hancock 2016, computed: contacts, figures, single numbers, fits as theirs."""

@@ -1,0 +1,184 @@
+r"""Fits as the paper makes them: one shot, one pair, and only the moduli free.
+
+Cell, speed and restitution are taken as known; the touch-down is either where the signal starts or
+free to shift, which a person does who lays a computed pulse over a measured one. Our own fits
+(``analysis.fit``) do none of this; these exist to stand beside the paper's Tables 3-5.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from analysis.fit.problem import FitShot
+from analysis.model.hertz import contact_stiffness
+from analysis.model.impact_model import model_named
+from analysis.paper.contact import Cell
+
+Array = NDArray[np.float64]
+
+_LN_E_GRID = np.linspace(-1.8, 1.8, 16)
+_SHIFTS_US = np.arange(-5.0, 26.0, 5.0)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the paper's fits hold fixed.
+
+    Attributes
+    ----------
+    gain_n_per_v : float
+        S of Eq. 7, or k c. [N/V]
+    cell : Cell or None
+        None for HSD.
+    speed_m_per_s, restitution : float
+        v0 and eps of the shot.
+    touch_down_us : float
+        After the window's first sample. [us]
+    """
+
+    gain_n_per_v: float
+    cell: Cell | None
+    speed_m_per_s: float
+    restitution: float
+    touch_down_us: float
+
+
+@dataclass(frozen=True)
+class ModulusOnly:
+    """A fit with nothing but a modulus free (and perhaps the timing).
+
+    Attributes
+    ----------
+    reduced_modulus_pa : float
+        E*. [Pa]
+    r2 : float
+        1 - SS_res / SS_tot over the window. [1]
+    shift_us : float
+        By how much the touch-down was moved. [us]
+    """
+
+    reduced_modulus_pa: float
+    r2: float
+    shift_us: float
+
+
+def predict(item: FitShot, known: Known, reduced_modulus_pa: float, shift_us: float = 0.0) -> Array:
+    """Return the trace over a shot's window, baseline included.
+
+    Parameters
+    ----------
+    item : FitShot
+        Window, frame and radius.
+    known : Known
+        Everything but the modulus.
+    reduced_modulus_pa : float
+        E*. [Pa]
+    shift_us : float
+        Later touch-down. [us]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        [V]
+    """
+    assert item.radius_m is not None
+    ln_gain = math.log(known.gain_n_per_v)
+    shared = [math.log(contact_stiffness(reduced_modulus_pa, item.radius_m)), ln_gain]
+    if known.cell is not None:
+        omega0 = 2 * math.pi * known.cell.natural_frequency_hz
+        shared += [
+            math.log(omega0),
+            math.log(known.cell.damping_ratio),
+            math.log(known.cell.mass_kg),
+        ]
+    own = [
+        math.log(known.speed_m_per_s),
+        math.log(known.restitution),
+        known.touch_down_us + shift_us,
+        item.window.baseline,
+    ]
+    model = model_named("hsd" if known.cell is None else "kv")
+    return model.predict(np.array([*shared, 0.0, *own]), item.frame).signal
+
+
+def fit_modulus(
+    item: FitShot, known: Known, around_pa: float, *, free_timing: bool = True
+) -> ModulusOnly:
+    """Return the modulus that fits one shot best in plain least squares.
+
+    Parameters
+    ----------
+    item : FitShot
+        The shot.
+    known : Known
+        Everything else.
+    around_pa : float
+        Middle of the search, which reaches a factor of 6 either way. [Pa]
+    free_timing : bool
+        Whether the touch-down may shift too.
+
+    Returns
+    -------
+    ModulusOnly
+        Best of a grid, then refined.
+    """
+    y = item.window.signal
+    total = float(np.sum((y - y.mean()) ** 2))
+
+    def cost(at: Array) -> float:
+        """Return the squares left at (ln of the modulus over the middle, shift)."""
+        shift = float(at[1]) if free_timing else 0.0
+        return float(np.sum((y - predict(item, known, around_pa * math.exp(at[0]), shift)) ** 2))
+
+    shifts = _SHIFTS_US if free_timing else np.zeros(1)
+    grid = [np.array([ln, shift]) for ln in _LN_E_GRID for shift in shifts]
+    best = min(grid, key=cost)
+    steps = np.array([[0.0, 0.0], [0.08, 0.0], [0.0, 2.0]])
+    found = minimize(
+        cost,
+        best,
+        method="Nelder-Mead",
+        options={"initial_simplex": best + steps, "xatol": 1e-4, "fatol": 1e-9 * total},
+    )
+    shift = float(found.x[1]) if free_timing else 0.0
+    return ModulusOnly(around_pa * math.exp(found.x[0]), 1 - float(found.fun) / total, shift)
+
+
+def fit_gain(
+    item: FitShot, known: Known, reduced_modulus_pa: float, *, free_timing: bool = True
+) -> tuple[float, float]:
+    """Return Eq. 7's S from one shot of a known pair, as a rigid cell sees it.
+
+    Parameters
+    ----------
+    item : FitShot
+        The shot.
+    known : Known
+        Its gain is ignored.
+    reduced_modulus_pa : float
+        Of the pair. [Pa]
+    free_timing : bool
+        Whether the touch-down may shift too.
+
+    Returns
+    -------
+    gain_n_per_v, r2 : float
+        Of the best fit in plain least squares.
+    """
+    y = item.window.signal - item.window.baseline
+    total = float(np.sum((y - y.mean()) ** 2))
+    best = (math.nan, -math.inf)
+    for shift in np.arange(-4.0, 30.0, 0.5) if free_timing else (0.0,):
+        force = known.gain_n_per_v * (
+            predict(item, known, reduced_modulus_pa, float(shift)) - item.window.baseline
+        )
+        volts_per_newton = float(force @ y) / float(force @ force)
+        r2 = 1 - float(np.sum((y - volts_per_newton * force) ** 2)) / total
+        if r2 > best[1]:
+            best = (1 / volts_per_newton, r2)
+    return best

@@ -1,0 +1,144 @@
+"""Why one pair does not determine two moduli: the valley of the cost over E_p and E_s."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+
+from analysis.fit.problem import FitShot
+from analysis.paper.fits import Known, predict
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Valley:
+    """How one shot of one pair sees two moduli.
+
+    Attributes
+    ----------
+    sphere_pa, surface_pa : ndarray, shape (n,), (m,)
+        Young's moduli of the grid. [Pa]
+    sphere_softness, surface_softness : float
+        ``1 - nu^2`` of both. [1]
+    excess_chi2 : ndarray, shape (m, n)
+        Cost above its least, white noise. [1]
+    correlation : float
+        Between ln E_p and ln E_s, from the Fisher information.
+    eigenvalue_ratio : float
+        Smaller over larger eigenvalue of the Fisher information; 0 but for rounding.
+    u_ln_reduced : float
+        Standard uncertainty of ln E* from the same information.
+    along, across : float
+        Excess chi2 where E_p is doubled: with E_s making up for it, and without.
+    ends : tuple of tuple of float
+        Start E_p and E_s, end E_p and E_s, end E*, excess chi2, of least-squares fits. [Pa;
+        the last 1]
+    """
+
+    sphere_pa: Array
+    surface_pa: Array
+    sphere_softness: float
+    surface_softness: float
+    excess_chi2: Array
+    correlation: float
+    eigenvalue_ratio: float
+    u_ln_reduced: float
+    along: float
+    across: float
+    ends: tuple[tuple[float, ...], ...]
+
+
+def valley(
+    item: FitShot,
+    known: Known,
+    *,
+    sphere: tuple[float, float],
+    surface: tuple[float, float],
+    starts_pa: tuple[tuple[float, float], ...],
+    noise_v: float,
+) -> Valley:
+    """Return the cost of one shot over E_p and E_s, its curvature, and where fits end.
+
+    Parameters
+    ----------
+    item : FitShot
+        The shot.
+    known : Known
+        Cell, speed, restitution and touch-down.
+    sphere, surface : tuple of float
+        Literature (E, nu) of both. [Pa, 1]
+    starts_pa : tuple of tuple of float
+        (E_p, E_s) from which fits of both are started. [Pa]
+    noise_v : float
+        White noise. [V]
+
+    Returns
+    -------
+    Valley
+        Everything but the two moduli is held fixed, which makes the valley narrower than it is.
+    """
+    softness = [1 - nu**2 for _, nu in (sphere, surface)]
+
+    def reduced(logs: Array) -> float:
+        """Return E* of (ln E_p, ln E_s)."""
+        return 1 / sum(s / math.exp(ln) for s, ln in zip(softness, logs, strict=True))
+
+    def residual(logs: Array) -> Array:
+        """Return measurement minus model, in units of the noise."""
+        return (item.window.signal - predict(item, known, reduced(logs))) / noise_v
+
+    def chi2(logs: Array) -> float:
+        """Return the squares of the residual."""
+        return float(np.sum(residual(logs) ** 2))
+
+    ends = []
+    for start in starts_pa:
+        found = least_squares(
+            residual, np.log(start), x_scale=1.0, xtol=1e-13, ftol=1e-13, gtol=1e-8, max_nfev=200
+        )
+        ends.append((start, found.x, 2 * float(found.cost)))
+    least = min(cost for _, _, cost in ends)
+    best = min(ends, key=lambda end: end[2])[1]
+
+    step = 1e-4
+    columns = [
+        (residual(best + step * one) - residual(best - step * one)) / (2 * step)
+        for one in np.eye(2)
+    ]
+    jacobian = np.stack(columns, axis=1)
+    fisher = jacobian.T @ jacobian
+    values = np.linalg.eigvalsh(fisher)
+    shares = np.array([s / math.exp(ln) for s, ln in zip(softness, best, strict=True)])
+    shares *= reduced(best)
+    # d ln E* = shares . d ln E, so the information on ln E* is the large eigenvalue over |shares|^2
+    information = float(values[-1]) / float(shares @ shares)
+
+    doubled = best[0] + math.log(2)
+    rest = 1 / reduced(best) - softness[0] / math.exp(doubled)
+    grid = np.geomspace(0.6e9, 30e9, 121)
+    moduli = np.geomspace(0.2e9, 20e9, 600)
+    profile = np.array(
+        [np.sum((item.window.signal - predict(item, known, e)) ** 2) for e in moduli]
+    )
+    on_grid = 1 / (softness[0] / grid[None, :] + softness[1] / grid[:, None])
+    excess = np.interp(np.log(on_grid), np.log(moduli), profile / noise_v**2 - least)
+    return Valley(
+        sphere_pa=grid,
+        surface_pa=grid,
+        sphere_softness=softness[0],
+        surface_softness=softness[1],
+        excess_chi2=excess,
+        correlation=-float(fisher[0, 1] / math.sqrt(fisher[0, 0] * fisher[1, 1])),
+        eigenvalue_ratio=float(values[0] / values[-1]),
+        u_ln_reduced=information**-0.5,
+        along=chi2(np.array([doubled, math.log(softness[1] / rest)])) - chi2(best),
+        across=chi2(np.array([doubled, best[1]])) - chi2(best),
+        ends=tuple(
+            (*start, *map(float, np.exp(x)), reduced(x), cost - least) for start, x, cost in ends
+        ),
+    )

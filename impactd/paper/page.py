@@ -1,0 +1,208 @@
+"""The page "The paper, computed": ``page_template.md`` filled with claims and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib import resources
+from typing import Any
+
+from impactd.paper.claim import Claim
+from impactd.paper.compute import PaperResult
+
+Json = dict[str, Any]
+
+_SHORT = ("steel", "aluminium")
+_UNITS = {
+    "crystal_mass_kg": ("M / g", 1e3),
+    "crystal_stiffness_N_per_m": ("k / (GN/m)", 1e-9),
+    "crystal_damping_N_s_per_m": ("mu / (kN s/m)", 1e-3),
+    "compliance_m_per_V": ("c / (nm/V)", 1e9),
+    "gain_N_per_V": ("k c / (N/V)", 1.0),
+    "natural_frequency_Hz": ("f0 / kHz", 1e-3),
+    "damping_ratio": ("damping ratio", 1.0),
+}
+
+
+def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table."""
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "\n".join(
+        "| " + " | ".join(c.replace("|", "\\|") for c in line) + " |" for line in lines
+    )
+
+
+def claims_table(claims: Sequence[Claim]) -> str:
+    """Return all claims as a Markdown table."""
+    return markdown_table(
+        ("where", "claim", "claimed", "ours", "", "remark"),
+        [
+            [
+                c.where,
+                c.says,
+                c.claimed,
+                c.ours,
+                c.verdict.replace("does not", "**does not**"),
+                c.note,
+            ]
+            for c in claims
+        ],
+    )
+
+
+def plus_minus(pair: Sequence[float] | None, scale: float = 1.0, digits: int = 3) -> str:
+    """Return mean and standard deviation, ``-`` for None."""
+    if pair is None:
+        return "-"
+    return f"{pair[0] * scale:.{digits}g} ± {pair[1] * scale:.2g}"
+
+
+def gigapascals(modulus_pa: float) -> str:
+    """Return a modulus in GPa; one that ran away reads as infinity."""
+    return f"{modulus_pa / 1e9:.2f}" if modulus_pa < 1e12 else "∞"
+
+
+def table_3_rows(found: Json) -> list[list[str]]:
+    """Return Table 3 as rows of text: quantity, paper, true, calibrated, error."""
+    rows = []
+    for name, (label, scale) in _UNITS.items():
+        row = found["cell"][name]
+        rows.append(
+            [
+                label,
+                plus_minus(row["paper"], scale),
+                plus_minus(row["true"], scale),
+                plus_minus(row["calibrated"], scale),
+                f"{100 * row['rms_relative_error']:.2g} %",
+            ]
+        )
+    gain, r2 = found["hsd_gain_N_per_V"], found["r2"]
+    for way, label in (
+        ("aligned", "S of HSD, touch-down free / (N/V)"),
+        ("onset", "S of HSD, touch-down at onset / (N/V)"),
+        ("peak", "S of HSD, peak over peak / (N/V)"),
+    ):
+        rows.append([label, plus_minus(gain["paper"]), "-", plus_minus(gain[way]), "-"])
+    for way, label, paper in (
+        ("hsd_aligned", "R2 of HSD, touch-down free", "paper_hsd"),
+        ("hsd_onset", "R2 of HSD, touch-down at onset", "paper_hsd"),
+        ("kv", "R2 of KV", "paper_kv"),
+    ):
+        rows.append([label, plus_minus(r2[paper], digits=2), "-", plus_minus(r2[way]), "-"])
+    return rows
+
+
+def pair_rows(entries: Sequence[Json]) -> list[list[str]]:
+    """Return Tables 4-5 as rows of text."""
+
+    def number(value: float | None) -> str:
+        """Return two decimals, ``-`` for None."""
+        return "-" if value is None else f"{value:.2f}"
+
+    return [
+        [
+            f"{e['sphere']} / {e['surface']}",
+            f"{e['contact_time_s'] * 1e6:.0f}",
+            number(e["paper_hsd_over_literature"]),
+            number(e["paper_kv_over_literature"]),
+            number(e["paper_hsd_over_kv"]),
+            "{:.2f} ± {:.2f}".format(*e["ratio"]["hsd_aligned"]),
+            "{:.2f} ± {:.2f}".format(*e["ratio"]["hsd_onset"]),
+            "{:.3f} ± {:.3f}".format(*e["ratio"]["kv_aligned"]),
+            "{:.4f} ± {:.4f}".format(*e["ratio"]["kv_joint"]),
+            "{:.2f} / {:.2f} / {:.4f}".format(
+                *(e["r2"][w] for w in ("hsd_aligned", "hsd_onset", "kv_joint"))
+            ),
+        ]
+        for e in entries
+    ]
+
+
+PAIR_HEADINGS = (
+    "sphere / surface",
+    "contact / µs",
+    "HSD, paper",
+    "KV, paper",
+    "HSD/KV, paper",
+    "HSD, free",
+    "HSD, onset",
+    "KV, free",
+    "KV, joint",
+    "R2 (free / onset / KV)",
+)
+
+
+def spread_rows(found: Json) -> list[list[str]]:
+    """Return how the paper's moduli of one material differ between pairs."""
+    return [
+        [
+            name,
+            ", ".join(f"{m:g}" for m in row["moduli_GPa"]),
+            f"{100 * row['relative_std_between_pairs']:.0f} %",
+            f"{100 * row['median_relative_std_stated']:.1f} %",
+        ]
+        for name, row in found.items()
+    ]
+
+
+def page(result: PaperResult, command: str) -> str:
+    """Return the whole page.
+
+    Parameters
+    ----------
+    result : PaperResult
+        What was computed.
+    command : str
+        That makes this page again.
+
+    Returns
+    -------
+    str
+        Markdown; the pictures stand in ``pictures/`` beside it.
+    """
+    found = result.to_json()
+    r2, away = found["mean_r2"], found["paper_distance_from_literature"]
+    valley = found["valley"]
+    steel = next(e for e in found["tables_4_5"] if (e["sphere"], e["surface"]) == _SHORT)
+    fits = [
+        [
+            gigapascals(f["start_sphere_Pa"]),
+            gigapascals(f["start_surface_Pa"]),
+            gigapascals(f["sphere_Pa"]),
+            gigapascals(f["surface_Pa"]),
+            f"{f['reduced_modulus_Pa'] / 1e9:.5f}",
+            f"{f['excess_chi2']:.2g}",
+        ]
+        for f in valley["fits"]
+    ]
+    template = resources.files("impactd.paper").joinpath("page_template.md")
+    return template.read_text(encoding="utf-8").format(
+        command=command,
+        claims=claims_table(result.claims),
+        rigs=found["rigs"],
+        table3=markdown_table(
+            ("quantity", "paper", "rigs as drawn", "calibrated", "rms error of the calibrations"),
+            table_3_rows(found["table3"]),
+        ),
+        pairs=markdown_table(PAIR_HEADINGS, pair_rows(found["tables_4_5"])),
+        r2_hsd_free=r2["hsd_aligned"],
+        r2_hsd_onset=r2["hsd_onset"],
+        r2_kv=r2["kv_joint"],
+        correlation=found["hsd_over_kv_correlation"],
+        away_hsd=away["table4_hsd"],
+        away_kv=away["table5_kv"],
+        fits=markdown_table(
+            ("start E_p", "start E_s", "end E_p", "end E_s", "end E*", "excess chi2"), fits
+        ),
+        steel_onset=steel["ratio"]["hsd_onset"][0],
+        steel_free=steel["ratio"]["hsd_aligned"][0],
+        steel_us=steel["contact_time_s"] * 1e6,
+        fisher=valley["correlation_ln_moduli"],
+        eigen=abs(valley["fisher_eigenvalue_ratio"]),
+        u_star=100 * valley["u_ln_reduced_modulus"],
+        along=abs(valley["excess_chi2_sphere_doubled_along"]),
+        across=valley["excess_chi2_sphere_doubled_across"],
+        spread=markdown_table(
+            ("material", "E from its pairs / GPa", "std between pairs", "median std stated"),
+            spread_rows(found["paper_spread_of_materials"]["table5_kv"]),
+        ),
+    )

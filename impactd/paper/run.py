@@ -1,0 +1,109 @@
+"""`impactd paper`: compute, print, and leave page, pictures and JSON."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from impactd.console.failure import Failure
+from impactd.console.tables import print_json
+from impactd.paper.compute import PaperResult, compute
+from impactd.paper.page import PAIR_HEADINGS, gigapascals, page, pair_rows, table_3_rows
+
+PAGE_NAME, JSON_NAME, PICTURES = "paper.md", "paper.json", "pictures"
+_WIDTH_IN_A_PIPE = 150
+
+
+def run_paper(*, out: Path, rigs: int, seed: int, as_json: bool) -> None:
+    """Compute everything, print it and write it.
+
+    Parameters
+    ----------
+    out : Path
+        Folder for page, pictures and JSON; created if need be, files of the same names replaced.
+    rigs, seed : int
+        Simulated rigs, and the first one's seed.
+    as_json : bool
+        Print the JSON instead of tables.
+
+    Raises
+    ------
+    Failure
+        With fewer than two rigs: there would be no spread.
+    """
+    if rigs < 2:
+        raise Failure(
+            f"a spread needs at least 2 simulated rigs, not {rigs}; give --rigs 2 or more."
+        )
+    # matplotlib takes half a second to come
+    from impactd.paper.pictures import draw_all  # noqa: PLC0415
+
+    began = time.monotonic()
+    console = Console(stderr=as_json)
+    if not console.is_terminal:
+        console = Console(stderr=as_json, width=_WIDTH_IN_A_PIPE)
+    out.mkdir(parents=True, exist_ok=True)
+    with console.status("figures 2-4") as status:
+        result = compute(rigs, seed, status.update)
+    found = result.to_json()
+    (out / JSON_NAME).write_text(
+        json.dumps(found, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
+    )
+    command = f"impactd paper --out {out} --rigs {rigs} --seed {seed}"
+    (out / PAGE_NAME).write_text(page(result, command), encoding="utf-8")
+    draw_all(out / PICTURES, result.rigs, result.valley)
+    if as_json:
+        print_json(found)
+    else:
+        _show(console, result)
+    took_s = time.monotonic() - began
+    console.print(f"\n{took_s:.0f} s. Look at {out / PAGE_NAME}", highlight=False)
+
+
+def _show(console: Console, result: PaperResult) -> None:
+    found = result.to_json()
+    _print_table(
+        console,
+        "Text and figures",
+        ("where", "claim", "claimed", "ours", "verdict"),
+        [[c.where, c.says, c.claimed, c.ours, c.verdict] for c in result.claims],
+    )
+    _print_table(
+        console,
+        f"Table 3, {found['rigs']} simulated rigs",
+        ("quantity", "paper", "rigs as drawn", "calibrated", "rms error"),
+        table_3_rows(found["table3"]),
+    )
+    _print_table(
+        console,
+        "Tables 4 and 5: E* over literature (paper) or truth (ours)",
+        PAIR_HEADINGS,
+        pair_rows(found["tables_4_5"]),
+    )
+    valley = found["valley"]
+    ends = ", ".join(
+        f"{gigapascals(f['sphere_Pa'])}/{gigapascals(f['surface_Pa'])}" for f in valley["fits"]
+    )
+    console.print(
+        f"\nOne pair ({valley['pair']}), E_p/E_s in GPa by start: {ends}; E* always "
+        f"{valley['fits'][0]['reduced_modulus_Pa'] / 1e9:.3f}. Correlation "
+        f"{valley['correlation_ln_moduli']:.6f}: the split is not in the data.",
+        highlight=False,
+    )
+
+
+def _print_table(
+    console: Console, title: str, headings: tuple[str, ...], rows: list[list[str]]
+) -> None:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    for heading in headings:
+        table.add_column(heading)
+    for row in rows:
+        style = "red" if "does not hold" in row else None
+        table.add_row(*row, style=style)
+    console.print()
+    console.print(table)
