@@ -12,6 +12,7 @@ from analysis.discovery.candidates import Refit
 from analysis.discovery.description import describe
 from analysis.discovery.diagnosis import Diagnosis, Step
 from analysis.discovery.evidence import Explained
+from analysis.discovery.named_model import definition_of
 from analysis.discovery.omnibus import ask
 from analysis.discovery.quality import quality
 from analysis.discovery.reasons import not_refitted, why_not
@@ -60,6 +61,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "slots": slots,
         "before": _block(before),
         "after": stated,
+        "accepted_model": definition_of(after.problem, after.fitted) if diagnosis.chosen else None,
         "remaining": _remaining(last),
         "closure": None if diagnosis.closure is None else _explained(diagnosis.closure),
         "candidates": _candidates(diagnosis, first),
