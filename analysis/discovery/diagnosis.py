@@ -31,11 +31,13 @@ MIN_GAIN = 30.0
 """An effect that brings less than this beyond its price is not there."""
 SHORTLIST = 6
 STARTS_REFITTED = 2
+STRUCTURE_STARTS = 4
 FIRST_STEPS = 6
 CONTINUE_SHARE = 0.3
 """A candidate this far behind after its first steps is not carried on."""
 ALWAYS_TRIED = 3
-SPARED_BELOW = 0.5
+ENOUGH = 0.98
+"""Share of the strongest closure's gain at which no further effect is looked for."""
 CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
 MAX_EFFECTS = 3
@@ -162,15 +164,19 @@ def _first_round(step: Step, scores: list[Scored]) -> Refit:
 def _refits(step: Step, tried: list[Proposal], progress: Progress) -> list[Refit]:
     """Refit the most promising effects: a few steps from several starts, the best to the end.
 
-    The cheap look puts them in order. As soon as one is so far ahead that nothing further down the
-    list promises half as much, the rest is spared.
+    The cheap look puts them in order. As soon as one takes up what the most flexible closure could,
+    the rest is spared.
     """
     scored = _scored(step, tried)
-    order = sorted(scored, key=lambda owner: -scored[owner][0][0])[:SHORTLIST]
+    order = sorted(scored, key=lambda owner: -scored[owner][0][0])
+    # a structure below the sphere changes everything at once: no slope shows how far it can go
+    far = [o for o in order[SHORTLIST:] if scored[o][0][1].effect.structure is not None]
+    order = order[:SHORTLIST] + far
+    reach = max(a.gain for a in step.omnibus.answers.values())
     best: dict[str, Refit] = {}
     for place, owner in enumerate(order):
         ahead = max((r.score(PENALTY) for r in best.values() if not r.at_bound), default=0.0)
-        if place >= ALWAYS_TRIED and scored[owner][0][0] < SPARED_BELOW * ahead:
+        if place >= ALWAYS_TRIED and ahead > ENOUGH * reach:
             break
         progress(f"trying {owner}", place / len(order))
         result = _first_round(step, scored[owner])
@@ -184,10 +190,13 @@ def _refits(step: Step, tried: list[Proposal], progress: Progress) -> list[Refit
 def _distinct(scores: list[Scored]) -> list[Scored]:
     """Return the best few that differ in form or start, then one for the whole rig."""
     found: list[Scored] = []
+    starts = STARTS_REFITTED
+    if scores[0][1].effect.structure is not None:
+        starts = STRUCTURE_STARTS
     for entry in scores:
         if all(entry[1].key != f[1].key for f in found):
             found.append(entry)
-        if len(found) == STARTS_REFITTED:
+        if len(found) == starts:
             break
     if all(f[2] != "rig" for f in found):
         found += [s for s in scores if s[2] == "rig"][:1]

@@ -7,8 +7,8 @@ A stiff tape (k_t -> infinity) leaves the coupon's mass on the crystal: that is 
 another M, so its neutral value is a limit in which only the coupon's mass still differs.
 Validation: DOP853 of the coupled equations; the stiff limit in the tests.
 
-Scope: the rig's, because one tape serves all coupons; the coupons' masses are known, and the shift
-from one to the next is what identifies it.
+Scope: the rig's, because one tape serves all coupons, with the same k_t and c_t under each; the
+coupons' masses are known, and the shift from one to the next is what identifies it.
 """
 
 import math
@@ -26,16 +26,16 @@ from analysis.model.structure import Structure
 def _structure(structure: Structure, values: Values, context: ShotContext) -> None:
     mass = context.known("coupon_mass_kg")
     k = values["stiffness_n_per_m"]
-    c = 2 * values["damping_ratio"] * math.sqrt(k * mass)
     structure.add("coupon", mass)
-    structure.link("coupon", structure.top, k, c)
+    structure.link("coupon", structure.top, k, values["damping_n_s_per_m"])
     structure.top = "coupon"
 
 
 def _steps(values: Values, context: ShotContext) -> float:
-    own = math.sqrt(values["stiffness_n_per_m"] / context.known("coupon_mass_kg"))
+    mass = context.known("coupon_mass_kg")
+    own = math.sqrt(values["stiffness_n_per_m"] / mass)
     # what is overdamped decays faster than it would swing
-    return resolving_steps(own * max(1.0, 2 * values["damping_ratio"]), context)
+    return resolving_steps(max(own, values["damping_n_s_per_m"] / mass), context)
 
 
 EFFECT = Effect(
@@ -58,7 +58,15 @@ EFFECT = Effect(
             "of the layer, k_t",
         ),
         EffectParameter(
-            "damping_ratio", "1", "rig", "log", 0.1, 1e-3, 5.0, (0.1,), "of the coupon on the layer"
+            "damping_n_s_per_m",
+            "N s/m",
+            "rig",
+            "log",
+            300.0,
+            1.0,
+            1e5,
+            (300.0,),
+            "of the layer, c_t",
         ),
     ),
     needs=("coupon_mass_kg",),

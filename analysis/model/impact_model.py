@@ -185,13 +185,21 @@ class ImpactModel:
         Prediction
             NaN rebound when the contact did not end.
         """
-        signal = np.zeros(frame.samples)
+        nothing = Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
         if not np.abs(local[: len(self.shared) + 2]).max() < _LARGEST_COORDINATE:
-            return Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
+            return nothing
+        try:
+            return self._predicted(local, frame, steps)
+        except OverflowError:  # an effect's numbers that no float can hold
+            return nothing
+
+    def _predicted(self, local: Array, frame: ShotFrame, steps: int | None) -> Prediction:
+        """Return the trace, or raise OverflowError."""
+        signal = np.zeros(frame.samples)
         if steps is None:
             steps = self.steps(local, frame)
         if steps > solver.MAX_STEPS:
-            return Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
+            raise OverflowError
         if self.effects:
             duration, rebound, deepest = self._add_with_effects(signal, local, frame, steps)
         else:

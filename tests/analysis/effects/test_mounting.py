@@ -49,7 +49,8 @@ def on_stand(ratio: float, frequency: float, zeta: float) -> Ground:
 @pytest.mark.parametrize(("k", "zeta"), [(3e7, 0.1), (5e8, 0.02), (2e9, 1.5)])
 def test_a_taped_coupon_agrees_with_two_masses(k: float, zeta: float) -> None:
     """Soft, stiff and overdamped tapes agree with DOP853 of two masses."""
-    values = {"adhesive_layer.stiffness_n_per_m": k, "adhesive_layer.damping_ratio": zeta}
+    damping = 2 * zeta * math.sqrt(k * RIG.coupon_mass)
+    values = {"adhesive_layer.stiffness_n_per_m": k, "adhesive_layer.damping_n_s_per_m": damping}
     found = RIG.predict("kv+adhesive_layer", values)
     wanted = RIG.reference(law=BASE, ground=taped(k, zeta, RIG.coupon_mass))
     assert apart(found.signal, wanted.compression) < 3e-6
@@ -61,7 +62,11 @@ def test_a_stiff_tape_is_a_heavier_crystal() -> None:
     heavy = RIG.but(cell_mass=RIG.cell_mass + RIG.coupon_mass).predict("kv").signal
     misses = []
     for k in (1e10, 1e11):
-        values = {"adhesive_layer.stiffness_n_per_m": k, "adhesive_layer.damping_ratio": 0.5}
+        damping = math.sqrt(k * RIG.coupon_mass)
+        values = {
+            "adhesive_layer.stiffness_n_per_m": k,
+            "adhesive_layer.damping_n_s_per_m": damping,
+        }
         misses.append(apart(RIG.predict("kv+adhesive_layer", values).signal, heavy))
     assert misses[0] < 0.02
     assert misses[1] < 0.2 * misses[0]
@@ -160,7 +165,7 @@ def test_structures_and_laws_act_together() -> None:
             "base_compliance.frequency_hz": 3e3,
             "base_compliance.damping_ratio": 0.05,
             "adhesive_layer.stiffness_n_per_m": k,
-            "adhesive_layer.damping_ratio": 0.1,
+            "adhesive_layer.damping_n_s_per_m": 2 * 0.1 * math.sqrt(k * mass),
             "coupon_mode.mass_share": 0.1,
             "coupon_mode.frequency_hz": 2e4,
             "coupon_mode.damping_ratio": 0.03,
