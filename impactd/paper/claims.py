@@ -207,7 +207,8 @@ def _rebound() -> list[Claim]:
                 "at_2.5_ms": late,
             },
             "a little below eps, but by 0.0005 and not 0.008; a speed read "
-            f"{after * 1e3:.2f} ms after lift-off, slowed by gravity, gives 0.792 (2.5 ms: {late:.3f})",
+            f"{after * 1e3:.2f} ms after lift-off, slowed by gravity, would give 0.792 "
+            f"(at 2.5 ms: {late:.3f})",
         )
     ]
 

@@ -62,8 +62,8 @@ PINNED: dict[str, tuple[str, dict[str, tuple[float, float]]]] = {
         {
             "steel-aluminium": (27.6e-6, 1e-7),
             "acetal-polycarbonate": (93.5e-6, 1e-7),
-            "ptfe-ptfe": (208.7e-6, 1e-7),
-            "neoprene-ptfe": (197.6e-6, 1e-7),
+            "ptfe-ptfe": (208.8e-6, 1e-7),
+            "neoprene-ptfe": (195.8e-6, 1e-7),
         },
     ),
     "steel_on_steel": (FAILS, {"contact_s": (21.3e-6, 1e-7), "period_s": (57.96e-6, 1e-8)}),
