@@ -11,6 +11,8 @@ from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
 from impactd.api.schemas import (
     CalibrationAnswer,
+    DiagnosisAnswer,
+    DiagnosisProgress,
     DropAnswer,
     FitAnswer,
     FitJobAnswer,
@@ -133,10 +135,37 @@ def fit_job_answer(job: Job, fits: list[Fit]) -> FitJobAnswer:
     )
 
 
+def diagnosis_answer(
+    job: Job, progress: tuple[str, float] | None, *, whole: bool = True
+) -> DiagnosisAnswer:
+    """Return a diagnosis that was asked for; ``whole`` with its result."""
+    result = job.result or {}
+    found = result.get("diagnosis")
+    at = f"/v1/diagnoses/{job.id}"
+    told = None
+    if progress is not None:
+        told = DiagnosisProgress(text=progress[0], share=progress[1])
+    return DiagnosisAnswer(
+        id=job.id,
+        state=job.state,
+        subject=job.subject,
+        reason=job.reason,
+        verdict=found["verdict"] if found else None,
+        sentence=found["sentence"] if found else None,
+        model=result.get("model"),
+        progress=told,
+        created_utc=job.created_utc,
+        finished_utc=job.finished_utc,
+        result=without_nan(found) if whole else None,
+        links={"self": at, "report": f"{at}/report.html" if found else None},
+    )
+
+
 def calibration_answer(calibration: Calibration) -> CalibrationAnswer:
     """Return a calibration for the wire."""
     return CalibrationAnswer(
         number=calibration.number,
+        kind=calibration.kind,
         state=calibration.state,
         slot=calibration.slot,
         owner=calibration.owner,

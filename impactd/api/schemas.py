@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from fastapi import Header, Path, Query
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 _LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
 
@@ -202,12 +202,37 @@ class PlanItem(Request):
     repeats: int = Field(3, ge=1, le=100)
 
 
+class WeightReading(Request):
+    """A weight on the load cell and what it read."""
+
+    mass_kg: float = Field(ge=0, le=1000, description="0 is the empty cell. [kg]")
+    volts: float = Field(ge=-1000, le=1000, description="[V]")
+    u_volts: float | None = Field(
+        None, gt=0, le=1000, description="Standard uncertainty; for all readings or for none. [V]"
+    )
+
+
 class CalibrationBody(Request):
-    """A calibration run somebody, or the timer, asks for."""
+    """A calibration somebody, or the timer, asks for: a series of drops, or weights as read."""
 
     model_config = ConfigDict(
-        json_schema_extra={"example": {"slot": "2026-W09", "unattended": False, "plan": None}}
+        json_schema_extra={
+            "examples": [
+                {"slot": "2026-W09", "unattended": False, "plan": None},
+                {
+                    "method": "static_weights",
+                    "readings": [
+                        {"mass_kg": 0.0, "volts": 0.0003, "u_volts": 0.0001},
+                        {"mass_kg": 0.5, "volts": 2.7551, "u_volts": 0.0005},
+                        {"mass_kg": 1.0, "volts": 5.5097, "u_volts": 0.0005},
+                    ],
+                    "hold_time_s": 2.0,
+                    "discharge_time_constant_s": 2000.0,
+                },
+            ]
+        }
     )
+    method: Literal["drops", "static_weights"] = "drops"
     slot: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(
         None, description="The same slot never runs twice. Without it the Idempotency-Key counts."
     )
@@ -215,12 +240,34 @@ class CalibrationBody(Request):
         None, min_length=1, max_length=100, description="Without it, the plan of the settings."
     )
     unattended: bool = Field(False, description="Nobody stands by the rig.")
+    readings: list[WeightReading] | None = Field(
+        None, min_length=2, max_length=1000, description="Of `static_weights`, in their order."
+    )
+    hold_time_s: float | None = Field(
+        None, ge=0, le=1e6, description="From putting a weight down to reading it. [s]"
+    )
+    discharge_time_constant_s: float | None = Field(
+        None, gt=0, le=1e9, description="Of cell and conditioner, as far as it is known. [s]"
+    )
+
+    @model_validator(mode="after")
+    def _one_way_only(self) -> CalibrationBody:
+        weights = (self.readings, self.hold_time_s, self.discharge_time_constant_s)
+        if self.method == "drops" and any(given is not None for given in weights):
+            raise ValueError("readings and times belong to the method static_weights")
+        if self.method == "static_weights":
+            if self.readings is None or self.hold_time_s is None:
+                raise ValueError("static_weights needs readings and hold_time_s")
+            if self.plan is not None or self.unattended:
+                raise ValueError("static_weights has no plan of drops")
+        return self
 
 
 class CalibrationAnswer(Answer):
-    """A calibration run of the load cell."""
+    """A calibration of the load cell."""
 
     number: int
+    kind: str = Field(description="drops or static_weights")
     state: str = Field(description="requested, running, fitting, done or failed")
     slot: str | None
     owner: str
@@ -237,8 +284,43 @@ class CalibrationAnswer(Answer):
 class DiagnosisBody(Request):
     """Shots whose fit is to be explained."""
 
+    model_config = ConfigDict(
+        json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv"}}
+    )
     shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
     base: Literal["kv", "hsd"] = "kv"
+
+
+class DiagnosisProgress(Answer):
+    """How far a running diagnosis is."""
+
+    text: str
+    share: float = Field(description="Of the present stage, 0..1.")
+
+
+class DiagnosisAnswer(Answer):
+    """A diagnosis that was asked for."""
+
+    id: int
+    state: str = Field(description="queued, running, done, failed or cancelled")
+    subject: str
+    reason: str | None
+    verdict: str | None = Field(description="Null until it is done.")
+    sentence: str | None
+    model: dict[str, Any] | None = Field(
+        description="Name and version of the model that was accepted; null where none was."
+    )
+    progress: DiagnosisProgress | None
+    created_utc: str
+    finished_utc: str | None
+    result: dict[str, Any] | None = Field(description="impactd-diagnosis/1; not in lists.")
+    links: dict[str, str | None]
+
+
+class DiagnosisPage(Answer):
+    """Diagnoses, newest first."""
+
+    items: list[DiagnosisAnswer]
 
 
 class ActiveModelBody(Request):
@@ -246,6 +328,9 @@ class ActiveModelBody(Request):
 
     model_config = ConfigDict(json_schema_extra={"example": {"name": "kv"}})
     name: Annotated[str, Field(min_length=1, max_length=200)]
+    version: Annotated[int, Field(ge=1, le=_LARGEST)] | None = Field(
+        None, description="Of a named model; the latest one without it."
+    )
 
 
 class AbortAnswer(Answer):

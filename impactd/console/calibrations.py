@@ -1,12 +1,14 @@
-"""``impactd calibrate``: ask for a run, and wait for it where the timer needs its outcome."""
+"""``impactd calibrate``: a run of drops, or weights as somebody read them."""
 
 from __future__ import annotations
 
+import csv
+from pathlib import Path
 from typing import Any
 
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
-from impactd.console.tables import print_json, progress
+from impactd.console.tables import measured, print_json, progress
 
 
 def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_json: bool) -> None:
@@ -48,6 +50,89 @@ def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_j
     if calibration["state"] == "failed":
         problem: dict[str, Any] = calibration["problem"] or {"detail": "no reason", "remedy": ""}
         raise Failure(f"calibration {number}: {problem['detail']} {problem['remedy']}".strip())
+
+
+def weights(
+    path: Path,
+    *,
+    hold_time_s: float,
+    discharge_time_constant_s: float | None,
+    url: str | None,
+    as_json: bool,
+) -> None:
+    """Send weights and readings and print the gain they give.
+
+    Parameters
+    ----------
+    path : Path
+        CSV with the columns ``mass_kg``, ``volts`` and, where known, ``u_volts``.
+    hold_time_s : float
+        From putting a weight down to its reading. [s]
+    discharge_time_constant_s : float or None
+        Of cell and conditioner. [s]
+    url : str or None
+        The daemon.
+    as_json : bool
+        Print the answer.
+
+    Raises
+    ------
+    Failure
+        If the file is no such table.
+    """
+    body = {
+        "method": "static_weights",
+        "readings": readings_of(path),
+        "hold_time_s": hold_time_s,
+        "discharge_time_constant_s": discharge_time_constant_s,
+    }
+    with connect(url) as client:
+        calibration = client.send("POST", "/v1/calibrations", body, key=fresh_key())
+    if as_json:
+        print_json(calibration)
+        return
+    result = calibration["result"]
+    gain = measured(result["as_read"]["gain_N_per_V"])
+    print(f"Calibration {calibration['number']}, weights: S = {gain} N/V as read.")
+    for line in (*result["warnings"], (result.get("against") or {}).get("sentence")):
+        if line:
+            print(line)
+
+
+def readings_of(path: Path) -> list[dict[str, float]]:
+    """Return the readings of a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        With a header line.
+
+    Returns
+    -------
+    list of dict
+        As ``POST /v1/calibrations`` takes them.
+
+    Raises
+    ------
+    Failure
+        With line and column of what is no number.
+    """
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        table = csv.DictReader(file)
+        columns = [name.strip() for name in table.fieldnames or ()]
+        table.fieldnames = columns
+        if not {"mass_kg", "volts"} <= set(columns) <= {"mass_kg", "volts", "u_volts"}:
+            raise Failure(
+                f"{path}: the columns are {', '.join(columns) or 'none'}; they must be mass_kg, "
+                "volts and, where known, u_volts."
+            )
+        found = []
+        for row in table:
+            try:
+                found.append({name: float(row[name]) for name in columns if row[name].strip()})
+            except (TypeError, ValueError, AttributeError) as error:
+                raise Failure(f"{path}, line {table.line_num}: {row} is no reading.") from error
+    return found
 
 
 def _told(calibration: dict[str, Any]) -> str:

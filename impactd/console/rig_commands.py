@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -82,7 +83,7 @@ def abort(url: Url = None, as_json: Json = False) -> None:
         print(answer["sentence"])
 
 
-def calibrate(
+def calibrate(  # noqa: PLR0917 - the framework fills them by name
     wait: Annotated[bool, typer.Option("--wait", help="Wait until it is done.")] = False,
     slot: Annotated[
         str | None,
@@ -94,12 +95,39 @@ def calibrate(
         bool | None,
         typer.Option("--attended/--unattended", help="Whether somebody stands by the rig."),
     ] = None,
+    static: Annotated[
+        Path | None,
+        typer.Option(
+            "--static",
+            metavar="FILE.csv",
+            help="Calibrate with weights instead: columns mass_kg, volts and, if known, u_volts.",
+        ),
+    ] = None,
+    hold_time_s: Annotated[
+        float | None,
+        typer.Option("--hold-time", help="With --static: seconds from weight to reading.", min=0),
+    ] = None,
+    discharge_time_s: Annotated[
+        float | None,
+        typer.Option("--discharge-time", help="With --static: time constant in seconds."),
+    ] = None,
     url: Url = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate the load cell with the reference spheres of the settings' plan."""
+    """Calibrate the load cell with the reference spheres of the settings' plan, or with weights."""
     from impactd.console import calibrations
 
+    if static is not None:
+        if hold_time_s is None:
+            raise typer.BadParameter("--static needs --hold-time: a reading falls from the start")
+        calibrations.weights(
+            static,
+            hold_time_s=hold_time_s,
+            discharge_time_constant_s=discharge_time_s,
+            url=url,
+            as_json=as_json,
+        )
+        return
     unattended = slot is not None if attended is None else not attended
     calibrations.run(slot=slot, unattended=unattended, wait=wait, url=url, as_json=as_json)
 

@@ -14,6 +14,10 @@ from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
 from impactd.storage.publish import publish
 
+DROPS = "drops"
+STATIC_WEIGHTS = "static_weights"
+"""Kinds of calibrations."""
+
 _SELECT = (
     "SELECT calibrations.*, (SELECT json_group_array(number) FROM "
     "(SELECT number FROM drops WHERE calibration=calibrations.number ORDER BY number)) AS drops "
@@ -60,6 +64,11 @@ class Calibration:
     requested_utc: str
     finished_utc: str | None
     valid_until_utc: str | None
+
+    @property
+    def kind(self) -> str:
+        """Return ``drops``, or ``static_weights`` for a line through weights."""
+        return str(self.plan[0].get("method", DROPS)) if self.plan else DROPS
 
 
 class CalibrationTable:
@@ -169,8 +178,15 @@ class CalibrationTable:
         )
 
     def current(self) -> Calibration | None:
-        """Return the last one that was done, valid or overdue; ``None`` before the first."""
-        row = self._index.row(_SELECT + "WHERE state='done' ORDER BY number DESC LIMIT 1")
+        """Return the last one that was done, valid or overdue; ``None`` before the first.
+
+        Weights give no crystal: a static calibration never takes the place of one with drops.
+        """
+        row = self._index.row(
+            _SELECT + "WHERE state='done' AND coalesce(json_extract(result, '$.method'), ?)=? "
+            "ORDER BY number DESC LIMIT 1",
+            (DROPS, DROPS),
+        )
         return None if row is None else _calibration_of(row)
 
     def get(self, number: int) -> Calibration:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from fastapi import APIRouter, Response
 
+from analysis.static_calibration import Reading
 from impactd.api.answers import calibration_answer, next_page
 from impactd.api.problems import ProblemError
 from impactd.api.routes.drops import required_key
@@ -17,6 +18,7 @@ from impactd.api.schemas import (
     Number,
 )
 from impactd.api.security import TheCaller, TheDaemon
+from impactd.calibration_weights import Weighing, calibrate_with_weights
 
 router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
 
@@ -32,7 +34,25 @@ def request_calibration(
     """Ask for a calibration run: a series of drops of reference spheres, then a joint fit.
 
     The same slot never runs twice. Unattended runs are refused unless the rig is declared safe.
+    With `static_weights` nothing moves: the readings give the gain at once, as a record of its
+    own kind that never takes the place of a calibration with drops.
     """
+    if body.method == "static_weights":
+        assert body.readings is not None, "the body was checked"
+        assert body.hold_time_s is not None, "the body was checked"
+        weighed = calibrate_with_weights(
+            daemon.archive,
+            daemon.settings,
+            Weighing(
+                tuple(Reading(r.mass_kg, r.volts, r.u_volts) for r in body.readings),
+                body.hold_time_s,
+                body.discharge_time_constant_s,
+            ),
+            slot=body.slot or key,
+            owner=caller.name,
+        )
+        response.headers["Location"] = f"/v1/calibrations/{weighed.number}"
+        return calibration_answer(weighed)
     slot = body.slot or required_key(key, "run a series of drops")
     plan = None if body.plan is None else [item.model_dump() for item in body.plan]
     calibration = daemon.calibrations.request(

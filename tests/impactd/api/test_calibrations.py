@@ -70,3 +70,63 @@ def test_the_data_directory_says_who_serves_it(rig):
     """The lock names process and address while the daemon runs."""
     holder = read_holder(rig.daemon.archive.directory)
     assert holder["url"] == rig.url
+
+
+WEIGHTS = {
+    "method": "static_weights",
+    "readings": [
+        {"mass_kg": m, "volts": 0.01 + m * 9.80665 / 1780.0 + wiggle, "u_volts": 1e-6}
+        for m, wiggle in ((0.0, 4e-7), (0.2, -6e-7), (0.5, 2e-7), (1.0, -1e-7))
+    ],
+    "hold_time_s": 2.0,
+    "discharge_time_constant_s": 1e6,
+}
+
+
+def weigh(rig, body, key):
+    """Send readings of weights."""
+    return rig.operator.post("/v1/calibrations", json=body, headers={"Idempotency-Key": key})
+
+
+def test_weights_give_a_gain_of_their_own_kind(rig, calibration):
+    """Readings become a record with S, beside the calibration with drops and not in its place."""
+    answer = weigh(rig, WEIGHTS, "weights-1")
+    assert answer.status_code == 202, answer.text
+    found = rig.reader.get(answer.headers["location"]).json()
+    assert (found["kind"], found["state"]) == ("static_weights", "done")
+    gain = found["result"]["hsd"]["gain_N_per_V"]
+    assert abs(gain["value"] - 1780.0) < 3 * gain["u"]
+    assert found["result"]["against"]["calibration"] == calibration["number"]
+    current = rig.reader.get("/v1/calibrations/current").json()
+    assert current["number"] == calibration["number"]
+    assert current["kind"] == "drops"
+    assert weigh(rig, WEIGHTS, "weights-1").json()["number"] == found["number"]
+
+
+def test_discharged_weights_are_kept_with_their_warning(rig):
+    """A reading of which nothing is left gives a record without a gain, and says why."""
+    answer = weigh(rig, {**WEIGHTS, "discharge_time_constant_s": 0.5}, "weights-2")
+    result = answer.json()["result"]
+    assert result["outcome"]["status"] == "meaningless"
+    assert result["hsd"] is None
+    assert "Meaningless" in result["warnings"][0]
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"readings": None},
+        {"hold_time_s": None},
+        {"readings": [{"mass_kg": -1.0, "volts": 0.0}, {"mass_kg": 1.0, "volts": 0.0}]},
+        {"method": "drops"},
+        {"plan": PLAN},
+        {"readings": [{"mass_kg": 1.0, "volts": 0.0, "u_volts": 1e-3}] * 2},
+    ],
+)
+def test_weights_that_fix_nothing_are_refused(rig, wrong):
+    """Missing or impossible readings are refused with a problem, and nothing is stored."""
+    before = rig.reader.get("/v1/calibrations").json()["items"][0]["number"]
+    answer = weigh(rig, {**WEIGHTS, **wrong}, "weights-3")
+    assert answer.status_code in {400, 422}, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert rig.reader.get("/v1/calibrations").json()["items"][0]["number"] == before
