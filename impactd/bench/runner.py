@@ -15,8 +15,10 @@ from rich.table import Table
 from impactd import __version__
 from impactd.bench.figure import Figure
 
-BENCHMARKS = ("solver", "stream", "store")
+BENCHMARKS = ("solver", "stream", "store", "fit_speed", "scale")
 """Modules of this package, in the order they run; each has ``measure() -> list[Figure]``."""
+LONG = ("refit", "coverage")
+"""Benchmarks of minutes, which run when they are named."""
 
 _WIDTH_IN_A_PIPE = 120
 
@@ -29,7 +31,7 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
     json_out : Path or None
         File that gets the figures as ``impactd-bench/1``.
     only : list of str, optional
-        Names out of `BENCHMARKS`; all of them by default.
+        Names out of `BENCHMARKS` and `LONG`; those of `BENCHMARKS` by default.
 
     Returns
     -------
@@ -37,14 +39,13 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
         Exit code: 0 when every benchmark ran (a missed goal is shown, not punished: machines
         differ), 1 when one could not, 2 for an unknown name.
     """
-    console = Console()
-    if not console.is_terminal:
-        console = Console(width=_WIDTH_IN_A_PIPE)
+    console = _console()
     names = list(only or BENCHMARKS)
-    unknown = [name for name in names if name not in BENCHMARKS]
+    known = (*BENCHMARKS, *LONG)
+    unknown = [name for name in names if name not in known]
     if unknown:
         print(
-            f"No benchmark is called {', '.join(unknown)}; there are {', '.join(BENCHMARKS)}.",
+            f"No benchmark is called {', '.join(unknown)}; there are {', '.join(known)}.",
             file=sys.stderr,
         )
         return 2
@@ -62,6 +63,22 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
     if json_out is not None:
         json_out.write_text(json.dumps(_document(figures), indent=2) + "\n")
     return 1 if failed else 0
+
+
+def show(figures: dict[str, list[Figure]]) -> None:
+    """Print figures as the table of `run`.
+
+    Parameters
+    ----------
+    figures : dict
+        By benchmark.
+    """
+    _console().print(_table(figures))
+
+
+def _console() -> Console:
+    console = Console()
+    return console if console.is_terminal else Console(width=_WIDTH_IN_A_PIPE)
 
 
 def _table(figures: dict[str, list[Figure]]) -> Table:

@@ -22,11 +22,31 @@ SAMPLE_INTERVAL_S = 1e-6
 RATIO_GOAL = 500.0
 ERROR_GOAL = 1e-6
 
-# The load cell of the paper's Table 3.
-CRYSTAL_MASS_KG = 35.4e-3
-CRYSTAL_STIFFNESS_N_PER_M = 0.416e9
-CRYSTAL_DAMPING_N_S_PER_M = 560.0
-COMPLIANCE_M_PER_V = 5.6e-9
+
+@dataclass(frozen=True)
+class Cell:
+    """The load cell.
+
+    Attributes
+    ----------
+    mass_kg, stiffness_n_per_m, damping_n_s_per_m, compliance_m_per_v : float
+        M, k, mu and c of Eqs 8-11. [kg], [N/m], [N s/m], [m/V]
+    """
+
+    mass_kg: float
+    stiffness_n_per_m: float
+    damping_n_s_per_m: float
+    compliance_m_per_v: float
+
+    def acceleration(self, force_n: float, crystal_m: float, crystal_m_per_s: float) -> float:
+        """Return Eq. 8-10 solved for the crystal's acceleration. [m/s^2]"""
+        spring = self.stiffness_n_per_m * crystal_m
+        damper = self.damping_n_s_per_m * crystal_m_per_s
+        return (force_n - spring - damper) / self.mass_kg
+
+
+TABLE_3 = Cell(35.4e-3, 0.416e9, 560.0, 5.6e-9)
+"""The load cell of the paper's Table 3."""
 
 
 @dataclass(frozen=True)
@@ -132,10 +152,10 @@ def compiled_trace(impact: Impact) -> NDArray[np.float64]:
         mass_kg=impact.mass_kg,
         speed_m_per_s=impact.speed_m_per_s,
         alpha=hertz.damping_coefficient(impact.restitution),
-        crystal_mass_kg=CRYSTAL_MASS_KG,
-        crystal_stiffness_n_per_m=CRYSTAL_STIFFNESS_N_PER_M,
-        crystal_damping_n_s_per_m=CRYSTAL_DAMPING_N_S_PER_M,
-        gain=1.0 / COMPLIANCE_M_PER_V,
+        crystal_mass_kg=TABLE_3.mass_kg,
+        crystal_stiffness_n_per_m=TABLE_3.stiffness_n_per_m,
+        crystal_damping_n_s_per_m=TABLE_3.damping_n_s_per_m,
+        gain=1.0 / TABLE_3.compliance_m_per_v,
     )[0]
 
 
@@ -157,6 +177,45 @@ def scipy_trace(
     -------
     ndarray, shape (1000,)
         Crystal's voltage, first sample at touch-down. [V]
+    """
+    return scipy_voltage(
+        np.arange(SAMPLES, dtype=np.float64) * SAMPLE_INTERVAL_S,
+        impact,
+        TABLE_3,
+        method=method,
+        rtol=rtol,
+    )[0]
+
+
+def scipy_voltage(
+    times_s: NDArray[np.float64],
+    impact: Impact,
+    cell: Cell,
+    *,
+    method: Literal["LSODA", "DOP853"] = "LSODA",
+    rtol: float = 1e-8,
+) -> tuple[NDArray[np.float64], float]:
+    """Return an impact's voltage at given times, and the rebound ratio, by scipy.
+
+    Parameters
+    ----------
+    times_s : ndarray, shape (n,)
+        After touch-down, increasing, the first one not negative. [s]
+    impact : Impact
+        What falls on what.
+    cell : Cell
+        On which load cell.
+    method : {"LSODA", "DOP853"}
+        As in `scipy.integrate.solve_ivp`.
+    rtol : float
+        Relative tolerance. [1]
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        Crystal's voltage. [V]
+    float
+        Rebound over impact speed; NaN when the contact outlasts the times. [1]
 
     Notes
     -----
@@ -177,12 +236,12 @@ def scipy_trace(
             v,
             gravity - (elastic + dissipative) / mass_kg,
             crystal_v,
-            _crystal_acceleration(elastic, crystal, crystal_v),
+            cell.acceleration(elastic, crystal, crystal_v),
         ]
 
     def _ring(_t: float, state: NDArray[np.float64]) -> list[float]:
         """Crystal alone."""
-        return [state[1], _crystal_acceleration(0.0, state[0], state[1])]
+        return [state[1], cell.acceleration(0.0, state[0], state[1])]
 
     def _lift_off(_t: float, state: NDArray[np.float64]) -> float:
         """Indentation: back at zero when the sphere leaves."""
@@ -194,26 +253,26 @@ def scipy_trace(
     depth_m = (1.25 * mass_kg * impact.speed_m_per_s**2 / stiffness) ** 0.4
     speed = impact.speed_m_per_s
     sizes = np.array([depth_m, speed, depth_m * 1e-3, speed * 1e-3])
-    times = np.arange(SAMPLES) * SAMPLE_INTERVAL_S
     touching = solve_ivp(
         _contact,
-        (0.0, float(times[-1])),
+        (0.0, float(times_s[-1])),
         [0.0, speed, 0.0, 0.0],
         method=method,
         rtol=rtol,
         atol=rtol * 1e-3 * sizes,
-        t_eval=times,
+        t_eval=times_s,
         events=_lift_off,
     )
-    crystal = touching.y[2]
+    crystal, rebound = touching.y[2], math.nan
     assert touching.t_events is not None
     assert touching.y_events is not None
     if touching.t_events[0].size:
         end = float(touching.t_events[0][-1])
-        rest = times[times > end]
+        rebound = -float(touching.y_events[0][-1][1]) / speed
+        rest = times_s[times_s > end]
         free = solve_ivp(
             _ring,
-            (end, float(times[-1])),
+            (end, float(times_s[-1])),
             touching.y_events[0][-1][2:],
             method=method,
             rtol=rtol,
@@ -221,7 +280,7 @@ def scipy_trace(
             t_eval=rest,
         )
         crystal = np.concatenate([crystal, free.y[0]])
-    return np.asarray(crystal / COMPLIANCE_M_PER_V, dtype=np.float64)
+    return np.asarray(crystal / cell.compliance_m_per_v, dtype=np.float64), rebound
 
 
 def relative_error(impact: Impact) -> float:
@@ -239,13 +298,6 @@ def relative_error(impact: Impact) -> float:
     """
     truth = scipy_trace(impact, method="DOP853", rtol=1e-12)
     return float(np.abs(compiled_trace(impact) - truth).max() / np.abs(truth).max())
-
-
-def _crystal_acceleration(force_n: float, crystal_m: float, crystal_m_per_s: float) -> float:
-    """Return Eq. 8-10 solved for the crystal's acceleration. [m/s^2]"""
-    spring = CRYSTAL_STIFFNESS_N_PER_M * crystal_m
-    damper = CRYSTAL_DAMPING_N_S_PER_M * crystal_m_per_s
-    return (force_n - spring - damper) / CRYSTAL_MASS_KG
 
 
 def _seconds_per_call(calls: list[Callable[[], object]], repeats: int) -> float:

@@ -1,0 +1,29 @@
+"""Simulated campaigns as the analysis takes them, for benchmarks."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from analysis.campaign import Campaign
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from impactd.storage.campaign_folder import read_campaign
+
+
+def simulated_campaign(settings: CampaignSettings, seed: int) -> Campaign:
+    """Return a campaign as a person would have it: labels and recordings, no truth.
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        What it consists of.
+    seed : int
+        Of everything drawn.
+
+    Returns
+    -------
+    Campaign
+        Through the exchange format, so that nothing but what a folder holds gets across.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        return read_campaign(write_campaign_folder(Path(folder), simulate_campaign(settings, seed)))
