@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
 
 MAX_ORDER = 8
 """Highest autoregressive order that is tried."""
@@ -88,6 +87,16 @@ def _autocovariance(segments: Sequence[NDArray[np.float64]], lags: int) -> NDArr
     return np.asarray(total / np.maximum(count, 1))
 
 
+def _one_order_more(
+    gamma: NDArray[np.float64], a: NDArray[np.float64], variance: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the Yule-Walker solution of one order more (Levinson's recursion)."""
+    order = a.size
+    reflection = float(gamma[order + 1] - a @ gamma[order:0:-1]) / variance
+    longer = np.append(a - reflection * a[::-1], reflection)
+    return longer, variance * (1 - reflection**2)
+
+
 def estimate_noise(
     segments: Sequence[NDArray[np.float64]], *, quantum: float | None = None
 ) -> NoiseModel | None:
@@ -107,8 +116,8 @@ def estimate_noise(
 
     Notes
     -----
-    Source: Yule-Walker equations; order by BIC. Validation: recovers AR(1) of known coefficient in
-    ``tests/analysis/test_noise.py``.
+    Source: Yule-Walker equations by Levinson's recursion; order by BIC. Validation: recovers AR(1)
+    of known coefficient in ``tests/analysis/test_noise.py``.
     """
     usable = [s for s in segments if s.size > 4 * MAX_ORDER]
     samples = sum(s.size for s in usable)
@@ -122,9 +131,10 @@ def estimate_noise(
             return None
         return NoiseModel(np.zeros(0), level, level, samples, "pre-trigger")
     best: tuple[float, NDArray[np.float64], float] | None = None
+    a, variance = np.zeros(0), float(gamma[0])
     for order in range(MAX_ORDER + 1):
-        a = solve_toeplitz(gamma[:order], gamma[1 : order + 1]) if order else np.zeros(0)
-        variance = float(gamma[0] - a @ gamma[1 : order + 1])
+        if order:
+            a, variance = _one_order_more(gamma, a, variance)
         if variance <= 0:
             break
         bic = samples * math.log(variance) + order * math.log(samples)

@@ -11,8 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.campaign import Sensor
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
-from analysis.fit.ring import ring_in_tails
+from analysis.fit.ring import FREQUENCY_STEP, ring_in_tails
 from analysis.fit.scan import best_contact_time, stiffness_for
 from analysis.fit.start_moduli import choose_start, start_moduli
 from analysis.model import solver
@@ -43,6 +44,8 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
         if damping:
             zeta = damping.value / (2 * math.sqrt(stiffness.value * mass.value))
         stated = math.sqrt(stiffness.value / mass.value)
+        if _stated_frequency_u(sensor) < FREQUENCY_STEP:
+            return stated, zeta  # a calibration knows better than the search's grid
         return _nearest_ring(item_list, stated, zeta)
     rate = item_list[0].frame.sample_rate_hz
     width = float(np.median([i.window.width_s for i in item_list]))
@@ -52,6 +55,17 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
     if seen is not None:
         candidates.append(seen)
     return min(candidates, key=lambda c: _ring_mismatch(item_list, *c))
+
+
+def _stated_frequency_u(sensor: Sensor) -> float:
+    """Return u of ln omega0 as certificate or calibration state it; infinite where they do not."""
+    mass, stiffness = sensor.crystal_mass_kg, sensor.crystal_stiffness_n_per_m
+    if mass is None or stiffness is None:
+        return math.inf
+    if sensor.covariance is not None:
+        c = sensor.covariance  # of ln M, ln k, ...; omega0 = sqrt(k / M)
+        return 0.5 * math.sqrt(max(float(c[0, 0] + c[1, 1] - 2 * c[0, 1]), 0.0))
+    return 0.5 * math.hypot(mass.u / mass.value, stiffness.u / stiffness.value)
 
 
 def _nearest_ring(items: list[FitShot], stated: float, zeta: float) -> tuple[float, float]:
