@@ -59,7 +59,11 @@ def demo(
 def bench(
     only: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="solver, stream, store; all without a name."),
+        typer.Argument(
+            metavar="[NAME]...",
+            help="solver, stream, store, fit_speed, scale: all without a name; "
+            "refit, coverage: minutes.",
+        ),
     ] = None,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the figures here.")

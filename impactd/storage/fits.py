@@ -102,6 +102,10 @@ class FitTable:
         """Return how many shots a re-fit has done."""
         return self._index.number("SELECT count(DISTINCT shot) FROM fits WHERE run = ?", (run,))
 
+    def rows_in_run(self, run: str) -> int:
+        """Return how many fits a re-fit has written: shots times models, were all well."""
+        return self._index.number("SELECT count(*) FROM fits WHERE run = ?", (run,))
+
     def count_not_in_run(self, run: str) -> int:
         """Return how many shots a re-fit has still to do."""
         return self._index.number(
