@@ -62,17 +62,21 @@ def bench(
         typer.Argument(
             metavar="[NAME]...",
             help="solver, stream, store, fit_speed, scale: all without a name; "
-            "refit, coverage: minutes.",
+            "refit, coverage, blind: minutes.",
         ),
     ] = None,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the figures here.")
     ] = None,
+    blind: Annotated[
+        bool, typer.Option("--blind", help="Blind trials of the diagnosis; the same as NAME blind.")
+    ] = False,
 ) -> None:
     """Measure speed, each figure as a ratio within the same run."""
     from impactd.bench import run
 
-    raise typer.Exit(run(json_out, only or None))
+    names = [*(only or []), *(["blind"] if blind and "blind" not in (only or []) else [])]
+    raise typer.Exit(run(json_out, names or None))
 
 
 def doctor(config: Config = None, data: Data = None, as_json: Json = False) -> None:
