@@ -18,13 +18,14 @@ from typing import Any
 
 import structlog
 
+from analysis.errors import UnknownModelError
 from analysis.model.impact_model import model_named
 from impactd import __version__
 from impactd.acquisition.service import AcquisitionService
 from impactd.calibration_run import CalibrationRunner
 from impactd.data_lock import DataLock
 from impactd.events import EventBus
-from impactd.jobs.orders import request_fit
+from impactd.jobs.orders import request_diagnosis, request_fit
 from impactd.jobs.runner import JobRunner
 from impactd.materials import Materials, load_materials
 from impactd.moduli_service import moduli
@@ -170,6 +171,30 @@ class Daemon:
         model_named(model)
         return request_fit(self.archive, shots, model, key=key)
 
+    def request_diagnosis(self, shots: list[int], base: str, *, key: str | None) -> Job:
+        """Ask the worker what a model misses on these shots.
+
+        Parameters
+        ----------
+        shots : list of int
+            Numbers.
+        base : str
+            Model to start from.
+        key : str or None
+            The client's idempotency key.
+
+        Returns
+        -------
+        Job
+            Queued, or the one of the same key.
+
+        Raises
+        ------
+        NotFoundError
+            If a shot is not there.
+        """
+        return request_diagnosis(self.archive, shots, base, key=key)
+
     def moduli(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None
     ) -> dict[str, Any]:
@@ -200,28 +225,39 @@ class Daemon:
             self.archive, self.materials, specimen=specimen, since=since, until=until, model=name
         )
 
-    def models(self) -> list[dict[str, str]]:
-        """Return the base models with a line about each."""
-        return [{"name": name, "about": about} for name, about in BASE_MODELS.items()]
+    def models(self) -> list[dict[str, Any]]:
+        """Return the base models, then every version of every named one, newest first."""
+        bases: list[dict[str, Any]] = [
+            {"name": name, "version": None, "about": about} for name, about in BASE_MODELS.items()
+        ]
+        return bases + [asdict(model) for model in self.archive.models.all()]
 
-    def choose_model(self, name: str, *, by: str) -> None:
-        """Choose the model that new results are reported with.
+    def choose_model(self, name: str, *, version: int | None, by: str) -> None:
+        """Choose the model that later fits use and results are reported with.
 
         Parameters
         ----------
         name : str
-            A base model.
+            A base model, or one that a diagnosis has named.
+        version : int or None
+            Of a named model; its latest one without it.
         by : str
             Who chooses.
 
         Raises
         ------
         UnknownModelError
-            If this version does not know it.
+            If this version of the program cannot build it.
+        NotFoundError
+            If no diagnosis has named such a model or version.
         """
         model_named(name)
-        self.archive.models.set_active(name)
-        self.bus.publish("model.chosen", {"name": name, "by": by})
+        if name not in BASE_MODELS:
+            version = self.archive.models.named(name, version).version
+        elif version is not None:
+            raise UnknownModelError(f"The base model {name} has no versions.")
+        self.archive.models.set_active(name, version)
+        self.bus.publish("model.chosen", {"name": name, "version": version, "by": by})
 
 
 BASE_MODELS = {

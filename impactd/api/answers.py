@@ -11,8 +11,6 @@ from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
 from impactd.api.schemas import (
     CalibrationAnswer,
-    DiagnosisAnswer,
-    DiagnosisProgress,
     DropAnswer,
     FitAnswer,
     FitJobAnswer,
@@ -132,32 +130,6 @@ def fit_job_answer(job: Job, fits: list[Fit]) -> FitJobAnswer:
         fits=[fit_answer(fit) for fit in fits],
         result=without_nan(job.result),
         links={"self": f"/v1/fits/{job.id}"},
-    )
-
-
-def diagnosis_answer(
-    job: Job, progress: tuple[str, float] | None, *, whole: bool = True
-) -> DiagnosisAnswer:
-    """Return a diagnosis that was asked for; ``whole`` with its result."""
-    result = job.result or {}
-    found = result.get("diagnosis")
-    at = f"/v1/diagnoses/{job.id}"
-    told = None
-    if progress is not None:
-        told = DiagnosisProgress(text=progress[0], share=progress[1])
-    return DiagnosisAnswer(
-        id=job.id,
-        state=job.state,
-        subject=job.subject,
-        reason=job.reason,
-        verdict=found["verdict"] if found else None,
-        sentence=found["sentence"] if found else None,
-        model=result.get("model"),
-        progress=told,
-        created_utc=job.created_utc,
-        finished_utc=job.finished_utc,
-        result=without_nan(found) if whole else None,
-        links={"self": at, "report": f"{at}/report.html" if found else None},
     )
 
 

@@ -281,58 +281,6 @@ class CalibrationAnswer(Answer):
     links: dict[str, str | None]
 
 
-class DiagnosisBody(Request):
-    """Shots whose fit is to be explained."""
-
-    model_config = ConfigDict(
-        json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv"}}
-    )
-    shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
-    base: Literal["kv", "hsd"] = "kv"
-
-
-class DiagnosisProgress(Answer):
-    """How far a running diagnosis is."""
-
-    text: str
-    share: float = Field(description="Of the present stage, 0..1.")
-
-
-class DiagnosisAnswer(Answer):
-    """A diagnosis that was asked for."""
-
-    id: int
-    state: str = Field(description="queued, running, done, failed or cancelled")
-    subject: str
-    reason: str | None
-    verdict: str | None = Field(description="Null until it is done.")
-    sentence: str | None
-    model: dict[str, Any] | None = Field(
-        description="Name and version of the model that was accepted; null where none was."
-    )
-    progress: DiagnosisProgress | None
-    created_utc: str
-    finished_utc: str | None
-    result: dict[str, Any] | None = Field(description="impactd-diagnosis/1; not in lists.")
-    links: dict[str, str | None]
-
-
-class DiagnosisPage(Answer):
-    """Diagnoses, newest first."""
-
-    items: list[DiagnosisAnswer]
-
-
-class ActiveModelBody(Request):
-    """The model that new results are reported with."""
-
-    model_config = ConfigDict(json_schema_extra={"example": {"name": "kv"}})
-    name: Annotated[str, Field(min_length=1, max_length=200)]
-    version: Annotated[int, Field(ge=1, le=_LARGEST)] | None = Field(
-        None, description="Of a named model; the latest one without it."
-    )
-
-
 class AbortAnswer(Answer):
     """What an abort found and did."""
 
@@ -381,4 +329,8 @@ class CalibrationPage(Answer):
     """Calibrations, newest first."""
 
     items: list[CalibrationAnswer]
+    series: list[dict[str, Any]] = Field(
+        description="Gain, frequency and damping of the calibrations with drops on this page, "
+        "oldest first, with their drift since the one before and since the first."
+    )
     next: str | None

@@ -9,6 +9,7 @@
     │   ├── TaskTimeoutError    it took too long and was ended
     │   └── TaskMemoryError     it took too much memory and was ended
     ├── StoppedError            the daemon is going down; the task is to run again later
+    ├── TaskCancelledError      somebody asked for its end
     └── ClusterError            there is no cluster to run it on
 
 One `WorkerLostError` is worth another try, a second one is not.
@@ -95,6 +96,10 @@ class TaskMemoryError(WorkerLostError):
 
 class StoppedError(TaskError):
     """The daemon is going down; the task is to run again later."""
+
+
+class TaskCancelledError(TaskError):
+    """Somebody asked for the end of a running task."""
 
 
 class ClusterError(TaskError):

@@ -27,9 +27,11 @@ CONNECT_LIMIT_S = 30.0
 
 
 class _Submission:
-    def __init__(self, task: str, arguments: tuple[Any, ...]) -> None:
+    def __init__(self, task: str, arguments: tuple[Any, ...], time_s: float | None = None) -> None:
         self.task = task
         self.arguments = arguments
+        self.time_s = time_s
+        self.cancel = threading.Event()
         self.future: Future[Any] = Future()
 
 
@@ -65,6 +67,7 @@ class WorkerExecutor(Executor):
         self._queue: SimpleQueue[_Submission | None] = SimpleQueue()
         self._stop = threading.Event()
         self._door = threading.Lock()
+        self._cancels: dict[Future[Any], threading.Event] = {}
         self._warm = threading.Event()
         self._on_progress = on_progress
         self._processes = [
@@ -107,12 +110,52 @@ class WorkerExecutor(Executor):
         """
         if kwargs:
             raise TypeError("Tasks take positional arguments only.")
-        submission = _Submission(name_of(fn), args)
+        return self.submit_within(None, fn, *args)
+
+    def submit_within(
+        self, time_s: float | None, fn: Callable[..., Any], /, *args: Any
+    ) -> Future[Any]:
+        """Queue a task that may take another time than the limits say.
+
+        Parameters
+        ----------
+        time_s : float or None
+            What it may take; None for the limits' own. [s]
+        fn : callable
+            A module-level function.
+        *args
+            JSON values.
+
+        Returns
+        -------
+        Future
+            Gets the JSON result, or a `TaskError`.
+
+        Raises
+        ------
+        StoppedError
+            If the executor was shut down.
+        """
+        submission = _Submission(name_of(fn), args, time_s)
         with self._door:
             if self._stop.is_set():
                 raise StoppedError("The executor was shut down.")
             self._queue.put(submission)
+            self._cancels[submission.future] = submission.cancel
+        submission.future.add_done_callback(lambda done: self._cancels.pop(done, None))
         return submission.future
+
+    def cancel(self, future: Future[Any]) -> None:
+        """End a task that waits or runs; its future then has a `TaskCancelledError`.
+
+        Parameters
+        ----------
+        future : Future
+            From `submit`; one that is done already stays as it is.
+        """
+        event = self._cancels.get(future)
+        if event is not None:
+            event.set()
 
     def wait_warm(self, timeout_s: float) -> bool:
         """Wait until a worker is warm.
@@ -194,7 +237,13 @@ class WorkerExecutor(Executor):
                 self._on_progress(future, text, share)
 
         try:
-            result = process.run(submission.task, submission.arguments, on_progress)
+            result = process.run(
+                submission.task,
+                submission.arguments,
+                on_progress,
+                time_s=submission.time_s,
+                cancel=submission.cancel,
+            )
         except BaseException as error:  # a future carries whatever happened to its owner
             future.set_exception(error)
         else:

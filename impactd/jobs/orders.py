@@ -15,12 +15,14 @@ from analysis.campaign import Sensor
 from impactd.materials import Materials
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Shot
+from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import Job
 from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surface_to_json
 
 FIT_SHOT = "fit_shot"
 FIT_CAMPAIGN = "fit_campaign"
 CALIBRATE = "calibrate"
+DIAGNOSE = "diagnose"
 SHOT_MODELS = ("hsd", "kv")
 """Both are fitted to every shot: the difference is what a rigid cell would have made of it."""
 
@@ -67,6 +69,40 @@ def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | No
     return archive.jobs.enqueue(FIT_CAMPAIGN, payload, subject, key=key)
 
 
+def request_diagnosis(
+    archive: Archive, shots: list[int], base: str, *, key: str | None = None
+) -> Job:
+    """Ask why a model does not fit.
+
+    Parameters
+    ----------
+    archive : Archive
+        Where the shots are.
+    shots : list of int
+        At least one number.
+    base : str
+        Model to start from.
+    key : str, optional
+        The client's idempotency key.
+
+    Returns
+    -------
+    Job
+        Queued, or the old one of the same key.
+
+    Raises
+    ------
+    NotFoundError
+        If a shot does not exist.
+    IdempotencyConflictError
+        If the key belongs to another request.
+    """
+    for number in shots:
+        archive.shot(number)
+    subject = f"{len(shots)} shot(s) from the base {base}"
+    return archive.jobs.enqueue(DIAGNOSE, {"shots": shots, "base": base}, subject, key=key)
+
+
 def request_calibration_fit(archive: Archive, calibration: int) -> Job:
     """Ask for the joint fit of a calibration run whose drops are all there."""
     payload = {"calibration": calibration}
@@ -100,12 +136,55 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
     numbers = _numbers(job, archive)
     if not numbers:
         raise ArchiveError(f"{job.subject}: there is no stored shot to fit.")
+    models = list(job.payload.get("models") or shot_models(archive))
+    model = job.payload.get("model") or _calibration_model(job, archive)
+    # A diagnosis starts from the certificate too: a calibration made under the model in question
+    # would vouch for it.
+    calibrated = job.kind not in (CALIBRATE, DIAGNOSE)
     return {
-        **_knowledge(archive, settings, materials, with_calibration=job.kind != CALIBRATE),
+        **_knowledge(archive, settings, materials, with_calibration=calibrated),
         "shots": [_where(archive, archive.shot(number)) for number in numbers],
-        "models": list(job.payload.get("models", SHOT_MODELS)),
-        "model": job.payload.get("model", "kv"),
+        "models": models,
+        "model": model,
+        "base": job.payload.get("base", "kv"),
+        "definitions": _definitions(archive, [*models, model]),
     }
+
+
+def shot_models(archive: Archive) -> tuple[str, ...]:
+    """Return the models that every shot is fitted with: both bases, and the active one.
+
+    Parameters
+    ----------
+    archive : Archive
+        Knows the active one.
+
+    Returns
+    -------
+    tuple of str
+        In the order of fitting.
+    """
+    active = archive.models.active()
+    return SHOT_MODELS if active in SHOT_MODELS else (*SHOT_MODELS, active)
+
+
+def _calibration_model(job: Job, archive: Archive) -> str:
+    """Return the active model where it has a crystal to calibrate, ``kv`` for everything else."""
+    active = archive.models.active()
+    return active if job.kind == CALIBRATE and active.startswith("kv+") else "kv"
+
+
+def _definitions(archive: Archive, names: Sequence[str]) -> Json:
+    """Return what is known of the named models among these, by name."""
+    found = {}
+    for name in set(names) - set(SHOT_MODELS):
+        version = archive.models.active_version() if name == archive.models.active() else None
+        try:
+            model = archive.models.named(name, version)
+        except NotFoundError:  # made up of library effects by whoever asked: fitted without priors
+            continue
+        found[name] = {**model.definition, "version": model.version}
+    return found
 
 
 def order_without_shots(
@@ -130,7 +209,7 @@ def order_without_shots(
         JSON-ready; equal knowledge gives equal orders.
     """
     known = _knowledge(archive, settings, materials, with_calibration=True)
-    return {**known, "models": list(models)}
+    return {**known, "models": list(models), "definitions": _definitions(archive, models)}
 
 
 def shot_places(archive: Archive, numbers: Sequence[int]) -> list[Json]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from analysis.calibration import drift
-from impactd.jobs.orders import CALIBRATE, FIT_SHOT
+from impactd.jobs.orders import CALIBRATE, DIAGNOSE, FIT_SHOT
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, Problem
 from impactd.storage.drops import Drop
@@ -18,6 +18,7 @@ from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import Job
 from impactd.storage.moment import utc_after
 
+CANCELLED = "It was cancelled."
 Json = dict[str, Any]
 Announce = Callable[[str, Json], None]
 
@@ -44,6 +45,9 @@ class ResultWriter:
         """Write the result of a job."""
         if job.kind == CALIBRATE:
             self._finish_calibration(job, result["calibration"])
+            return
+        if job.kind == DIAGNOSE:
+            self._finish_diagnosis(job, result)
             return
         shot = job.payload["shot"] if job.kind == FIT_SHOT else None
         results = result["fits"] if job.kind == FIT_SHOT else [result["fit"]]
@@ -94,6 +98,29 @@ class ResultWriter:
             return self._archive.drop(shot)
         except NotFoundError:  # an import has no drop
             return None
+
+    def _finish_diagnosis(self, job: Job, result: Json) -> None:
+        found = result["diagnosis"]
+        model = None
+        with self._archive.transaction():
+            if found["accepted_model"] is not None:
+                provenance = {
+                    "diagnosis": job.id,
+                    "verdict": found["verdict"],
+                    "shots": found["shot_numbers"],
+                    "file_sha256": found["file_sha256"],
+                    "software": found["software"],
+                }
+                named = self._archive.models.add(found["accepted_model"], provenance)
+                model = {"name": named.name, "version": named.version}
+            self._archive.jobs.finish(job.id, {**result, "model": model})
+        told = {"id": job.id, "verdict": found["verdict"], "sentence": found["sentence"]}
+        self._announce("diagnosis.done", {**told, "model": model})
+
+    def cancel(self, job: Job) -> None:
+        """Write that a running job was cancelled."""
+        self._archive.jobs.cancelled(job.id, CANCELLED)
+        self._announce("job.cancelled", {"job": job.id, "kind": job.kind, "subject": job.subject})
 
     def _finish_calibration(self, job: Job, result: Json) -> None:
         number = job.payload["calibration"]

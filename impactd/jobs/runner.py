@@ -11,10 +11,10 @@ from typing import Any
 
 import structlog
 
-from impactd.jobs.errors import StoppedError, TaskError, WorkerLostError
+from impactd.jobs.errors import StoppedError, TaskCancelledError, TaskError, WorkerLostError
 from impactd.jobs.executors import WorkerExecutor
-from impactd.jobs.orders import order_for
-from impactd.jobs.results import ResultWriter
+from impactd.jobs.orders import DIAGNOSE, order_for
+from impactd.jobs.results import CANCELLED, ResultWriter
 from impactd.jobs.tasks import TASKS, warm_up
 from impactd.jobs.worker_process import WorkerLimits
 from impactd.materials import Materials, load_materials
@@ -26,6 +26,8 @@ _log = structlog.get_logger("impactd.jobs")
 POLL_S = 0.5
 """Jobs that other processes add are seen after so long; our own ring a bell."""
 ALIVE_S = 30.0
+DIAGNOSIS_TIMES = 10.0
+"""A diagnosis is a few hundred fits, most of them cut short: so many times a fit's limit."""
 
 Task = Callable[[dict[str, Any]], dict[str, Any]]
 
@@ -41,8 +43,8 @@ class JobRunner:
         Limits, certificate, release.
     on_event : callable
         Gets kind and data of each event: ``job.started``, ``job.progress``, ``job.retried``,
-        ``job.failed``, ``fit.done``, ``drop.analysed``, ``calibration.done``,
-        ``calibration.failed``.
+        ``job.failed``, ``job.cancelled``, ``fit.done``, ``drop.analysed``, ``calibration.done``,
+        ``calibration.failed``, ``diagnosis.done``.
     materials : Materials, optional
         Spheres and surfaces; read from the settings' file when absent.
     tasks : mapping, optional
@@ -74,6 +76,8 @@ class JobRunner:
         self._stop = threading.Event()
         self._free = threading.Semaphore(settings.jobs.workers)
         self._running: dict[Future[Any], Job] = {}
+        self._unwanted: set[int] = set()
+        self._progress: dict[int, tuple[str, float]] = {}
         self._last_turn_s = 0.0
 
     def start(self) -> None:
@@ -112,6 +116,42 @@ class JobRunner:
         if thread is None or executor is None or not thread.is_alive() or not executor.alive():
             return False
         return time.monotonic() - self._last_turn_s < ALIVE_S
+
+    def cancel(self, number: int) -> Job:
+        """End a job that waits or runs; one that has ended stays as it is.
+
+        Parameters
+        ----------
+        number : int
+            Which.
+
+        Returns
+        -------
+        Job
+            As it is now; a running one ends within moments.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        if self._archive.jobs.cancel_waiting(number, CANCELLED):
+            job = self._archive.jobs.get(number)
+            told = {"job": job.id, "kind": job.kind, "subject": job.subject}
+            self._announce("job.cancelled", told)
+            return job
+        job = self._archive.jobs.get(number)
+        if job.state == "running" and self._executor is not None:
+            # noted first: a job that is just being submitted looks here once it has its future
+            self._unwanted.add(number)
+            for future, running in list(self._running.items()):
+                if running.id == number:
+                    self._executor.cancel(future)
+        return job
+
+    def progress(self, number: int) -> tuple[str, float] | None:
+        """Return what a running job does and which share is done, None where it said nothing."""
+        return self._progress.get(number)
 
     def wait_warm(self, timeout_s: float) -> bool:
         """Wait until a worker is warm; the first fit then takes no longer than any other.
@@ -156,8 +196,12 @@ class JobRunner:
             self._end(job, error)
             return
         self._announce("job.started", {"job": job.id, "kind": job.kind, "subject": job.subject})
-        future = self._executor.submit(task, order)
+        limit_s = self._settings.jobs.fit_time_limit_s
+        time_s = DIAGNOSIS_TIMES * limit_s if job.kind == DIAGNOSE else None
+        future = self._executor.submit_within(time_s, task, order)
         self._running[future] = job
+        if job.id in self._unwanted:
+            self._executor.cancel(future)
         future.add_done_callback(self._done)
 
     def _task(self, kind: str) -> Task:
@@ -167,6 +211,8 @@ class JobRunner:
 
     def _done(self, future: Future[Any]) -> None:
         job = self._running.pop(future)
+        self._progress.pop(job.id, None)
+        self._unwanted.discard(job.id)
         error = future.exception()
         if error is not None:
             self._end(job, error)
@@ -182,6 +228,8 @@ class JobRunner:
         try:
             if isinstance(error, StoppedError):
                 self._archive.jobs.give_back(job.id)
+            elif isinstance(error, TaskCancelledError):
+                self._results.cancel(job)
             else:
                 if not isinstance(error, TaskError | ArchiveError):
                     _log.error("a job failed in the daemon", job=job.id, exc_info=error)
@@ -195,5 +243,6 @@ class JobRunner:
     def _on_progress(self, future: Future[Any], text: str, share: float) -> None:
         job = self._running.get(future)
         if job is not None:
+            self._progress[job.id] = (text, share)
             told = {"job": job.id, "subject": job.subject, "text": text, "share": share}
             self._announce("job.progress", told)

@@ -17,6 +17,7 @@ from analysis import calibrate as analysis_calibrate
 from analysis import fit_campaign as analysis_fit_campaign
 from analysis import restitution_from_bounce, with_bounces
 from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface
+from analysis.discovery.named_model import fit_named
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from impactd.jobs.progress import report
@@ -65,12 +66,12 @@ def fit_shot(order: Json) -> Json:
     for position, model in enumerate(order["models"]):
         report(f"fitting {model}", position / len(order["models"]))
         try:
-            found = _shot_result(_fit_one(campaign, model), stored)
+            found = _shot_result(_fit_one(campaign, model, _definition(order, model)), stored)
         except AnalysisError as error:
             # This model cannot be fitted to this shot; the others may. An outcome, not a failure.
             outcome = {"status": "not_evaluable", "message": str(error)}
             found = {"format": FORMAT, "model": model, "outcome": outcome, "flags": []}
-        fits.append({**found, **_provenance(order, [stored])})
+        fits.append({**found, **_provenance(order, [stored]), **_version(order, model)})
     return {"fits": fits}
 
 
@@ -88,11 +89,15 @@ def fit_campaign(order: Json) -> Json:
         ``fit``: ``impactd-fit/1``.
     """
     shots = _read(order)
-    campaign = _campaign(order, shots)
-    if not any(effect in order["model"] for effect in _FIRST_LANDING_ONLY):
+    campaign, model = _campaign(order, shots), order["model"]
+    if not any(effect in model for effect in _FIRST_LANDING_ONLY):
         campaign = with_bounces(campaign)
-    result = analysis_fit_campaign(campaign, order["model"], progress=report)
-    return {"fit": {**result.to_json(), **_provenance(order, shots)}}
+    definition = _definition(order, model)
+    if definition is None:
+        result = analysis_fit_campaign(campaign, model, progress=report)
+    else:
+        result = fit_named(campaign, definition, progress=report)
+    return {"fit": {**result.to_json(), **_provenance(order, shots), **_version(order, model)}}
 
 
 def calibrate(order: Json) -> Json:
@@ -112,6 +117,31 @@ def calibrate(order: Json) -> Json:
     campaign = with_bounces(_campaign(order, shots))
     result = analysis_calibrate(campaign, order["model"], progress=report)
     return {"calibration": {**result.to_json(), **_provenance(order, shots)}}
+
+
+def diagnose(order: Json) -> Json:
+    """Close the loop on stored shots.
+
+    Parameters
+    ----------
+    order : dict
+        From `orders.order_for`.
+
+    Returns
+    -------
+    dict
+        ``diagnosis``: ``impactd-diagnosis/1``; ``report_html``: its page. Made here, because
+        drawing takes a second that the sample stream should not have to share.
+    """
+    from impactd.diagnosis.report import page  # noqa: PLC0415 - matplotlib, when it is needed
+    from impactd.diagnosis.run import diagnose as close_the_loop  # noqa: PLC0415
+
+    shots = _read(order)
+    found = close_the_loop(_campaign(order, shots), order["base"], progress=report)
+    return {
+        "diagnosis": {**found, **_provenance(order, shots)},
+        "report_html": page(found),
+    }
 
 
 def warm_up() -> None:
@@ -149,7 +179,19 @@ def warm_up() -> None:
         _fit_one(campaign, model)
 
 
-def _fit_one(campaign: Campaign, model: str) -> FitResult:
+def _definition(order: Json, model: str) -> Json | None:
+    found: Json | None = order.get("definitions", {}).get(model)
+    return found
+
+
+def _version(order: Json, model: str) -> Json:
+    definition = _definition(order, model)
+    return {} if definition is None else {"model_version": definition["version"]}
+
+
+def _fit_one(campaign: Campaign, model: str, definition: Json | None = None) -> FitResult:
+    if definition is not None:
+        return fit_named(campaign, definition, by_pair=True, heldout=False, priors=True)
     return analysis_fit_campaign(campaign, model, by_pair=True, heldout=False)
 
 
@@ -255,5 +297,10 @@ def _provenance(order: Json, shots: list[StoredShot]) -> Json:
     }
 
 
-TASKS = {"fit_shot": fit_shot, "fit_campaign": fit_campaign, "calibrate": calibrate}
+TASKS = {
+    "fit_shot": fit_shot,
+    "fit_campaign": fit_campaign,
+    "calibrate": calibrate,
+    "diagnose": diagnose,
+}
 """By the kind of job."""

@@ -24,6 +24,7 @@ from typing import IO, Any
 
 from impactd.jobs.errors import (
     StoppedError,
+    TaskCancelledError,
     TaskFailedError,
     TaskMemoryError,
     TaskTimeoutError,
@@ -82,6 +83,7 @@ class WorkerProcess:
         self._warm_up = warm_up
         self._import_paths = import_paths
         self._stop = stop
+        self._cancel: threading.Event | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._errors: IO[bytes] | None = None
         self._pending = b""
@@ -137,7 +139,15 @@ class WorkerProcess:
             raise
         self._idle_bytes = self._memory_bytes()
 
-    def run(self, task: str, arguments: Sequence[Any], on_progress: Progress) -> Any:
+    def run(
+        self,
+        task: str,
+        arguments: Sequence[Any],
+        on_progress: Progress,
+        *,
+        time_s: float | None = None,
+        cancel: threading.Event | None = None,
+    ) -> Any:
         """Run a task and return its result.
 
         Parameters
@@ -148,6 +158,10 @@ class WorkerProcess:
             JSON values.
         on_progress : callable
             Hears how far it is.
+        time_s : float, optional
+            What this task may take, instead of the limits' own. [s]
+        cancel : threading.Event, optional
+            Ends the task when it is set.
 
         Returns
         -------
@@ -160,10 +174,11 @@ class WorkerProcess:
             If it raised.
         WorkerCrashedError, TaskTimeoutError, TaskMemoryError
             If the process is gone.
-        StoppedError
-            If it was stopped meanwhile.
+        StoppedError, TaskCancelledError
+            If it was stopped or cancelled meanwhile.
         """
         self.start()
+        self._cancel = cancel
         assert self._process is not None
         assert self._process.stdin is not None
         line = json.dumps({"task": task, "arguments": list(arguments)}, allow_nan=False) + "\n"
@@ -173,12 +188,16 @@ class WorkerProcess:
                 self._process.stdin.flush()
             except BrokenPipeError:
                 raise self._crash() from None
-            answer = self._wait("result", self._limits.time_s, on_progress, watch_memory=True)
+            answer = self._wait(
+                "result", time_s or self._limits.time_s, on_progress, watch_memory=True
+            )
         except TaskFailedError:
             raise
         except BaseException:
             self.end()
             raise
+        finally:
+            self._cancel = None
         return answer["result"]
 
     def end(self) -> None:
@@ -207,6 +226,8 @@ class WorkerProcess:
             while True:
                 if self._stop.is_set():
                     raise StoppedError("The daemon is going down.")
+                if self._cancel is not None and self._cancel.is_set():
+                    raise TaskCancelledError("It was cancelled.")
                 if time.monotonic() > deadline:
                     raise TaskTimeoutError(limit_s)
                 if watch_memory:

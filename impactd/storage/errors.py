@@ -68,11 +68,11 @@ class NotFoundError(ArchiveError):
     ----------
     kind : str
         ``drop``, ``shot``, ``fit``, ``job``, ``calibration`` or ``token``.
-    number : int
-        The number asked for.
+    number : int or str
+        The number, or the name, asked for.
     """
 
-    def __init__(self, kind: str, number: int) -> None:
+    def __init__(self, kind: str, number: int | str) -> None:
         self.kind = kind
         self.number = number
         super().__init__(f"There is no {kind} {number}.")

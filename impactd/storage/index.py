@@ -84,6 +84,12 @@ _MIGRATIONS: tuple[str, ...] = (
     ALTER TABLE fits ADD COLUMN run TEXT;
     CREATE UNIQUE INDEX fits_by_run ON fits(run, shot, model) WHERE run IS NOT NULL;
     """,
+    """
+    CREATE TABLE named_models (
+        name TEXT NOT NULL, version INTEGER NOT NULL, definition TEXT NOT NULL,
+        provenance TEXT NOT NULL, created_utc TEXT NOT NULL, PRIMARY KEY (name, version)) STRICT;
+    ALTER TABLE active_models ADD COLUMN version INTEGER;
+    """,
 )
 
 

@@ -26,13 +26,13 @@ class Job:
     id : int
         [1]
     kind : str
-        ``fit_shot``, ``fit_campaign`` or ``calibrate``.
+        ``fit_shot``, ``fit_campaign``, ``calibrate`` or ``diagnose``.
     payload : dict
         What the task needs, JSON.
     subject : str
         What it is about, for people: ``shot 17``.
     state : str
-        ``queued``, ``running``, ``done`` or ``failed``.
+        ``queued``, ``running``, ``done``, ``failed`` or ``cancelled``.
     attempts : int
         How often it was started.
     result : dict or None
@@ -132,6 +132,18 @@ class JobTable:
                 return self._end(number, "queued", result=None, reason=reason)
             return self._end(number, "failed", result=None, reason=reason)
 
+    def cancel_waiting(self, number: int, reason: str) -> bool:
+        """Cancel a job unless it was started; return whether that was so."""
+        with self._index.transaction():
+            if self.get(number).state != "queued":
+                return False
+            self._end(number, "cancelled", result=None, reason=reason)
+            return True
+
+    def cancelled(self, number: int, reason: str) -> Job:
+        """Write that a running job was ended because nobody wants its result any more."""
+        return self._end(number, "cancelled", result=None, reason=reason)
+
     def give_back(self, number: int) -> Job:
         """Let a job wait again as if it had not been started (the daemon is going down)."""
         with self._index.transaction():
@@ -161,11 +173,14 @@ class JobTable:
             raise NotFoundError("job", number)
         return _job_of(row)
 
-    def list(self, *, state: str | None = None, limit: int = 50) -> list[Job]:
+    def list(
+        self, *, state: str | None = None, kind: str | None = None, limit: int = 50
+    ) -> list[Job]:
         """Return jobs, newest first."""
         rows = self._index.rows(
-            "SELECT * FROM jobs WHERE ? IS NULL OR state=? ORDER BY id DESC LIMIT ?",
-            (state, state, limit),
+            "SELECT * FROM jobs WHERE (? IS NULL OR state=?) AND (? IS NULL OR kind=?) "
+            "ORDER BY id DESC LIMIT ?",
+            (state, state, kind, kind, limit),
         )
         return [_job_of(row) for row in rows]
 

@@ -1,37 +1,119 @@
-"""The table of active models: with which model new shots are reported, and since when."""
+"""The tables of models: the named ones with their versions, and which one fits use."""
 
 from __future__ import annotations
 
-from impactd.storage.index import Index
+import json
+import sqlite3
+from dataclasses import dataclass
+from typing import Any
+
+from impactd.storage.errors import NotFoundError
+from impactd.storage.index import Index, as_text
 from impactd.storage.moment import utc_now
 
 BASE_MODEL = "kv"
 
 
+@dataclass(frozen=True)
+class NamedModel:
+    """A model that a diagnosis found and accepted.
+
+    Attributes
+    ----------
+    name : str
+        E.g. ``kv+adhesive_layer``.
+    version : int
+        From 1; every diagnosis that ends in the same name makes the next one.
+    definition : dict
+        What `analysis.discovery.named_model` builds it from: owners and numbers of its effects.
+    provenance : dict
+        Diagnosis, shots and files it was found in, and the software.
+    created_utc : str
+        When it was written.
+    """
+
+    name: str
+    version: int
+    definition: dict[str, Any]
+    provenance: dict[str, Any]
+    created_utc: str
+
+
 class ModelTable:
-    """The table of active models.
+    """The tables of models.
 
     Parameters
     ----------
     index : Index
-        Where it lives.
+        Where they live.
     """
 
     def __init__(self, index: Index) -> None:
         self._index = index
+
+    def add(self, definition: dict[str, Any], provenance: dict[str, Any]) -> NamedModel:
+        """Write a named model as the next version of its name."""
+        name = definition["name"]
+        with self._index.transaction():
+            version = 1 + self._index.number(
+                "SELECT coalesce(max(version), 0) FROM named_models WHERE name=?", (name,)
+            )
+            self._index.write(
+                "INSERT INTO named_models VALUES (?, ?, ?, ?, ?)",
+                (name, version, as_text(definition), as_text(provenance), utc_now()),
+            )
+            return self.named(name, version)
+
+    def named(self, name: str, version: int | None = None) -> NamedModel:
+        """Return a named model, the latest version unless one is given.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that name and version.
+        """
+        row = self._index.row(
+            "SELECT * FROM named_models WHERE name=? AND (? IS NULL OR version=?) "
+            "ORDER BY version DESC LIMIT 1",
+            (name, version, version),
+        )
+        if row is None:
+            raise NotFoundError("model", name if version is None else f"{name} version {version}")
+        return _named(row)
+
+    def all(self) -> list[NamedModel]:
+        """Return every version of every named model, newest first."""
+        rows = self._index.rows("SELECT * FROM named_models ORDER BY created_utc DESC, name")
+        return [_named(row) for row in rows]
 
     def active(self) -> str:
         """Return the model that new results are reported with; ``kv`` until one was chosen."""
         row = self._index.row("SELECT name FROM active_models ORDER BY id DESC LIMIT 1")
         return BASE_MODEL if row is None else str(row["name"])
 
-    def set_active(self, name: str) -> None:
+    def active_version(self) -> int | None:
+        """Return the version of the active model, ``None`` for one without."""
+        row = self._index.row("SELECT version FROM active_models ORDER BY id DESC LIMIT 1")
+        return None if row is None else row["version"]
+
+    def set_active(self, name: str, version: int | None = None) -> None:
         """Choose a model; the caller has checked that the analysis knows it."""
         self._index.write(
-            "INSERT INTO active_models (name, since_utc) VALUES (?, ?)", (name, utc_now())
+            "INSERT INTO active_models (name, since_utc, version) VALUES (?, ?, ?)",
+            (name, utc_now(), version),
         )
 
     def history(self) -> list[tuple[str, str]]:
         """Return every choice with its moment, oldest first."""
         rows = self._index.rows("SELECT name, since_utc FROM active_models ORDER BY id")
         return [(row["name"], row["since_utc"]) for row in rows]
+
+
+def _named(row: sqlite3.Row) -> NamedModel:
+    return NamedModel(
+        name=row["name"],
+        version=row["version"],
+        definition=json.loads(row["definition"]),
+        provenance=json.loads(row["provenance"]),
+        created_utc=row["created_utc"],
+    )

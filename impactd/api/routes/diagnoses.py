@@ -1,37 +1,77 @@
-"""Diagnoses: closing the loop on stored shots. Not yet there."""
+"""Diagnoses: closing the loop on stored shots."""
 
 from __future__ import annotations
 
-from typing import Any, NoReturn
+from fastapi import APIRouter, Response
+from fastapi.responses import HTMLResponse
 
-from fastapi import APIRouter
-
+from impactd.api.diagnosis_schemas import (
+    DiagnosisAnswer,
+    DiagnosisBody,
+    DiagnosisPage,
+    diagnosis_answer,
+)
 from impactd.api.problems import ProblemError
-from impactd.api.schemas import DiagnosisBody, Number
+from impactd.api.schemas import Key, Limit, Number
+from impactd.api.security import TheDaemon
+from impactd.daemon import Daemon
+from impactd.jobs.orders import DIAGNOSE
+from impactd.storage.jobs import Job
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
 
+_PAGE_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
+)
+
 
 @router.post("", status_code=202)
-def request_diagnosis(body: DiagnosisBody) -> dict[str, Any]:
-    """Ask why a model does not fit; 501 until the loop is in."""
-    raise ProblemError(
-        "not-yet",
-        f"Diagnosing {len(body.shots)} shot(s) from the base {body.base} is not there yet.",
+def request_diagnosis(
+    body: DiagnosisBody, response: Response, daemon: TheDaemon, key: Key = None
+) -> DiagnosisAnswer:
+    """Find out what a model misses on these shots, name it, and what adding it changes."""
+    job = daemon.request_diagnosis(body.shots, body.base, key=key)
+    response.headers["Location"] = f"/v1/diagnoses/{job.id}"
+    return diagnosis_answer(job, daemon.jobs.progress(job.id))
+
+
+@router.get("")
+def list_diagnoses(daemon: TheDaemon, limit: Limit = 50) -> DiagnosisPage:
+    """List the latest diagnoses, newest first, without their results."""
+    jobs = daemon.archive.jobs.list(kind=DIAGNOSE, limit=limit)
+    return DiagnosisPage(
+        items=[diagnosis_answer(job, daemon.jobs.progress(job.id), whole=False) for job in jobs]
     )
 
 
 @router.get("/{diagnosis_id}")
-def show_diagnosis(diagnosis_id: Number) -> dict[str, Any]:
-    """Show a diagnosis."""
-    _none(diagnosis_id)
+def show_diagnosis(diagnosis_id: Number, daemon: TheDaemon) -> DiagnosisAnswer:
+    """Show a diagnosis: how far it is, or what it found."""
+    job = _job(daemon, diagnosis_id)
+    return diagnosis_answer(job, daemon.jobs.progress(job.id))
 
 
-@router.get("/{diagnosis_id}/report.html")
-def report(diagnosis_id: Number) -> dict[str, Any]:
-    """Show a diagnosis as a page."""
-    _none(diagnosis_id)
+@router.delete("/{diagnosis_id}", status_code=202)
+def cancel_diagnosis(diagnosis_id: Number, daemon: TheDaemon) -> DiagnosisAnswer:
+    """Cancel a diagnosis that waits or runs; one that has ended stays."""
+    _job(daemon, diagnosis_id)
+    job = daemon.jobs.cancel(diagnosis_id)
+    return diagnosis_answer(job, daemon.jobs.progress(job.id), whole=False)
 
 
-def _none(diagnosis_id: int) -> NoReturn:
-    raise ProblemError("not-found", f"There is no diagnosis {diagnosis_id}.")
+@router.get("/{diagnosis_id}/report.html", response_class=HTMLResponse)
+def report(diagnosis_id: Number, daemon: TheDaemon) -> HTMLResponse:
+    """Show a diagnosis as a page that is complete in itself."""
+    job = _job(daemon, diagnosis_id)
+    if job.result is None:
+        raise ProblemError("not-found", f"Diagnosis {diagnosis_id} is {job.state}; no report yet.")
+    return HTMLResponse(
+        job.result["report_html"], headers={"Content-Security-Policy": _PAGE_POLICY}
+    )
+
+
+def _job(daemon: Daemon, number: int) -> Job:
+    job = daemon.archive.jobs.get(number)
+    if job.kind != DIAGNOSE:
+        raise ProblemError("not-found", f"There is no diagnosis {number}.")
+    return job

@@ -13,5 +13,5 @@ router = APIRouter(prefix="/v1/effects", tags=["models"])
 
 @router.get("")
 def list_effects() -> dict[str, Any]:
-    """List the effects this version knows, with parameters, units, bounds, sources and validation."""
+    """List the effects this version knows, with parameters, bounds, sources and validation."""
     return {"items": effect_list()}

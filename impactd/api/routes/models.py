@@ -6,7 +6,7 @@ from typing import Any
 
 from fastapi import APIRouter
 
-from impactd.api.schemas import ActiveModelBody
+from impactd.api.diagnosis_schemas import ActiveModelBody
 from impactd.api.security import TheCaller, TheDaemon
 
 router = APIRouter(prefix="/v1/models", tags=["models"])
@@ -14,11 +14,16 @@ router = APIRouter(prefix="/v1/models", tags=["models"])
 
 @router.get("")
 def list_models(daemon: TheDaemon) -> dict[str, Any]:
-    """List the base models and name the active one."""
+    """List base models and named ones, every version, and say which is active."""
     active = daemon.archive.models.active()
+    version = daemon.archive.models.active_version()
     return {
         "active": active,
-        "items": [{**model, "active": model["name"] == active} for model in daemon.models()],
+        "active_version": version,
+        "items": [
+            {**model, "active": (model["name"], model["version"]) == (active, version)}
+            for model in daemon.models()
+        ],
         "history": [
             {"name": name, "since_utc": since} for name, since in daemon.archive.models.history()
         ],
@@ -27,6 +32,6 @@ def list_models(daemon: TheDaemon) -> dict[str, Any]:
 
 @router.put("/active")
 def choose_model(body: ActiveModelBody, daemon: TheDaemon, caller: TheCaller) -> dict[str, Any]:
-    """Choose the model that new results are reported with."""
-    daemon.choose_model(body.name, by=caller.name)
+    """Choose the model that later fits use; earlier results keep theirs."""
+    daemon.choose_model(body.name, version=body.version, by=caller.name)
     return list_models(daemon)

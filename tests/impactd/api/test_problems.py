@@ -148,12 +148,6 @@ def test_a_full_disk_is_a_507_problem_before_anything_moves(rig, monkeypatch):
     assert rig.daemon.archive.drops() == before
 
 
-def test_a_diagnosis_is_not_yet_there(rig):
-    """The loop comes later, and says so."""
-    problem(rig.operator.post("/v1/diagnoses", json={"shots": [1]}), "not-yet")
-    problem(rig.reader.get("/v1/diagnoses/1"), "not-found")
-
-
 def test_every_problem_type_has_its_own_uri_and_a_remedy():
     """The catalogue is complete and free of doubles."""
     assert len({kind.uri for kind in CATALOGUE.values()}) == len(CATALOGUE)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from impactd.jobs.orders import request_calibration_fit, request_fit
+from impactd.jobs.orders import request_calibration_fit, request_diagnosis, request_fit
 from impactd.jobs.runner import JobRunner
 from impactd.storage.archive import ArchiveError, NotFoundError
 from impactd.storage.campaign_folder import read_campaign
@@ -218,3 +218,33 @@ def test_a_calibration_is_written_with_its_end(bench: Any, running: Running) -> 
     else:
         assert calibration.state == "failed"
         assert calibration.problem.detail == job.reason
+
+
+def test_a_running_job_is_ended_when_nobody_wants_it_any_more(
+    bench: Any, running: Running, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cancelled while it hangs, never tried again; the next job finds a worker."""
+    monkeypatch.setenv("FAULT_TASKS_CHILD", str(tmp_path / "pid"))
+    runner = running(
+        bench.runner(tasks={"diagnose": tasks.hangs, "fit_shot": tasks.raises}, import_paths=[HERE])
+    )
+    number = bench.store()
+    job = request_diagnosis(bench.archive, [number], "kv")
+    bench.kinds(1)  # it has started
+
+    runner.cancel(job.id)
+
+    ended = bench.wait(job.id)
+    assert (ended.state, ended.attempts) == ("cancelled", 1)
+    assert bench.kinds(2) == ["job.started", "job.cancelled"]
+    assert runner.cancel(job.id).state == "cancelled"
+    after = bench.wait(request_fit(bench.archive, [number], "kv").id)
+    assert "the sphere has no mass" in after.reason
+
+
+def test_a_waiting_job_is_cancelled_without_being_started(bench: Any) -> None:
+    """Nothing runs yet, so nothing has to be ended."""
+    runner = bench.runner(tasks={"diagnose": tasks.well}, import_paths=[HERE])
+    job = request_diagnosis(bench.archive, [bench.store()], "kv")
+    assert runner.cancel(job.id).state == "cancelled"
+    assert bench.archive.jobs.claim() is None

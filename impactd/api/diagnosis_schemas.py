@@ -1,0 +1,91 @@
+"""Diagnoses and models over the wire."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import ConfigDict, Field
+
+from impactd.api.finite import without_nan
+from impactd.api.schemas import Answer, Request
+from impactd.storage.jobs import Job
+
+LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
+
+
+class DiagnosisBody(Request):
+    """Shots whose fit is to be explained."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv"}}
+    )
+    shots: list[Annotated[int, Field(ge=1, le=LARGEST)]] = Field(min_length=1, max_length=500)
+    base: Literal["kv", "hsd"] = "kv"
+
+
+class DiagnosisProgress(Answer):
+    """How far a running diagnosis is."""
+
+    text: str
+    share: float = Field(description="Of the present stage, 0..1.")
+
+
+class DiagnosisAnswer(Answer):
+    """A diagnosis that was asked for."""
+
+    id: int
+    state: str = Field(description="queued, running, done, failed or cancelled")
+    subject: str
+    reason: str | None
+    verdict: str | None = Field(description="Null until it is done.")
+    sentence: str | None
+    model: dict[str, Any] | None = Field(
+        description="Name and version of the model that was accepted; null where none was."
+    )
+    progress: DiagnosisProgress | None
+    created_utc: str
+    finished_utc: str | None
+    result: dict[str, Any] | None = Field(description="impactd-diagnosis/1; not in lists.")
+    links: dict[str, str | None]
+
+
+class DiagnosisPage(Answer):
+    """Diagnoses, newest first."""
+
+    items: list[DiagnosisAnswer]
+
+
+class ActiveModelBody(Request):
+    """The model that new results are reported with."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"name": "kv"}})
+    name: Annotated[str, Field(min_length=1, max_length=200)]
+    version: Annotated[int, Field(ge=1, le=LARGEST)] | None = Field(
+        None, description="Of a named model; the latest one without it."
+    )
+
+
+def diagnosis_answer(
+    job: Job, progress: tuple[str, float] | None, *, whole: bool = True
+) -> DiagnosisAnswer:
+    """Return a diagnosis that was asked for; ``whole`` with its result."""
+    result = job.result or {}
+    found = result.get("diagnosis")
+    at = f"/v1/diagnoses/{job.id}"
+    told = None
+    if progress is not None:
+        told = DiagnosisProgress(text=progress[0], share=progress[1])
+    return DiagnosisAnswer(
+        id=job.id,
+        state=job.state,
+        subject=job.subject,
+        reason=job.reason,
+        verdict=found["verdict"] if found else None,
+        sentence=found["sentence"] if found else None,
+        model=result.get("model"),
+        progress=told,
+        created_utc=job.created_utc,
+        finished_utc=job.finished_utc,
+        result=without_nan(found) if whole else None,
+        links={"self": at, "report": f"{at}/report.html" if found else None},
+    )

@@ -1,0 +1,131 @@
+"""Closing the loop through the API: ask, watch, read, cancel, and use what was found."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from drivers.simulated.effects import make_effect
+
+from .conftest import until
+
+ENDED = ("done", "failed", "cancelled")
+
+
+@pytest.fixture(scope="module")
+def shots(rig, tmp_path_factory):
+    """Eight imported shots through a coupler that forgets within 5 ms."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
+        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
+        drop_heights_m=(0.0115, 0.0465),
+        repeats=1,
+        effects=(make_effect("coupler_highpass", {"time_constant_s": 5e-3}),),
+    )
+    folder = tmp_path_factory.mktemp("leaky")
+    path = write_campaign_folder(folder, simulate_campaign(settings, 3))
+    return list(rig.daemon.archive.import_campaign(path).numbers)
+
+
+@pytest.fixture(scope="module")
+def diagnosis(rig, shots):
+    """A diagnosis that has ended."""
+    answer = rig.operator.post("/v1/diagnoses", json={"shots": shots})
+    assert answer.status_code == 202, answer.text
+    assert answer.headers["location"] == answer.json()["links"]["self"]
+    return until(
+        lambda: rig.reader.get(answer.headers["location"]).json(),
+        lambda found: found["state"] in ENDED,
+        limit_s=200,
+    )
+
+
+def test_a_diagnosis_names_the_effect(diagnosis, shots):
+    """The result is the same JSON as offline, with the shots it rests on."""
+    assert diagnosis["state"] == "done", diagnosis["reason"]
+    result = diagnosis["result"]
+    assert result["format"] == "impactd-diagnosis/1"
+    assert diagnosis["verdict"] == result["verdict"] == "identified"
+    assert [effect["id"] for effect in result["effects"]] == ["coupler_highpass"]
+    assert result["shot_numbers"] == sorted(shots)
+    assert len(result["file_sha256"]) == len(shots)
+
+
+def test_its_page_shows_in_a_browser_and_fetches_nothing(rig, diagnosis):
+    """The page may use its own style and pictures, and nothing else."""
+    answer = rig.reader.get(diagnosis["links"]["report"])
+    assert answer.headers["content-type"].startswith("text/html")
+    assert "img-src data:" in answer.headers["content-security-policy"]
+    assert "coupler_highpass" in answer.text
+
+
+def test_diagnoses_are_listed_without_their_bulk(rig, diagnosis):
+    """A list is short."""
+    items = rig.reader.get("/v1/diagnoses").json()["items"]
+    (mine,) = [item for item in items if item["id"] == diagnosis["id"]]
+    assert mine["verdict"] == "identified"
+    assert mine.get("result") is None
+
+
+def test_the_accepted_model_is_named_and_later_fits_use_it(rig, diagnosis, shots):
+    """It has a version and says where it is from; once active, a new fit carries both."""
+    assert diagnosis["model"] == {"name": "kv+coupler_highpass", "version": 1}
+    models = rig.reader.get("/v1/models").json()["items"]
+    (named,) = [model for model in models if model["name"] == "kv+coupler_highpass"]
+    assert named["provenance"]["diagnosis"] == diagnosis["id"]
+    assert named["provenance"]["shots"] == sorted(shots)
+    chosen = rig.admin.put("/v1/models/active", json={"name": "kv+coupler_highpass"}).json()
+    try:
+        assert (chosen["active"], chosen["active_version"]) == ("kv+coupler_highpass", 1)
+        body = {"shots": shots[:1], "model": "kv+coupler_highpass"}
+        fit = rig.operator.post("/v1/fits", json=body).json()
+        done = until(
+            lambda: rig.reader.get(fit["links"]["self"]).json(),
+            lambda found: found["state"] in ENDED,
+        )
+        assert done["state"] == "done", done["reason"]
+        (one,) = done["fits"]
+        assert one["result"]["model_version"] == 1
+        assert one["result"]["chi2_per_dof"] == pytest.approx(1.0, abs=0.2)
+        number = rig.drop().json()["number"]
+        rig.ended(number, ("analysed", "failed", "aborted", "interrupted"))
+        shot = rig.reader.get(f"/v1/shots/{number}").json()
+        assert {fit["model"] for fit in shot["fits"]} == {"hsd", "kv", "kv+coupler_highpass"}
+    finally:
+        rig.admin.put("/v1/models/active", json={"name": "kv"})
+
+
+def test_a_model_nobody_found_cannot_be_chosen(rig):
+    """A name of library effects is no model before a diagnosis has accepted it."""
+    put = rig.admin.put
+    assert put("/v1/models/active", json={"name": "kv+echo"}).status_code == 404
+    assert put("/v1/models/active", json={"name": "kv", "version": 3}).status_code == 422
+    assert put("/v1/models/active", json={"name": "kv+magic"}).status_code == 422
+
+
+def test_a_running_diagnosis_can_be_cancelled(rig, shots):
+    """DELETE ends it within moments; the worker is there for the next job."""
+    made = rig.operator.post("/v1/diagnoses", json={"shots": shots}).json()
+    waiting = rig.operator.post("/v1/diagnoses", json={"shots": shots}).json()
+    at = made["links"]["self"]
+    until(lambda: rig.reader.get(at).json(), lambda found: found["state"] != "queued")
+    assert rig.operator.delete(waiting["links"]["self"]).json()["state"] == "cancelled"
+    assert rig.operator.delete(at).status_code == 202
+    ended = until(lambda: rig.reader.get(at).json(), lambda found: found["state"] in ENDED)
+    assert ended["state"] in ("cancelled", "done")
+    assert rig.reader.get(f"{at}/report.html").status_code == (
+        404 if ended["state"] == "cancelled" else 200
+    )
+
+
+def test_what_is_no_diagnosis_is_not_found(rig, shots):
+    """A number of nothing, or of a fit, is 404; an unknown shot or base is refused."""
+    fit = rig.operator.post("/v1/fits", json={"shots": shots[:1]}).json()
+    assert rig.reader.get("/v1/diagnoses/999999").status_code == 404
+    assert rig.reader.get(f"/v1/diagnoses/{fit['id']}").status_code == 404
+    assert rig.operator.post("/v1/diagnoses", json={"shots": [999999]}).status_code == 404
+    assert rig.operator.post("/v1/diagnoses", json={"shots": shots, "base": "x"}).status_code == 422
