@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from analysis.bounce import bounce_indices, restitution_from_bounce
     from analysis.bounce_shots import bounce_shots, with_bounces
-    from analysis.calibration import CalibrationResult, calibrate, drift, sensor_from_json
+    from analysis.calibration import CalibrationResult, calibrate, sensor_from_json
     from analysis.campaign import Campaign, Quantity, Rejected, Sensor, Shot, Sphere, Surface
+    from analysis.cell_drift import drift
     from analysis.errors import AnalysisError
     from analysis.fit.campaign_fit import fit_campaign
     from analysis.fit.result import FitResult
@@ -42,7 +43,7 @@ _HOME = {
     "bounce_indices": "analysis.bounce",
     "bounce_shots": "analysis.bounce_shots",
     "calibrate": "analysis.calibration",
-    "drift": "analysis.calibration",
+    "drift": "analysis.cell_drift",
     "fit_campaign": "analysis.fit.campaign_fit",
     "observation_from_fit": "analysis.moduli",
     "observations_from_fit": "analysis.moduli",

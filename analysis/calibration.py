@@ -12,8 +12,9 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.calibration_document import FORMAT, IDENTIFIABLE, drift, sensor_from_json
+from analysis.calibration_document import FORMAT, IDENTIFIABLE, sensor_from_json
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
+from analysis.cell_drift import drift, drift_basis
 from analysis.errors import AnalysisError
 from analysis.fit.campaign_fit import Progress, fit_campaign
 from analysis.fit.problem import SENSOR_FIELDS
@@ -81,6 +82,7 @@ class CalibrationResult:
                 name: found[f"sensor.{name}"] for name in SENSOR_FIELDS if f"sensor.{name}" in found
             },
             "covariance": covariance,
+            "drift_basis": drift_basis(self.fit.problem, self.fit.fitted) if found else None,
             "hsd": _hsd_json(self.hsd),
             "quality": _quality(self.fit) if found else None,
             "pairs": self.fit.pairs() if found else {},

@@ -1,9 +1,8 @@
-"""A stored calibration: the cell it describes, and how far it lies from another one."""
+"""A stored calibration, and the cell it describes."""
 
 from __future__ import annotations
 
-import math
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -20,16 +19,6 @@ IDENTIFIABLE = {
     "sensor.damping_ratio": "damping_ratio",
 }
 """Names in a fit's parameters and in a calibration's JSON."""
-DRIFT_LIMIT = 2.0
-"""Drift in combined standard uncertainties from which it is called one."""
-
-
-class Documented(Protocol):
-    """Anything that can state itself as JSON."""
-
-    def to_json(self) -> Json:
-        """Return the document."""
-        ...
 
 
 def sensor_from_json(calibration: Json) -> Sensor:
@@ -68,46 +57,3 @@ def sensor_from_json(calibration: Json) -> Sensor:
         hsd_n_per_v=as_quantity(hsd["gain_N_per_V"]) if hsd else None,
         covariance=np.array(covariance["matrix"]) if covariance else None,
     )
-
-
-def drift(previous: Json | Documented, current: Json | Documented) -> Json:
-    """Return how far the cell moved between two calibrations.
-
-    Parameters
-    ----------
-    previous, current : dict or CalibrationResult
-        Two calibrations of one cell.
-
-    Returns
-    -------
-    dict
-        Per identifiable combination the relative ``change``, its standard uncertainty ``u`` and
-        ``in_u``, change over u; ``largest_in_u``; and one ``sentence``.
-
-    Notes
-    -----
-    Both calibrations share the reference materials' uncertainty, which would cancel; it is kept, so
-    the scores are on the careful side.
-    """
-    before, after = (x if isinstance(x, dict) else x.to_json() for x in (previous, current))
-    found: Json = {}
-    for label in IDENTIFIABLE.values():
-        a, b = before["identifiable"].get(label), after["identifiable"].get(label)
-        if not a or not b:
-            continue
-        change = math.log(b["value"] / a["value"])
-        u = math.hypot(a["u"] / a["value"], b["u"] / b["value"])
-        found[label] = {"change": math.expm1(change), "u": u, "in_u": change / u if u > 0 else 0.0}
-    if not found:
-        return {"combinations": {}, "largest_in_u": None, "sentence": "Nothing to compare."}
-    worst = max(found, key=lambda name: abs(found[name]["in_u"]))
-    size = abs(found[worst]["in_u"])
-    verdict = "drifted" if size > DRIFT_LIMIT else "is stable"
-    return {
-        "combinations": found,
-        "largest_in_u": size,
-        "sentence": (
-            f"The cell {verdict}: {worst} changed by {found[worst]['change']:+.2%}, "
-            f"{size:.1f} combined standard uncertainties."
-        ),
-    }

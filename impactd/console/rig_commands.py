@@ -95,6 +95,13 @@ def calibrate(  # noqa: PLR0917 - the framework fills them by name
         bool | None,
         typer.Option("--attended/--unattended", help="Whether somebody stands by the rig."),
     ] = None,
+    history: Annotated[
+        bool, typer.Option("--history", help="Show all calibrations and the cell's drift instead.")
+    ] = False,
+    chart: Annotated[
+        Path | None,
+        typer.Option("--chart", metavar="OUT.png", help="With --history: draw the drift chart."),
+    ] = None,
     static: Annotated[
         Path | None,
         typer.Option(
@@ -115,8 +122,11 @@ def calibrate(  # noqa: PLR0917 - the framework fills them by name
     as_json: Json = False,
 ) -> None:
     """Calibrate the load cell with the reference spheres of the settings' plan, or with weights."""
-    from impactd.console import calibrations
+    from impactd.console import calibration_chart, calibrations
 
+    if history or chart is not None:
+        calibration_chart.history(chart=chart, url=url, as_json=as_json)
+        return
     if static is not None:
         if hold_time_s is None:
             raise typer.BadParameter("--static needs --hold-time: a reading falls from the start")

@@ -11,7 +11,7 @@ from impactd.console.failure import Failure
 
 
 def test_readings_are_read(tmp_path: Path) -> None:
-    """Columns in any order, with a byte order mark and blanks, and an empty uncertainty left out."""
+    """Columns in any order, a byte order mark, blanks, an uncertainty left out."""
     file = tmp_path / "weights.csv"
     file.write_text("\ufeffvolts, mass_kg,u_volts\n0.01,0,1e-4\n2.76,0.5,\n", encoding="utf-8")
     assert readings_of(file) == [

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from fastapi import APIRouter, Response
 
+from analysis.cell_drift import drift_series
 from analysis.static_calibration import Reading
 from impactd.api.answers import calibration_answer, next_page
 from impactd.api.problems import ProblemError
@@ -19,6 +22,7 @@ from impactd.api.schemas import (
 )
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.calibration_weights import Weighing, calibrate_with_weights
+from impactd.storage.calibrations import DROPS, Calibration
 
 router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
 
@@ -71,8 +75,27 @@ def list_calibrations(
     numbers = [calibration.number for calibration in found]
     return CalibrationPage(
         items=[calibration_answer(calibration) for calibration in found],
+        series=_series(found),
         next=next_page("/v1/calibrations", numbers, limit, {}),
     )
+
+
+def _series(newest_first: list[Calibration]) -> list[dict[str, Any]]:
+    done = [
+        one
+        for one in reversed(newest_first)
+        if one.kind == DROPS and one.result and not one.problem
+    ]
+    results = [one.result for one in done if one.result is not None]
+    return [
+        {
+            "number": one.number,
+            "finished_utc": one.finished_utc,
+            "valid_until_utc": one.valid_until_utc,
+            **entry,
+        }
+        for one, entry in zip(done, drift_series(results), strict=True)
+    ]
 
 
 @router.get("/current")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from impactd.console.calibration_chart import history, history_table
 from impactd.data_lock import read_holder
 
 from .conftest import until
@@ -130,3 +131,26 @@ def test_weights_that_fix_nothing_are_refused(rig, wrong):
     assert answer.status_code in {400, 422}, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
     assert rig.reader.get("/v1/calibrations").json()["items"][0]["number"] == before
+
+
+def test_the_list_shows_the_series_and_its_drift(rig, calibration, tmp_path, monkeypatch):
+    """A second run on the same rig stands in the series with its drift, in a table and a chart."""
+    answer = rig.operator.post("/v1/calibrations", json={"plan": PLAN, "slot": "second-slot"})
+    assert answer.status_code == 202, answer.text
+    second = until(
+        lambda: rig.reader.get(answer.headers["location"]).json(),
+        lambda found: found["state"] in ("done", "failed"),
+    )
+    assert second["state"] == "done", second["problem"]
+    series = rig.reader.get("/v1/calibrations").json()["series"]
+    assert [entry["number"] for entry in series] == [calibration["number"], second["number"]]
+    assert series[0]["since_previous"] is None
+    moved = series[1]["since_previous"]["combinations"]
+    assert set(moved) == {"gain_N_per_V", "natural_frequency_Hz", "damping_ratio"}
+    assert all(one["common_cancels"] for one in moved.values())
+    assert "bounce 1" in " ".join(second["result"]["shots"])
+    monkeypatch.setenv("IMPACTD_TOKEN", rig.token("read"))
+    chart = tmp_path / "drift.png"
+    history(chart=chart, url=rig.url, as_json=False)
+    assert chart.read_bytes().startswith(b"\x89PNG")
+    assert "combined standard uncertainties" in history_table(series)
