@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.campaign import Quantity
+from analysis.errors import ParameterOutOfRangeError
 
 BLOCK_S = 64e-6
 """The record is looked at in blocks about as long as a period of the crystal."""
@@ -228,5 +229,48 @@ def restitution_from_bounce(
     timing_s = math.hypot(CONTACT_RELATIVE_U * contact_s, 1.0 / sample_rate_hz)
     relative = math.hypot(
         timing_s / flight_s, AIR_RELATIVE_U, impact_speed_u_m_per_s / impact_speed_m_per_s
+    )
+    return Quantity(ratio, ratio * relative)
+
+
+def restitution_from_rebound_height(
+    rebound_height_m: Quantity, drop_height_m: float, *, speed_repeatability: float = 0.0
+) -> Quantity:
+    r"""Return the rebound speed over the impact speed from how high the sphere came back.
+
+    .. math:: \epsilon_r = \sqrt{h_r / h}
+
+    Parameters
+    ----------
+    rebound_height_m : Quantity
+        Of the sphere's lowest point, > 0. [m]
+    drop_height_m : float
+        Likewise, > 0. [m]
+    speed_repeatability : float
+        Relative standard deviation of the impact speed. [1]
+
+    Returns
+    -------
+    Quantity
+        Ratio with standard uncertainty.
+
+    Raises
+    ------
+    ParameterOutOfRangeError
+        If a height is not positive, or the sphere came back higher than it fell from.
+
+    Notes
+    -----
+    Source: free fall, up and down. Validation: ``tests/analysis/test_bounce.py``.
+    """
+    if not drop_height_m > 0:
+        raise ParameterOutOfRangeError("drop_height_m", drop_height_m, "above 0")
+    if not 0 < rebound_height_m.value <= LARGEST_RATIO**2 * drop_height_m:
+        raise ParameterOutOfRangeError(
+            "rebound_height_m", rebound_height_m.value, "above 0 and below the drop height"
+        )
+    ratio = math.sqrt(rebound_height_m.value / drop_height_m)
+    relative = math.hypot(
+        rebound_height_m.u / (2 * rebound_height_m.value), speed_repeatability, AIR_RELATIVE_U
     )
     return Quantity(ratio, ratio * relative)

@@ -50,6 +50,8 @@ def drop_answer(drop: Drop) -> DropAnswer:
         **asdict(drop.request),
         owner=drop.owner,
         calibration=drop.calibration,
+        rebound_height_m=drop.rebound_height_m,
+        u_rebound_height_m=drop.u_rebound_height_m,
         requested_utc=drop.requested_utc,
         updated_utc=drop.updated_utc,
         links={

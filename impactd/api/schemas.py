@@ -69,6 +69,18 @@ class DropBody(Request):
     operator: Name = Field(description="Who hangs the sphere.")
 
 
+class ReboundBody(Request):
+    """How high a sphere came back, as somebody saw it."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"example": {"rebound_height_m": 0.031, "u_rebound_height_m": 0.0005}}
+    )
+    rebound_height_m: float = Field(
+        gt=0, le=5, description="Of the sphere's lowest point above the surface. [m]"
+    )
+    u_rebound_height_m: float = Field(gt=0, le=5, description="Standard uncertainty. [m]")
+
+
 class ProblemMember(Answer):
     """Why something failed, as in an RFC 9457 document."""
 
@@ -114,6 +126,8 @@ class DropAnswer(Answer):
     operator: str
     owner: str
     calibration: int | None
+    rebound_height_m: float | None = Field(None, description="As somebody entered it. [m]")
+    u_rebound_height_m: float | None = None
     requested_utc: str
     updated_utc: str
     links: dict[str, str | None]

@@ -37,6 +37,7 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("POST", "/v1/drops"): Scope.OPERATE,
     ("GET", "/v1/drops"): Scope.READ,
     ("GET", "/v1/drops/{number}"): Scope.READ,
+    ("PATCH", "/v1/drops/{number}"): Scope.OPERATE,
     ("DELETE", "/v1/drops/{number}"): Scope.OPERATE,
     ("GET", "/v1/shots"): Scope.READ,
     ("GET", "/v1/shots/{number}"): Scope.READ,

@@ -263,4 +263,11 @@ def _numbers(job: Job, archive: Archive) -> list[int]:
 
 def _where(archive: Archive, shot: Shot) -> Json:
     path = archive.directory / shot.file
-    return {"number": shot.number, "path": str(path.resolve()), "sha256": shot.sha256}
+    found: Json = {"number": shot.number, "path": str(path.resolve()), "sha256": shot.sha256}
+    try:
+        drop = archive.drop(shot.number)
+    except NotFoundError:  # an import has no drop
+        return found
+    if drop.rebound_height_m is not None:
+        found["rebound_height_m"] = {"value": drop.rebound_height_m, "u": drop.u_rebound_height_m}
+    return found

@@ -15,12 +15,13 @@ import numpy as np
 
 from analysis import calibrate as analysis_calibrate
 from analysis import fit_campaign as analysis_fit_campaign
-from analysis import restitution_from_bounce, with_bounces
+from analysis import with_bounces
 from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface
 from analysis.discovery.named_model import fit_named
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from impactd.jobs.progress import report
+from impactd.jobs.rebound import check_rebound, with_restitution
 from impactd.storage.assemble import assemble_campaign
 from impactd.storage.json_fields import Fields
 from impactd.storage.materials_json import (
@@ -29,7 +30,7 @@ from impactd.storage.materials_json import (
     sphere_from_json,
     surface_from_json,
 )
-from impactd.storage.shot_about import ShotAbout, StoredShot
+from impactd.storage.shot_about import StoredShot
 from impactd.storage.shot_store import read_shot
 from impactd.storage.version import software
 
@@ -66,7 +67,11 @@ def fit_shot(order: Json) -> Json:
     for position, model in enumerate(order["models"]):
         report(f"fitting {model}", position / len(order["models"]))
         try:
-            found = _shot_result(_fit_one(campaign, model, _definition(order, model)), stored)
+            result = _fit_one(campaign, model, _definition(order, model))
+            found = _shot_result(result, stored)
+            checked = check_rebound(stored.about, order["shots"][0].get("rebound_height_m"), result)
+            flags = sorted({*found["flags"], *checked.pop("flags", ())})
+            found |= {**checked, "flags": flags}
         except AnalysisError as error:
             # This model cannot be fitted to this shot; the others may. An outcome, not a failure.
             outcome = {"status": "not_evaluable", "message": str(error)}
@@ -90,9 +95,9 @@ def fit_campaign(order: Json) -> Json:
     """
     shots = _read(order)
     campaign, model = _campaign(order, shots), order["model"]
-    if not any(effect in model for effect in _FIRST_LANDING_ONLY):
-        campaign = with_bounces(campaign)
     definition = _definition(order, model)
+    if _holds_for_bounces(model, definition):
+        campaign = with_bounces(campaign)
     if definition is None:
         result = analysis_fit_campaign(campaign, model, progress=report)
     else:
@@ -114,9 +119,17 @@ def calibrate(order: Json) -> Json:
         ``calibration``: ``impactd-calibration/1``.
     """
     shots = _read(order)
-    campaign = with_bounces(_campaign(order, shots))
-    result = analysis_calibrate(campaign, order["model"], progress=report)
+    campaign, model = _campaign(order, shots), order["model"]
+    if _holds_for_bounces(model, _definition(order, model)):
+        campaign = with_bounces(campaign)
+    result = analysis_calibrate(campaign, model, progress=report)
     return {"calibration": {**result.to_json(), **_provenance(order, shots)}}
+
+
+def _holds_for_bounces(model: str, definition: Json | None) -> bool:
+    """Tell whether a model describes later landings too, its definition's effects included."""
+    said = f"{model} {definition}"
+    return not any(effect in said for effect in _FIRST_LANDING_ONLY)
 
 
 def diagnose(order: Json) -> Json:
@@ -220,9 +233,10 @@ def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
         campaign = assemble_campaign(
             shots, known, sensor, order["gravity_m_per_s2"], order["speed_repeatability"]
         )
+    rebounds = {one["number"]: one.get("rebound_height_m") for one in order["shots"]}
     by_number = sorted(shots, key=lambda one: one.shot.number)
     bounced = [
-        _with_restitution(shot, stored.about)
+        with_restitution(shot, stored.about, rebounds.get(stored.shot.number))
         for shot, stored in zip(campaign.shots, by_number, strict=True)
     ]
     return dataclasses.replace(campaign, shots=tuple(bounced))
@@ -230,23 +244,6 @@ def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
 
 def _fields(value: object) -> Fields:
     return Fields(value, file="order")
-
-
-def _with_restitution(shot: Shot, about: ShotAbout) -> Shot:
-    speed = about.impact_speed_m_per_s
-    if shot.restitution is not None or speed is None:
-        return shot
-    return dataclasses.replace(
-        shot,
-        restitution=restitution_from_bounce(
-            shot.signal,
-            shot.sample_rate_hz,
-            shot.trigger_index,
-            impact_speed_m_per_s=speed,
-            impact_speed_u_m_per_s=speed * (about.speed_repeatability or 0.0),
-            gravity_m_per_s2=about.gravity_m_per_s2,
-        ),
-    )
 
 
 def _shot_result(result: FitResult, stored: StoredShot) -> Json:

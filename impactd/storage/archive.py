@@ -270,6 +270,10 @@ class Archive:
         """Move a drop on, durably; raise DropStateError when it has ended."""
         return self._drops.set_state(number, state, problem)
 
+    def set_rebound_height(self, number: int, rebound_height_m: float, u_m: float) -> Drop:
+        """Write how high a drop's sphere came back [m], durably; raise NotFoundError."""
+        return self._drops.set_rebound(number, rebound_height_m, u_m)
+
     def drop(self, number: int) -> Drop:
         """Return one drop; raise NotFoundError."""
         return self._drops.get(number)

@@ -62,6 +62,8 @@ class Drop:
         The calibration run it belongs to.
     idempotency_key : str or None
         The client's key.
+    rebound_height_m, u_rebound_height_m : float or None
+        How high the sphere came back, as somebody entered it, and its standard uncertainty. [m]
     """
 
     number: int
@@ -74,6 +76,8 @@ class Drop:
     updated_utc: str
     calibration: int | None
     idempotency_key: str | None
+    rebound_height_m: float | None = None
+    u_rebound_height_m: float | None = None
 
 
 class DropTable:
@@ -121,7 +125,10 @@ class DropTable:
     def restore(self, drop: Drop) -> None:
         """Write a drop as it was; for rebuilding the index."""
         self._index.write(
-            "INSERT OR REPLACE INTO drops VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            "INSERT OR REPLACE INTO drops (number, state, sphere, surface, drop_height_m, "
+            "operator, owner, idempotency_key, calibration, problem, requested_utc, updated_utc, "
+            "rebound_height_m, u_rebound_height_m) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 drop.number,
                 drop.state,
@@ -135,8 +142,21 @@ class DropTable:
                 drop.problem.to_text() if drop.problem else None,
                 drop.requested_utc,
                 drop.updated_utc,
+                drop.rebound_height_m,
+                drop.u_rebound_height_m,
             ),
         )
+
+    def set_rebound(self, number: int, rebound_height_m: float, u_m: float) -> Drop:
+        """Write how high the sphere came back; raise NotFoundError."""
+        with self._index.transaction():
+            self.get(number)
+            self._index.write(
+                "UPDATE drops SET rebound_height_m=?, u_rebound_height_m=?, updated_utc=? "
+                "WHERE number=?",
+                (rebound_height_m, u_m, utc_now(), number),
+            )
+            return self.get(number)
 
     def by_key(self, key: str, request: DropRequest) -> Drop | None:
         """Return the drop of an idempotency key.
@@ -240,4 +260,6 @@ def _drop_of(row: sqlite3.Row) -> Drop:
         updated_utc=row["updated_utc"],
         calibration=row["calibration"],
         idempotency_key=row["idempotency_key"],
+        rebound_height_m=row["rebound_height_m"],
+        u_rebound_height_m=row["u_rebound_height_m"],
     )

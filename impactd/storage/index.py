@@ -90,6 +90,11 @@ _MIGRATIONS: tuple[str, ...] = (
         provenance TEXT NOT NULL, created_utc TEXT NOT NULL, PRIMARY KEY (name, version)) STRICT;
     ALTER TABLE active_models ADD COLUMN version INTEGER;
     """,
+    # How high a sphere came back is seen after the drop, and entered then.
+    """
+    ALTER TABLE drops ADD COLUMN rebound_height_m REAL;
+    ALTER TABLE drops ADD COLUMN u_rebound_height_m REAL;
+    """,
 )
 
 

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from analysis import bounce_indices, restitution_from_bounce
+from analysis.bounce import restitution_from_rebound_height
+from analysis.campaign import Quantity
+from analysis.errors import ParameterOutOfRangeError
 
 RATE_HZ = 1e6
 TRIGGER = 20_000
@@ -145,3 +148,19 @@ def test_a_second_touch_right_after_the_first_is_no_rebound(bouncing: Any) -> No
     pulse = volts[TRIGGER - 10 : TRIGGER + 2000].copy()
     volts[TRIGGER + 5000 - 10 : TRIGGER + 7000] += 0.7 * pulse
     assert _measure(volts, speed) is None
+
+
+def test_rebound_height_gives_the_ratio_of_speeds() -> None:
+    """A quarter of the height is half the speed; 2 % of the height are 1 % of it."""
+    found = restitution_from_rebound_height(Quantity(0.01, 0.0002), 0.04)
+    assert found.value == pytest.approx(0.5)
+    assert found.u == pytest.approx(0.005, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("rebound_m", "drop_m"), [(0.0, 0.04), (-0.01, 0.04), (0.05, 0.04), (0.01, 0)]
+)
+def test_impossible_rebounds_are_refused(rebound_m: float, drop_m: float) -> None:
+    """No height, a negative one, or one above the drop is refused by name."""
+    with pytest.raises(ParameterOutOfRangeError, match="height_m"):
+        restitution_from_rebound_height(Quantity(rebound_m, 1e-4), drop_m)

@@ -5,12 +5,24 @@ from __future__ import annotations
 import anyio
 from fastapi import APIRouter, Request, Response
 
+from analysis.bounce import restitution_from_rebound_height
+from analysis.campaign import Quantity
 from impactd.acquisition.errors import NotReadyError
 from impactd.api.answers import drop_answer, next_page
 from impactd.api.problems import ProblemError
-from impactd.api.schemas import Before, DropAnswer, DropBody, DropPage, Key, Limit, Number
+from impactd.api.schemas import (
+    Before,
+    DropAnswer,
+    DropBody,
+    DropPage,
+    Key,
+    Limit,
+    Number,
+    ReboundBody,
+)
 from impactd.api.security import Caller, Limits, TheCaller, TheDaemon
 from impactd.daemon import Daemon
+from impactd.jobs.orders import request_fit, shot_models
 from impactd.storage.drops import DropRequest
 
 router = APIRouter(prefix="/v1/drops", tags=["drops"])
@@ -89,6 +101,24 @@ def list_drops(daemon: TheDaemon, limit: Limit = 50, before: Before = None) -> D
 def show_drop(number: Number, daemon: TheDaemon) -> DropAnswer:
     """Show a drop: `stored` once its shot is safe on the disk, `analysed` once it is fitted."""
     return drop_answer(daemon.archive.drop(number))
+
+
+@router.patch("/{number}")
+def enter_rebound(number: Number, body: ReboundBody, daemon: TheDaemon) -> DropAnswer:
+    """Enter how high the sphere came back; its shot is fitted again with that.
+
+    The flight to the second landing is sharper and counts first where the record holds it; the
+    height is then checked against it (`rebound_height_disagrees`).
+    """
+    drop = daemon.archive.drop(number)
+    restitution_from_rebound_height(
+        Quantity(body.rebound_height_m, body.u_rebound_height_m), drop.request.drop_height_m
+    )  # refuses what no sphere does
+    drop = daemon.archive.set_rebound_height(number, body.rebound_height_m, body.u_rebound_height_m)
+    if drop.shot is not None:
+        for model in shot_models(daemon.archive):
+            request_fit(daemon.archive, [drop.shot], model)
+    return drop_answer(drop)
 
 
 @router.delete("/{number}")

@@ -126,3 +126,32 @@ def test_an_abort_with_nothing_to_abort_says_so(rig):
     assert answer.json()["sentence"]
     assert answer.json()["took_ms"] >= 0
     until(lambda: rig.anybody.get("/v1/status").json(), lambda status: status["ready"])
+
+
+def test_a_rebound_height_is_entered_after_the_drop(rig, shot):
+    """A height that fits the bounce is kept and checked; a wrong one flags the shot's fits."""
+    number, h = shot["number"], shot["drop_height_m"]
+    ratio = shot["fits"][0]["result"]["restitution_prior"]["value"]
+    for height, flagged in ((h * ratio**2, False), (h * ratio**2 * 0.5, True)):
+        before = max(fit["id"] for fit in rig.reader.get(f"/v1/shots/{number}").json()["fits"])
+        body = {"rebound_height_m": height, "u_rebound_height_m": 0.02 * height}
+        answer = rig.operator.patch(f"/v1/drops/{number}", json=body)
+        assert answer.status_code == 200, answer.text
+        assert rig.reader.get(f"/v1/drops/{number}").json()["rebound_height_m"] == height
+        fits = until(
+            lambda: rig.reader.get(f"/v1/shots/{number}").json()["fits"],
+            lambda found, before=before: all(fit["id"] > before for fit in found),
+        )
+        kv = next(fit["result"] for fit in fits if fit["model"] == "kv")
+        assert ("rebound_height_disagrees" in kv["flags"]) is flagged, kv["rebound_height_check"]
+
+
+def test_an_impossible_rebound_is_refused(rig, shot):
+    """No sphere comes back higher than it fell from; nor without a stated uncertainty."""
+    for body in (
+        {"rebound_height_m": 2 * shot["drop_height_m"], "u_rebound_height_m": 0.001},
+        {"rebound_height_m": 0.01},
+    ):
+        answer = rig.operator.patch(f"/v1/drops/{shot['number']}", json=body)
+        assert answer.status_code in {400, 422}, answer.text
+        assert answer.headers["content-type"] == "application/problem+json"

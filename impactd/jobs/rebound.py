@@ -1,0 +1,93 @@
+"""What is known of a shot's rebound: the flight to the second landing, or an entered height."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+from analysis import restitution_from_bounce
+from analysis.bounce import restitution_from_rebound_height
+from analysis.campaign import Quantity, Shot
+from analysis.fit.result import FitResult
+from analysis.fit.shot_fit import RESTITUTION_DISAGREES_ABOVE
+from impactd.storage.shot_about import ShotAbout
+
+Json = dict[str, Any]
+
+
+def with_restitution(shot: Shot, about: ShotAbout, rebound_height_m: Json | None) -> Shot:
+    """Return a shot with its restitution: as imported, from the flight, else from the height.
+
+    Parameters
+    ----------
+    shot : Shot
+        As assembled.
+    about : ShotAbout
+        Height, gravity and repeatability of that day.
+    rebound_height_m : dict or None
+        ``value`` and ``u`` as somebody entered them. [m]
+
+    Returns
+    -------
+    Shot
+        Unchanged where nothing is known.
+    """
+    speed = about.impact_speed_m_per_s
+    if shot.restitution is not None or speed is None:
+        return shot
+    flight = restitution_from_bounce(
+        shot.signal,
+        shot.sample_rate_hz,
+        shot.trigger_index,
+        impact_speed_m_per_s=speed,
+        impact_speed_u_m_per_s=speed * (about.speed_repeatability or 0.0),
+        gravity_m_per_s2=about.gravity_m_per_s2,
+    )
+    return dataclasses.replace(shot, restitution=flight or _by_height(about, rebound_height_m))
+
+
+def _by_height(about: ShotAbout, rebound_height_m: Json | None) -> Quantity | None:
+    if rebound_height_m is None or about.drop_height_m is None:
+        return None
+    return restitution_from_rebound_height(
+        Quantity(**rebound_height_m),
+        about.drop_height_m,
+        speed_repeatability=about.speed_repeatability or 0.0,
+    )
+
+
+def check_rebound(about: ShotAbout, rebound_height_m: Json | None, result: FitResult) -> Json:
+    """Return how an entered rebound height lies to the fit of its shot.
+
+    Parameters
+    ----------
+    about : ShotAbout
+        Circumstances of the shot.
+    rebound_height_m : dict or None
+        As entered. [m]
+    result : FitResult
+        Fit of that shot alone.
+
+    Returns
+    -------
+    dict
+        ``rebound_height_check`` and ``flags``; empty where no height was entered.
+    """
+    by_height = _by_height(about, rebound_height_m)
+    if by_height is None or not result.shots:
+        return {}
+    shot = result.shots[0]
+    pull = shot.restitution_pull
+    if shot.item.shot.restitution != by_height:  # the flight was used, the height is independent
+        u = math.hypot(by_height.u, shot.u_seen_ratio)
+        pull = (by_height.value - shot.rebound_ratio) / u
+    disagrees = pull is not None and abs(pull) > RESTITUTION_DISAGREES_ABOVE
+    return {
+        "rebound_height_check": {
+            "by_height": dataclasses.asdict(by_height),
+            "fitted": shot.rebound_ratio,
+            "difference_in_u": pull,
+        },
+        "flags": ["rebound_height_disagrees"] if disagrees else [],
+    }
