@@ -283,29 +283,35 @@ def table(pulls: Iterable[Pull]) -> str:
     Returns
     -------
     str
-        One line per way, noise and sort of quantity.
+        One line per way and sort of quantity; ``!`` marks what is outside `ALLOWED`.
     """
-    groups: dict[tuple[str, str, str], list[Pull]] = defaultdict(list)
+    groups: dict[tuple[str, str], list[Pull]] = defaultdict(list)
     for pull in pulls:
-        groups[pull.way, pull.kind, pull.noise].append(pull)
-        groups[pull.way, pull.kind, "both"].append(pull)
-    lines = [
-        "| way | quantity | noise | intervals | 68 % hold | 95 % hold | mean | sd | median u |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for (way, kind, noise), group in sorted(groups.items()):
+        groups[pull.way, pull.kind].append(pull)
+    noises = (None, "white", "coloured")
+    heads = [f"{level} % {noise or 'all'}" for level in LEVELS for noise in noises]
+    lines = [f"| way | quantity | intervals | {' | '.join(heads)} | mean | sd | median u |"]
+    lines.append("|---" * (len(heads) + 6) + "|")
+    for (way, kind), group in sorted(groups.items()):
         scores = np.array([p.score for p in group])
         held = [
-            f"{100 * share:.1f} +- {100 * spread:.1f}{'' if _allowed(share, level) else ' !'}"
+            _held([p for p in group if noise in (None, p.noise)], level)
             for level in LEVELS
-            for share, spread in (coverage(group, level),)
+            for noise in noises
         ]
         u = float(np.median([p.u for p in group]))
         lines.append(
-            f"| {way} | {kind} | {noise} | {len(group)} | {held[0]} | {held[1]} "
+            f"| {way} | {kind} | {len(group)} | {' | '.join(held)} "
             f"| {scores.mean():+.2f} | {scores.std():.2f} | {100 * u:.2g} % |"
         )
     return "\n".join(lines)
+
+
+def _held(group: Sequence[Pull], level: str) -> str:
+    if not group:
+        return "-"
+    share, spread = coverage(group, level)
+    return f"{100 * share:.1f} +- {100 * spread:.1f}{'' if _allowed(share, level) else ' !'}"
 
 
 def _allowed(share: float, level: str) -> bool:
@@ -355,7 +361,12 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--pulls", type=Path, help="also write every score here, as JSON lines")
+    parser.add_argument("--table", type=Path, help="only print the table of such a file")
     options = parser.parse_args()
+    if options.table is not None:
+        lines = options.table.read_text().splitlines()
+        print(table(Pull(**json.loads(line)) for line in lines))
+        return 0
     pulls: list[Pull] = []
     out = options.pulls.open("w") if options.pulls else None
     for done, found in enumerate(run(options.campaigns, options.seed, workers=options.workers), 1):

@@ -53,4 +53,4 @@ def test_one_campaign_gives_every_quantity_in_both_ways() -> None:
         wanted = {"E* of a pair", "E of specimen", "E of a reference", "S", "f0", "zeta", "M"}
         assert kinds == wanted | extra
     assert all(math.isfinite(p.score) and abs(p.score) < 5 for p in pulls)
-    assert "| joint | E of specimen | coloured | 1 |" in table(pulls)
+    assert "| joint | E of specimen | 1 |" in table(pulls)
