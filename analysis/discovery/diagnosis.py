@@ -41,6 +41,8 @@ ENOUGH = 0.98
 CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
 MAX_EFFECTS = 3
+HARDLY_BETTER = 0.6
+"""Where this much of what closures could explain remains after an effect, the chain ends."""
 PARTIAL_LEFT = 0.05
 PARTIAL_AHEAD = 0.1
 """What may remain beside a partial finding, and how far ahead of other names it must be."""
@@ -245,9 +247,13 @@ def diagnose_campaign(
         best = next((r for r in step.refits if not r.at_bound), None)
         if best is None or best.score(PENALTY) < MIN_GAIN:
             break
+        reach = max(a.gain for a in step.omnibus.answers.values())
         chosen.append(best)
         step, tried = _look(best.problem, best.fitted)
         steps.append(step)
+        left = max(a.gain for a in step.omnibus.answers.values())
+        if step.omnibus.structured and left > HARDLY_BETTER * reach:
+            break  # another effect on top of one that explains so little would only mimic
         if not step.omnibus.structured and len(chosen) == 1:
             confusable = [
                 r.owner

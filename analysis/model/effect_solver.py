@@ -144,9 +144,9 @@ def _fraction_at(ti, t0, d0, t1, d1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _force_at(
+def _force_at(  # type: ignore[no-untyped-def]
     ti, state, new, before, after, h, work, K, cd, share, mobility, terms, active, packed
-):  # type: ignore[no-untyped-def]
+):
     """Return the force at time ``ti`` within a step, by the laws themselves at the state there.
 
     The states are smooth in s where the force in time is not, so they are what is interpolated.
