@@ -317,7 +317,8 @@ def _fall(x: Array, inside: Array, own: Array, alone: list[int]) -> float:
     return float(2 * x @ own - x @ inside @ x)
 
 
-def _scale(problem: JointProblem, fitted: Fitted) -> Scale:
+def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
+    """Return the sizes that the generic columns of a fitted campaign are measured in."""
     depths, speeds, tops = [], [], []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
         shared, _ = problem.shared_local(item, fitted.theta)
@@ -345,7 +346,7 @@ def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()
     Evidence
         Ready to be asked.
     """
-    scale = _scale(problem, fitted)
+    scale = scale_of(problem, fitted)
     families: dict[str, tuple[list[int], list[str]]] = {}
     shots = []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
@@ -363,7 +364,7 @@ def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()
     return Evidence(problem, fitted, shots, families)
 
 
-def _columns(
+def family_columns(
     problem: JointProblem,
     item: FitShot,
     *,
@@ -408,7 +409,7 @@ def _shot_evidence(
     local = np.concatenate([shared, nuisance])
     found, jacobian, gradient = model.linearise(local, item.frame)
     clean = found.signal - local[len(model.shared) + 3]
-    parts = _columns(problem, item, local=local, clean=clean, jacobian=jacobian, scale=scale)
+    parts = family_columns(problem, item, local=local, clean=clean, jacobian=jacobian, scale=scale)
     for proposal in tried:
         columns, shift = column(proposal, model, local, item, found.signal)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]

@@ -4,11 +4,34 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from analysis.fit.campaign_fit import heldout_rms, solve
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, Outcome
 from analysis.fit.shot_fit import collect
+
+
+def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
+    """Return the error on held-out shots, None where a fold leaves the model without a solution.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        Any candidate, also one that ended at the edge of what can be evaluated.
+
+    Returns
+    -------
+    float or None
+        [unit of the signal]
+    """
+    if not fitted.blocks:
+        return None
+    try:
+        return heldout_rms(problem, fitted)
+    except np.linalg.LinAlgError:
+        return None
 
 
 def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
@@ -35,5 +58,5 @@ def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> F
     outcome = Outcome("converged", "The fit converged.")
     if not found.converged:
         outcome = Outcome("not_converged", f"The fit still moved after {found.iterations} steps.")
-    held = heldout_rms(own, found) if heldout else None
+    held = heldout_or_none(own, found) if heldout else None
     return FitResult(name, outcome, own, found, collect(own, found, scale=scale), scale, held)

@@ -9,15 +9,16 @@ from typing import Any
 import numpy as np
 
 from analysis.discovery.candidates import Refit
+from analysis.discovery.closure_curve import closure_curves
 from analysis.discovery.description import describe
 from analysis.discovery.diagnosis import Diagnosis, Step
 from analysis.discovery.evidence import Explained
 from analysis.discovery.named_model import definition_of
 from analysis.discovery.omnibus import ask
-from analysis.discovery.quality import quality
+from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, why_not
+from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
-from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.fit.statements import effect_parameters_json, parameters_json
@@ -63,7 +64,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "after": stated,
         "accepted_model": definition_of(after.problem, after.fitted) if diagnosis.chosen else None,
         "remaining": _remaining(last),
-        "closure": None if diagnosis.closure is None else _explained(diagnosis.closure),
+        "closure": _closure(diagnosis, before),
         "candidates": _candidates(diagnosis, first),
         "trail": [_turn(diagnosis, step) for step in diagnosis.steps],
         "next_drop": getattr(diagnosis, "next_drop", None),
@@ -78,45 +79,6 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     }
     finite: Json = _finite(document)
     return finite
-
-
-def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
-    """Return the verdict in one sentence.
-
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        What was found.
-    before, after : FitResult
-        The model without and with what was found.
-
-    Returns
-    -------
-    str
-        For people.
-    """
-    names = " and ".join(library()[r.owner].title + f" ({r.owner})" for r in diagnosis.chosen)
-    unit = (
-        "mV" if before.problem.shots[0].shot.quantity == "voltage" else "e-3 of the signal's unit"
-    )
-    had, left, floor = (f"{1e3 * v:.3g}" for v in (before.rms, after.rms, before.noise_rms))
-    fall = f"the residual falls from {had} to {left} {unit} rms"
-    noise = f"the noise is {floor} {unit}"
-    if diagnosis.verdict == "adequate":
-        return f"The model {before.model} explains the data: its residual is noise."
-    if diagnosis.verdict == "identified":
-        return f"Found: {names}; with it {fall}, which is noise ({noise})."
-    if diagnosis.verdict == "family":
-        others = ", ".join(diagnosis.confusable)
-        return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
-    if diagnosis.verdict == "partial":
-        return f"Found in part: {names}; {fall}, but structure remains ({noise})."
-    if diagnosis.verdict == "unknown":
-        return (
-            f"The model {before.model} misses something that no effect of the library explains"
-            + (f"; it lives in the {diagnosis.slot} slot." if diagnosis.slot else ".")
-        )
-    return "These data could not show whether the model is complete."
 
 
 def _block(result: FitResult) -> Json:
@@ -227,7 +189,7 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
     """Return every effect of the library with what became of it in one turn, best first."""
     found = []
     for refit in step.refits:
-        held = heldout_rms(refit.problem, refit.fitted) if refit.fitted.blocks else None
+        held = heldout_or_none(refit.problem, refit.fitted)
         found.append(
             {
                 "id": refit.owner,
@@ -292,6 +254,13 @@ def _explained(found: Explained, *, brief: bool = False) -> Json:
         stated["heldout_gain"] = found.heldout_gain
         stated["coefficients"] = dict(found.coefficients)
     return stated
+
+
+def _closure(diagnosis: Diagnosis, before: FitResult) -> Json | None:
+    learned = diagnosis.closure
+    if learned is None:
+        return None
+    return {**_explained(learned), "curves": closure_curves(diagnosis.steps[0], before, learned)}
 
 
 def _slots(step: Step) -> Json:

@@ -90,6 +90,81 @@ def _height(height_m: float | None) -> str:
     return "" if height_m is None else f"{height_m * 1e3:.1f} mm"
 
 
+def closure(curves: Json) -> str | None:
+    """Draw what a learned closure leaves of one shot's residual, for each owner.
+
+    Parameters
+    ----------
+    curves : dict
+        ``closure.curves`` of a diagnosis.
+
+    Returns
+    -------
+    str or None
+        Data URI of an SVG; None where the closure has no curves.
+    """
+    shots = curves["shots"]
+    if not shots:
+        return None
+    columns = min(3, len(shots))
+    rows = math.ceil(len(shots) / columns)
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(3.1 * columns + 0.6, 2.0 * rows + 0.6), layout="constrained")
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes, shot in zip(grid.flat, shots, strict=False):
+            t, pulse, residual, left = (
+                np.array([np.nan if v is None else v for v in shot[key]])
+                for key in ("time_us", "pulse", "residual", "left")
+            )
+            strong = t[np.nan_to_num(pulse) > 0.05 * np.nanmax(pulse)]
+            near = (t > -0.7 * strong[-1]) & (t < 7 * strong[-1])
+            axes.plot(t[near], 1e3 * residual[near], color=BEFORE, lw=1.2, label="residual")
+            axes.plot(t[near], 1e3 * left[near], color=AFTER, lw=1.2, label="with the closure")
+            where = f"{shot['pair']} {_height(shot['drop_height_m'])}"
+            axes.set_title(where, loc="left", fontsize=8)
+        for axes in list(grid.flat)[len(shots) :]:
+            axes.set_visible(False)
+        for axes in grid[:, 0]:
+            axes.set_ylabel("mV")
+        for axes in grid[-1]:
+            axes.set_xlabel("time after touch-down / µs")
+        grid.flat[0].legend(fontsize=7)
+        return _svg(figure)
+
+
+def force(curves: Json) -> str | None:
+    """Draw a contact closure's force over indentation, loading and unloading.
+
+    Parameters
+    ----------
+    curves : dict
+        ``closure.curves`` of a diagnosis.
+
+    Returns
+    -------
+    str or None
+        Data URI of an SVG; None where the closure is no contact force.
+    """
+    law = curves["force"]
+    if law is None:
+        return None
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(6.6, 2.9), layout="constrained")
+        axes = figure.subplots()
+        colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(law["curves"])))
+        for colour, curve in zip(colours, law["curves"], strict=True):
+            for share, line, when in zip(
+                curve["share"], ("-", ":", "--"), ("loading", "at rest", "unloading"), strict=True
+            ):
+                label = f"{curve['owner']} {when}".strip()
+                values = 100 * np.array(share)
+                axes.plot(law["indentation"], values, line, color=colour, lw=1.2, label=label)
+        axes.set_xlabel("indentation / median largest indentation")
+        axes.set_ylabel("added to the elastic force / %")
+        axes.legend(fontsize=7)
+        return _svg(figure)
+
+
 def spectra(before: Json, after: Json | None) -> str:
     """Draw the residual's power density before and after beside the noise's.
 

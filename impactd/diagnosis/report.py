@@ -105,7 +105,7 @@ def page(document: Json) -> str:
         ),
         slots=sections.slots(document),
         trail=sections.trail(document),
-        closure=sections.closure(document),
+        closure=sections.closure(document) + _learned(document["closure"]),
         moduli=_picture(
             figures.moduli(document["before"]["moduli"], document["after"]["moduli"])
             if document["effects"]
@@ -123,6 +123,17 @@ def page(document: Json) -> str:
         circumstances=sections.circumstances(document),
         software=html.escape(document["software"]),
     )
+
+
+def _learned(closure: Json | None) -> str:
+    if closure is None or "curves" not in closure:
+        return ""
+    curves = closure["curves"]
+    return _picture(
+        figures.closure(curves),
+        "The strongest shot of each owner: its residual, and what the closure leaves of it when "
+        "the model's own numbers give way; to first order.",
+    ) + _picture(figures.force(curves), "The learned force, as a share of the elastic one.")
 
 
 def _stack(seen: Json, noise_rms_v: float, title: str) -> str:

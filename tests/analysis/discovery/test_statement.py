@@ -79,5 +79,9 @@ def test_an_unknown_keeps_its_closure_and_withholds_what_it_cannot_know(leaky):
     assert found["after"]["heldout_rms_V"] >= 0.99 * found["noise_rms_V"]
     assert found["after"]["moduli"]["specimen"]["status"] == "withheld"
     assert found["closure"]["coefficients"]
+    (curve,) = found["closure"]["curves"]["shots"][:1]
+    assert {len(curve[key]) for key in ("pulse", "residual", "added", "left")} == {
+        len(curve["time_us"])
+    }
     assert all(line["why_not"] for line in found["candidates"])
     json.dumps(found, allow_nan=False)

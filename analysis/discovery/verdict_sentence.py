@@ -1,0 +1,46 @@
+"""The verdict of a diagnosis in one sentence."""
+
+from __future__ import annotations
+
+from analysis.discovery.diagnosis import Diagnosis
+from analysis.effects.library import library
+from analysis.fit.result import FitResult
+
+
+def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
+    """Return the verdict in one sentence.
+
+    Parameters
+    ----------
+    diagnosis : Diagnosis
+        What was found.
+    before, after : FitResult
+        The model without and with what was found.
+
+    Returns
+    -------
+    str
+        For people.
+    """
+    names = " and ".join(library()[r.owner].title + f" ({r.owner})" for r in diagnosis.chosen)
+    unit = (
+        "mV" if before.problem.shots[0].shot.quantity == "voltage" else "e-3 of the signal's unit"
+    )
+    had, left, floor = (f"{1e3 * v:.3g}" for v in (before.rms, after.rms, before.noise_rms))
+    fall = f"the residual falls from {had} to {left} {unit} rms"
+    noise = f"the noise is {floor} {unit}"
+    if diagnosis.verdict == "adequate":
+        return f"The model {before.model} explains the data: its residual is noise."
+    if diagnosis.verdict == "identified":
+        return f"Found: {names}; with it {fall}, which is noise ({noise})."
+    if diagnosis.verdict == "family":
+        others = ", ".join(diagnosis.confusable)
+        return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
+    if diagnosis.verdict == "partial":
+        return f"Found in part: {names}; {fall}, but structure remains ({noise})."
+    if diagnosis.verdict == "unknown":
+        return (
+            f"The model {before.model} misses something that no effect of the library explains"
+            + (f"; it lives in the {diagnosis.slot} slot." if diagnosis.slot else ".")
+        )
+    return "These data could not show whether the model is complete."
