@@ -14,13 +14,12 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-from drivers.relay.lcus import LcusSettings, LcusValve
-from drivers.relay.numato import NumatoSettings, NumatoValve
-
 from drivers.daq3500.device import Daq3500
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.digitizer import Digitizer
 from drivers.errors import ConfigurationError
+from drivers.relay.lcus import LcusSettings, LcusValve
+from drivers.relay.numato import NumatoSettings, NumatoValve
 from drivers.valve import Valve
 from impactd.materials import Materials
 from impactd.settings import Settings
