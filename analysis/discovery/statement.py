@@ -124,6 +124,7 @@ def with_closure(result: FitResult, step: Step, closure: Explained) -> Json:
     floor = min(result.degrees_of_freedom / chi2, 1.0)
 
     def left(gain: float) -> float:
+        """Return the share of the residual's rms that a gain leaves."""
         # no better than the noise, no worse than without: a closure that does harm is not used
         return math.sqrt(min(max(1.0 - gain / chi2, floor), 1.0))
 

@@ -58,9 +58,11 @@ def read_json(path: Path) -> Any:
     """
 
     def refuse_constant(text: str) -> NoReturn:
+        """Refuse NaN and infinity, which JSON does not have."""
         raise CampaignError(str(path), "$", f"{text} is no JSON number.")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        """Return an object, or refuse one that says a thing twice."""
         found: dict[str, Any] = {}
         for key, value in pairs:
             if key in found:
