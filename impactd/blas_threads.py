@@ -7,6 +7,11 @@ import os
 VARIABLES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
+def environment() -> dict[str, str]:
+    """Return what a process that imports numpy must find in its environment."""
+    return dict.fromkeys(VARIABLES, "1")
+
+
 def keep_to_one() -> None:
     """Have BLAS start no threads of its own; what the environment already says is kept.
 
@@ -18,7 +23,7 @@ def keep_to_one() -> None:
 
     The libraries read the environment when numpy is imported, so this comes first in every process:
     in `impactd.cli.main` and `impactd.jobs.worker.main`, both of which import numpy only later.
-    Children inherit it; a cluster's own worker processes are told the same by ``distributed``.
+    Children inherit it; `impactd.jobs.executors` tells a cluster's own workers.
     """
-    for name in VARIABLES:
-        os.environ.setdefault(name, "1")
+    for name, value in environment().items():
+        os.environ.setdefault(name, value)

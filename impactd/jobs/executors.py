@@ -18,6 +18,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
 
+from impactd import blas_threads
 from impactd.jobs.errors import ClusterError, StoppedError, TaskError
 from impactd.jobs.worker_process import WorkerLimits, WorkerProcess
 
@@ -255,6 +256,18 @@ def name_of(function: Callable[..., object]) -> str:
     return f"{function.__module__}:{function.__qualname__}"
 
 
+def _dask_settings() -> dict[str, Any]:
+    """Return what a local cluster must be told before its workers start."""
+    return {
+        # Replaced as a whole: by default it sets MALLOC_TRIM_THRESHOLD_ too, and then glibc gives
+        # every array of a fit back to the kernel at once: 18 000 page faults for 16 shots, and on
+        # a busy virtual machine a sixth of the speed.
+        "distributed.nanny.pre-spawn-environ": blas_threads.environment(),
+        # It stops the fit a hundred times a second to look where it is.
+        "distributed.worker.profile.enabled": False,
+    }
+
+
 @contextlib.contextmanager
 def dask_executor(
     *,
@@ -290,12 +303,14 @@ def dask_executor(
     results were written and decides what is done again.
     """
     try:
+        import dask
         from distributed import Client, LocalCluster
     except ImportError as error:
         raise ClusterError(
             "A Dask cluster needs the package 'distributed': pip install 'impactd[cluster]'."
         ) from error
     with contextlib.ExitStack() as stack:
+        stack.enter_context(dask.config.set(_dask_settings()))
         try:
             target = scheduler or stack.enter_context(
                 LocalCluster(  # type: ignore[no-untyped-call]  # distributed has no hints
