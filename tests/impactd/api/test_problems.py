@@ -43,7 +43,7 @@ def test_an_unknown_number_is_a_404_problem(rig):
 
 def test_a_wrong_method_is_a_405_problem_with_allow(rig):
     """A wrong method says which ones there are."""
-    answer = rig.operator.patch("/v1/drops/1")
+    answer = rig.operator.put("/v1/drops/1")
     problem(answer, "method-not-allowed")
     assert "GET" in answer.headers["allow"]
 
