@@ -11,12 +11,13 @@ import numpy as np
 from analysis.discovery.candidates import Refit
 from analysis.discovery.closure_curve import closure_curves
 from analysis.discovery.description import describe
-from analysis.discovery.diagnosis import Diagnosis, Step
+from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.evidence import Explained
 from analysis.discovery.named_model import definition_of
 from analysis.discovery.omnibus import ask
 from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, why_not
+from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
 from analysis.fit.measurand import Json
@@ -48,6 +49,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     if diagnosis.verdict == "unknown" and diagnosis.closure is not None:
         stated = with_closure(after, last, diagnosis.closure)
     slots = {} if diagnosis.verdict == "adequate" else _slots(first)
+    next_drop = getattr(diagnosis, "next_drop", None)
     document: Json = {
         "format": FORMAT,
         "verdict": diagnosis.verdict,
@@ -67,7 +69,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "closure": _closure(diagnosis, before),
         "candidates": _candidates(diagnosis, first),
         "trail": [_turn(diagnosis, step) for step in diagnosis.steps],
-        "next_drop": getattr(diagnosis, "next_drop", None),
+        "next_drop": next_drop.to_json() if next_drop is not None else None,
         "campaign": _campaign(before),
         "residual": {
             "before": describe(before),
