@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from impactd.api.finite import without_nan
-from impactd.api.schemas import Answer, Request
+from impactd.api.schemas import Answer, Name, Request
 from impactd.storage.jobs import Job
 
 LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
@@ -21,6 +21,13 @@ class DiagnosisBody(Request):
     )
     shots: list[Annotated[int, Field(ge=1, le=LARGEST)]] = Field(min_length=1, max_length=500)
     base: Literal["kv", "hsd"] = "kv"
+
+
+class NextDropBody(Request):
+    """Who hangs the sphere that a diagnosis asks for."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"operator": "ab"}})
+    operator: Name = Field(description="Who hangs the sphere.")
 
 
 class DiagnosisProgress(Answer):
@@ -46,7 +53,9 @@ class DiagnosisAnswer(Answer):
     created_utc: str
     finished_utc: str | None
     result: dict[str, Any] | None = Field(description="impactd-diagnosis/1; not in lists.")
-    links: dict[str, str | None]
+    links: dict[str, str | None] = Field(
+        description="`next_drop` takes a POST where the diagnosis proposes a drop."
+    )
 
 
 class DiagnosisPage(Answer):
@@ -72,6 +81,7 @@ def diagnosis_answer(
     result = job.result or {}
     found = result.get("diagnosis")
     at = f"/v1/diagnoses/{job.id}"
+    proposes = found is not None and found.get("next_drop") is not None
     told = None
     if progress is not None:
         told = DiagnosisProgress(text=progress[0], share=progress[1])
@@ -87,5 +97,9 @@ def diagnosis_answer(
         created_utc=job.created_utc,
         finished_utc=job.finished_utc,
         result=without_nan(found) if whole else None,
-        links={"self": at, "report": f"{at}/report.html" if found else None},
+        links={
+            "self": at,
+            "report": f"{at}/report.html" if found else None,
+            "next_drop": f"{at}/next-drop" if proposes else None,
+        },
     )

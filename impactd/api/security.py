@@ -55,6 +55,7 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/v1/diagnoses"): Scope.READ,
     ("GET", "/v1/diagnoses/{diagnosis_id}"): Scope.READ,
     ("DELETE", "/v1/diagnoses/{diagnosis_id}"): Scope.OPERATE,
+    ("POST", "/v1/diagnoses/{diagnosis_id}/next-drop"): Scope.OPERATE,
     ("GET", "/v1/diagnoses/{diagnosis_id}/report.html"): Scope.READ,
     ("GET", "/v1/effects"): Scope.READ,
     ("GET", "/v1/models"): Scope.READ,

@@ -20,14 +20,22 @@ def login_name() -> str:
 
 
 def run(
-    body: dict[str, Any], *, key: str | None, wait: bool, url: str | None, as_json: bool
+    body: dict[str, Any],
+    *,
+    proposed_by: int | None = None,
+    key: str | None,
+    wait: bool,
+    url: str | None,
+    as_json: bool,
 ) -> None:
     """Ask for a drop and print what became of it.
 
     Parameters
     ----------
     body : dict
-        Of ``POST /v1/drops``.
+        Of ``POST /v1/drops``, or of a diagnosis's ``next-drop``.
+    proposed_by : int, optional
+        The diagnosis whose proposed drop is made.
     key : str or None
         Idempotency key; ``None`` takes a fresh one.
     wait : bool
@@ -43,7 +51,10 @@ def run(
         If the drop did not end with a stored shot.
     """
     with connect(url) as client:
-        drop = client.send("POST", "/v1/drops", body, key=key or fresh_key())
+        to = "/v1/drops"
+        if proposed_by is not None:
+            to = f"/v1/diagnoses/{proposed_by}/next-drop"
+        drop = client.send("POST", to, body, key=key or fresh_key())
         number = drop["number"]
         if wait:
             drop = _watch(client, number)

@@ -38,11 +38,20 @@ def status(url: Url = None, as_json: Json = False) -> None:
 
 
 def drop(  # noqa: PLR0917 - the framework fills them by name
-    sphere: Annotated[str, typer.Argument(help="Name in the materials file.")],
-    surface: Annotated[str, typer.Argument(help="Name in the materials file.")],
+    sphere: Annotated[str | None, typer.Argument(help="Name in the materials file.")] = None,
+    surface: Annotated[str | None, typer.Argument(help="Name in the materials file.")] = None,
     drop_height_m: Annotated[
-        float, typer.Argument(help="Lowest point of the sphere above the surface. [m]")
-    ],
+        float | None, typer.Argument(help="Lowest point of the sphere above the surface. [m]")
+    ] = None,
+    proposed_by: Annotated[
+        int | None,
+        typer.Option(
+            "--proposed-by",
+            metavar="DIAGNOSIS",
+            min=1,
+            help="Make the drop that a diagnosis asks for, instead of naming one.",
+        ),
+    ] = None,
     operator: Annotated[
         str | None, typer.Option("--operator", "-o", help="Who hangs the sphere; your login name.")
     ] = None,
@@ -56,13 +65,15 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
     """Drop a sphere, and wait for its modulus."""
     from impactd.console import drops
 
+    named = {"sphere": sphere, "surface": surface, "drop_height_m": drop_height_m}
+    if proposed_by is None and None in named.values():
+        raise typer.BadParameter("name sphere, surface and drop height, or give --proposed-by")
+    if proposed_by is not None and any(value is not None for value in named.values()):
+        raise typer.BadParameter("a drop that a diagnosis proposes has its own sphere and height")
+    who = {"operator": operator or drops.login_name()}
     drops.run(
-        {
-            "sphere": sphere,
-            "surface": surface,
-            "drop_height_m": drop_height_m,
-            "operator": operator or drops.login_name(),
-        },
+        who if proposed_by is not None else {**named, **who},
+        proposed_by=proposed_by,
         key=key,
         wait=wait,
         url=url,

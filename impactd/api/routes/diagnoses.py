@@ -9,13 +9,16 @@ from impactd.api.diagnosis_schemas import (
     DiagnosisAnswer,
     DiagnosisBody,
     DiagnosisPage,
+    NextDropBody,
     diagnosis_answer,
 )
 from impactd.api.problems import ProblemError
-from impactd.api.schemas import Key, Limit, Number
-from impactd.api.security import TheDaemon
+from impactd.api.routes.drops import begin_drop
+from impactd.api.schemas import DropAnswer, Key, Limit, Number
+from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.jobs.orders import DIAGNOSE
+from impactd.storage.drops import DropRequest
 from impactd.storage.jobs import Job
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
@@ -57,6 +60,40 @@ def cancel_diagnosis(diagnosis_id: Number, daemon: TheDaemon) -> DiagnosisAnswer
     _job(daemon, diagnosis_id)
     job = daemon.jobs.cancel(diagnosis_id)
     return diagnosis_answer(job, daemon.jobs.progress(job.id), whole=False)
+
+
+@router.post("/{diagnosis_id}/next-drop", status_code=202)
+def make_next_drop(  # noqa: PLR0917 - the framework fills them by name
+    diagnosis_id: Number,
+    body: NextDropBody,
+    response: Response,
+    daemon: TheDaemon,
+    caller: TheCaller,
+    key: Key = None,
+) -> DropAnswer:
+    """Make the drop that a diagnosis asks for; the answer is that of `POST /v1/drops`.
+
+    Hang the sphere that `result.next_drop` names first. 409 where the diagnosis proposes none.
+    """
+    job = _job(daemon, diagnosis_id)
+    found = (job.result or {}).get("diagnosis")
+    proposed = found.get("next_drop") if found else None
+    if proposed is None:
+        is_what = f"found {found['verdict']!r} and proposes no drop" if found else f"is {job.state}"
+        raise ProblemError(
+            "conflict",
+            f"Diagnosis {diagnosis_id} {is_what}.",
+            remedy="Only a finished diagnosis that confuses effects, and knows a drop that tells "
+            "them apart, proposes one; any other drop goes through POST /v1/drops.",
+            state=job.state,
+        )
+    asked = DropRequest(
+        str(proposed["sphere"]),
+        str(proposed["surface"]),
+        float(proposed["drop_height_m"]),
+        body.operator,
+    )
+    return begin_drop(asked, response, daemon, caller, key)
 
 
 @router.get("/{diagnosis_id}/report.html", response_class=HTMLResponse)

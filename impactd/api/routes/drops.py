@@ -74,10 +74,42 @@ def request_drop(
     202 and a `Location` as soon as the request is durable; the drop goes on by itself. The same
     key and body again give the same drop. 409 names who holds the rig.
     """
+    asked = DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator)
+    return begin_drop(asked, response, daemon, caller, key)
+
+
+def begin_drop(
+    asked: DropRequest, response: Response, daemon: Daemon, caller: Caller, key: str | None
+) -> DropAnswer:
+    """Begin a drop, whoever described it, and say where it can be watched.
+
+    Parameters
+    ----------
+    asked : DropRequest
+        What to drop.
+    response : Response
+        Gets the ``Location``.
+    daemon : Daemon
+        Has the rig.
+    caller : Caller
+        Whose token was used.
+    key : str or None
+        The idempotency key, without which nothing moves.
+
+    Returns
+    -------
+    DropAnswer
+        New, or the one of the same key.
+
+    Raises
+    ------
+    ProblemError
+        400 without a key.
+    """
     try:
         drop = daemon.service.request_drop(
-            DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator),
-            owner=owner_name(body.operator, caller),
+            asked,
+            owner=owner_name(asked.operator, caller),
             idempotency_key=required_key(key, "drop a sphere"),
         )
     except NotReadyError:
