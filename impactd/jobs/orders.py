@@ -16,13 +16,12 @@ from impactd.materials import Materials
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Shot
 from impactd.storage.errors import NotFoundError
-from impactd.storage.jobs import Job
+from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surface_to_json
 
 FIT_SHOT = "fit_shot"
 FIT_CAMPAIGN = "fit_campaign"
 CALIBRATE = "calibrate"
-DIAGNOSE = "diagnose"
 SHOT_MODELS = ("hsd", "kv")
 """Both are fitted to every shot: the difference is what a rigid cell would have made of it."""
 

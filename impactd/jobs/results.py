@@ -10,12 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 from analysis.calibration import drift
-from impactd.jobs.orders import CALIBRATE, DIAGNOSE, FIT_SHOT
+from impactd.jobs.orders import CALIBRATE, FIT_SHOT
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, Problem
 from impactd.storage.drops import Drop
 from impactd.storage.errors import NotFoundError
-from impactd.storage.jobs import Job
+from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.storage.moment import utc_after
 
 CANCELLED = "It was cancelled."
@@ -101,7 +101,7 @@ class ResultWriter:
 
     def _finish_diagnosis(self, job: Job, result: Json) -> None:
         found = result["diagnosis"]
-        model = None
+        model, named = None, None
         with self._archive.transaction():
             if found["accepted_model"] is not None:
                 provenance = {
@@ -113,7 +113,8 @@ class ResultWriter:
                 }
                 named = self._archive.models.add(found["accepted_model"], provenance)
                 model = {"name": named.name, "version": named.version}
-            self._archive.jobs.finish(job.id, {**result, "model": model})
+            done = self._archive.jobs.finish(job.id, {**result, "model": model})
+            self._archive.diagnoses.publish(done, named)
         told = {"id": job.id, "verdict": found["verdict"], "sentence": found["sentence"]}
         self._announce("diagnosis.done", {**told, "model": model})
 

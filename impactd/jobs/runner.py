@@ -13,14 +13,14 @@ import structlog
 
 from impactd.jobs.errors import StoppedError, TaskCancelledError, TaskError, WorkerLostError
 from impactd.jobs.executors import WorkerExecutor
-from impactd.jobs.orders import DIAGNOSE, order_for
+from impactd.jobs.orders import order_for
 from impactd.jobs.results import CANCELLED, ResultWriter
 from impactd.jobs.tasks import TASKS, warm_up
 from impactd.jobs.worker_process import WorkerLimits
 from impactd.materials import Materials, load_materials
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError
-from impactd.storage.jobs import Job
+from impactd.storage.jobs import DIAGNOSE, Job
 
 _log = structlog.get_logger("impactd.jobs")
 POLL_S = 0.5

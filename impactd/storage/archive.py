@@ -9,6 +9,8 @@
       shots/000017.h5              one file per shot
       partial/000018.h5            evidence of records that failed; never listed as shots
       calibrations/000001.json     results of calibrations, for a rebuilt index
+      diagnoses/000005.json        finished diagnoses and the models named for them, likewise
+      active-models.json           which model was chosen when, likewise
 """
 
 from __future__ import annotations
@@ -22,6 +24,7 @@ from pathlib import Path
 
 from drivers.digitizer import Record
 from impactd.storage.calibrations import Calibration, CalibrationTable
+from impactd.storage.diagnoses import DIAGNOSES_NAME, DiagnosisStore
 from impactd.storage.drops import ACTIVE_STATES, FINAL_STATES, Drop, DropRequest, DropTable
 from impactd.storage.errors import (
     ArchiveError,
@@ -105,6 +108,8 @@ class Archive:
     ----------
     jobs, fits, calibrations, events, tokens, models : table
         One table each; see their files.
+    diagnoses : DiagnosisStore
+        Finished diagnoses as files.
     """
 
     def __init__(self, directory: Path, index: Index, *, lock: int, reserve_bytes: int) -> None:
@@ -121,7 +126,8 @@ class Archive:
         self.calibrations = CalibrationTable(index, directory / CALIBRATIONS_NAME)
         self.events = EventTable(index)
         self.tokens = TokenTable(index)
-        self.models = ModelTable(index)
+        self.models = ModelTable(index, directory)
+        self.diagnoses = DiagnosisStore(index, directory / DIAGNOSES_NAME)
 
     @classmethod
     def open(cls, directory: Path, *, reserve_bytes: int) -> Archive:
@@ -424,13 +430,13 @@ class Archive:
         return export_shots([self.read_shot(number) for number in numbers], form, out)
 
     def verify(self) -> Iterator[VerifyFinding]:
-        """Check the index and every shot file; see `verify_archive`."""
-        return verify_archive(self._index, self._store)
+        """Check the index, every shot file and every diagnosis; see `verify_archive`."""
+        return verify_archive(self._index, self._store, self.diagnoses)
 
 
 def _make_folders(directory: Path) -> None:
     try:
-        for name in ("", SHOTS_NAME, PARTIAL_NAME, CALIBRATIONS_NAME):
+        for name in ("", SHOTS_NAME, PARTIAL_NAME, CALIBRATIONS_NAME, DIAGNOSES_NAME):
             (directory / name).mkdir(mode=0o750, parents=True, exist_ok=True)
     except OSError as error:
         raise ArchiveError(

@@ -10,9 +10,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from impactd.storage.calibrations import CalibrationTable
+from impactd.storage.diagnoses import DIAGNOSES_NAME, DiagnosisStore
 from impactd.storage.drops import DropTable
 from impactd.storage.errors import ArchiveError, CorruptShotError
 from impactd.storage.index import Index
+from impactd.storage.models import ModelTable
 from impactd.storage.moment import utc_now
 from impactd.storage.numbers import NumberSequence
 from impactd.storage.problem import Problem
@@ -20,8 +22,16 @@ from impactd.storage.shot_store import FoundShot, ShotStore
 from impactd.storage.shots import ShotTable
 
 _SIDECARS = ("", "-wal", "-shm")
-_KEPT_TABLES = ("calibrations", "drops", "fits", "jobs", "events", "tokens", "active_models")
-
+_KEPT_TABLES = (
+    "calibrations",
+    "drops",
+    "fits",
+    "jobs",
+    "events",
+    "tokens",
+    "named_models",
+    "active_models",
+)
 
 _LOST_CALIBRATION = Problem(
     type="result-lost",
@@ -77,8 +87,10 @@ class ReindexReport:
     old_index: str | None
 
 
-def verify_archive(index: Index, store: ShotStore) -> Iterator[VerifyFinding]:
-    """Check the index and every shot file; nothing is changed.
+def verify_archive(
+    index: Index, store: ShotStore, diagnoses: DiagnosisStore
+) -> Iterator[VerifyFinding]:
+    """Check the index, every shot file and every diagnosis; nothing is changed.
 
     Parameters
     ----------
@@ -86,11 +98,14 @@ def verify_archive(index: Index, store: ShotStore) -> Iterator[VerifyFinding]:
         The index.
     store : ShotStore
         The files.
+    diagnoses : DiagnosisStore
+        Their files.
 
     Yields
     ------
     VerifyFinding
-        One for the index, one for each shot, one for each file that belongs to no shot.
+        One for the index, one for each shot, one for each file that belongs to no shot, one for
+        each diagnosis.
     """
     answers = [str(row[0]) for row in index.rows("PRAGMA integrity_check")]
     broken = index.rows("PRAGMA foreign_key_check")
@@ -116,14 +131,16 @@ def verify_archive(index: Index, store: ShotStore) -> Iterator[VerifyFinding]:
             yield VerifyFinding(str(path), "no row in the index; `impactd reindex` takes it in.")
     for path in store.drafts():
         yield VerifyFinding(str(path), "left by a writer that was killed; it can be deleted.")
+    for subject, problem in diagnoses.findings():
+        yield VerifyFinding(subject, problem)
 
 
 def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
-    """Rebuild an index from the shot files, with what the old one still gives.
+    """Rebuild an index from the files, with what the old one still gives.
 
-    Drops and shots come from the files. Calibrations, fits, jobs, events and tokens are not in
-    them: they are taken over from the old index as far as it can be read. The old index is kept
-    under another name.
+    Drops, shots, calibrations, diagnoses, named models and which one is active come from the
+    files. Fits, waiting jobs, events and tokens are in none: they are taken over from the old index
+    as far as it can be read. The old index is kept under another name.
 
     Parameters
     ----------
@@ -147,7 +164,12 @@ def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
             stored_hashes = _take_over(index, old_path, kept, lost, sequence)
         calibrations = CalibrationTable(index, store.directory / "calibrations")
         kept["calibration files"] = calibrations.restore()
-        damaged: list[str] = []
+        diagnoses = DiagnosisStore(index, store.directory / DIAGNOSES_NAME)
+        kept["diagnosis files"], damaged = diagnoses.restore()
+        try:
+            kept["active_models file"] = ModelTable(index, store.directory).restore_choices()
+        except ArchiveError as error:
+            damaged.append(str(error))
         with index.transaction():
             for file in store.paths():
                 try:

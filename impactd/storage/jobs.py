@@ -15,6 +15,8 @@ from impactd.storage.index import Index, as_text
 from impactd.storage.moment import utc_now
 
 MAX_ATTEMPTS = 2
+DIAGNOSE = "diagnose"
+"""The kind of job whose result is kept as a file."""
 
 
 @dataclass(frozen=True)

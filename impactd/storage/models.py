@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import sqlite3
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
-from impactd.storage.errors import NotFoundError
+from impactd.storage.errors import ArchiveError, NotFoundError
 from impactd.storage.index import Index, as_text
 from impactd.storage.moment import utc_now
+from impactd.storage.publish import publish
 
 BASE_MODEL = "kv"
+CHOICES_NAME = "active-models.json"
 
 
 @dataclass(frozen=True)
@@ -46,10 +49,13 @@ class ModelTable:
     ----------
     index : Index
         Where they live.
+    directory : Path
+        The archive; every choice is kept there in a file too, so that it outlives a lost index.
     """
 
-    def __init__(self, index: Index) -> None:
+    def __init__(self, index: Index, directory: Path) -> None:
         self._index = index
+        self._choices = directory / CHOICES_NAME
 
     def add(self, definition: dict[str, Any], provenance: dict[str, Any]) -> NamedModel:
         """Write a named model as the next version of its name."""
@@ -98,10 +104,36 @@ class ModelTable:
 
     def set_active(self, name: str, version: int | None = None) -> None:
         """Choose a model; the caller has checked that the analysis knows it."""
-        self._index.write(
-            "INSERT INTO active_models (name, since_utc, version) VALUES (?, ?, ?)",
-            (name, utc_now(), version),
-        )
+        with self._index.transaction():
+            self._index.write(
+                "INSERT INTO active_models (name, since_utc, version) VALUES (?, ?, ?)",
+                (name, utc_now(), version),
+            )
+            rows = self._index.rows(
+                "SELECT name, since_utc, version FROM active_models ORDER BY id"
+            )
+            text = as_text([dict(row) for row in rows])
+            publish(self._choices, text.encode(), replace=True)
+
+    def restore_choices(self) -> int:
+        """Take the choices from their file where the index has none; return how many."""
+        if self.history() or not self._choices.exists():
+            return 0
+        try:
+            kept = [
+                (str(one["name"]), str(one["since_utc"]), one["version"])
+                for one in json.loads(self._choices.read_text())
+            ]
+        except (ValueError, KeyError, TypeError) as error:
+            raise ArchiveError(
+                f"{self._choices} cannot be read: {error!r}.",
+                remedy="Choose the active model again.",
+            ) from error
+        for choice in kept:
+            self._index.write(
+                "INSERT INTO active_models (name, since_utc, version) VALUES (?, ?, ?)", choice
+            )
+        return len(kept)
 
     def history(self) -> list[tuple[str, str]]:
         """Return every choice with its moment, oldest first."""

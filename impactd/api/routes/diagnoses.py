@@ -17,9 +17,8 @@ from impactd.api.routes.drops import begin_drop
 from impactd.api.schemas import DropAnswer, Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
-from impactd.jobs.orders import DIAGNOSE
 from impactd.storage.drops import DropRequest
-from impactd.storage.jobs import Job
+from impactd.storage.jobs import DIAGNOSE, Job
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
 

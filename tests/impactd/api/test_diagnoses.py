@@ -55,6 +55,16 @@ def test_a_diagnosis_names_the_effect(diagnosis, shots):
     assert len(result["file_sha256"]) == len(shots)
 
 
+def test_it_is_kept_in_a_file_beside_the_shots(rig, diagnosis):
+    """A lost index takes no diagnosis with it: the file has result, page and named model."""
+    store = rig.daemon.archive.diagnoses
+    record = store.read(store.path(diagnosis["id"]))
+    assert record["job"]["result"]["diagnosis"]["verdict"] == diagnosis["verdict"]
+    assert "<html" in record["job"]["result"]["report_html"]
+    named = record["named_model"]
+    assert {"name": named["name"], "version": named["version"]} == diagnosis["model"]
+
+
 def test_its_page_shows_in_a_browser_and_fetches_nothing(rig, diagnosis):
     """The page may use its own style and pictures, and nothing else."""
     answer = rig.reader.get(diagnosis["links"]["report"])

@@ -10,7 +10,7 @@ import uuid
 
 import pytest
 
-from impactd.jobs.orders import DIAGNOSE
+from impactd.storage.jobs import DIAGNOSE
 
 from .conftest import until
 

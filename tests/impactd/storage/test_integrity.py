@@ -14,6 +14,7 @@ from impactd.storage.archive import (
     DropRequest,
     Problem,
 )
+from impactd.storage.jobs import DIAGNOSE
 
 Store = Callable[..., int]
 
@@ -104,6 +105,79 @@ def test_without_an_index_the_files_give_drops_and_shots(filled: Path, damage: s
         assert archive.read_shot(2).shot.sphere == "acetal"
         assert archive.calibrations.get(1).result == {"gain": 2.0}
         assert archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a")[0].number == 4
+
+
+DEFINITION = {"name": "kv+echo", "base": "kv", "effects": []}
+
+
+@pytest.fixture
+def diagnosed(archive: Archive) -> Path:
+    """Return the folder of a closed archive with two diagnoses, one with a chosen named model."""
+    for number, model in ((1, DEFINITION), (2, None)):
+        job = archive.jobs.enqueue(DIAGNOSE, {"shots": [1], "base": "kv"}, "1 shot(s)")
+        with archive.transaction():
+            named = archive.models.add(model, {"diagnosis": job.id}) if model else None
+            told = {"name": named.name, "version": named.version} if named else None
+            found = {"diagnosis": {"verdict": "identified"}, "report_html": "<p>", "model": told}
+            archive.diagnoses.publish(archive.jobs.finish(job.id, found), named)
+        assert job.id == number
+    archive.jobs.enqueue("fit_shot", {"shot": 1}, "shot 1")
+    archive.models.set_active("kv+echo", 1)
+    archive.models.set_active("kv")
+    archive.models.set_active("kv+echo", 1)
+    archive.close()
+    return archive.directory
+
+
+@pytest.mark.parametrize("lost", [True, False])
+def test_diagnoses_and_named_models_come_back(diagnosed: Path, lost: bool) -> None:
+    """With or without the old index: results, reports, named models and the active one."""
+    if lost:
+        (diagnosed / "index.sqlite").unlink()
+
+    report = Archive.reindex(diagnosed)
+
+    assert (report.damaged, report.lost) == ((), ())
+    with Archive.open(diagnosed, reserve_bytes=0) as archive:
+        first, second = archive.jobs.get(1), archive.jobs.get(2)
+        assert first.state == second.state == "done"
+        assert first.result is not None
+        assert first.result["model"] == {"name": "kv+echo", "version": 1}
+        assert first.result["report_html"] == "<p>"
+        assert archive.models.named("kv+echo").definition == DEFINITION
+        assert archive.models.named("kv+echo").provenance == {"diagnosis": 1}
+        assert (archive.models.active(), archive.models.active_version()) == ("kv+echo", 1)
+        assert [name for name, _ in archive.models.history()] == ["kv+echo", "kv", "kv+echo"]
+        assert archive.models.add(DEFINITION, {}).version == 2
+        later = archive.jobs.enqueue(DIAGNOSE, {"shots": [2], "base": "kv"}, "1 shot(s)")
+        assert later.id == (3 if lost else 4)
+        assert _problems(archive) == []
+
+
+def test_a_damaged_diagnosis_is_named_and_its_number_never_used_again(diagnosed: Path) -> None:
+    """A changed file is refused by reindex and by verify; the others come back."""
+    (diagnosed / "index.sqlite").unlink()
+    path = diagnosed / "diagnoses/000002.json"
+    path.write_text(path.read_text().replace("identified", "idemtified"))
+
+    report = Archive.reindex(diagnosed)
+
+    assert len(report.damaged) == 1
+    assert "000002.json" in report.damaged[0]
+    with Archive.open(diagnosed, reserve_bytes=0) as archive:
+        assert archive.jobs.get(1).state == "done"
+        assert archive.jobs.enqueue(DIAGNOSE, {"shots": [2], "base": "kv"}, "x").id == 3
+        (problem,) = _problems(archive)
+        assert "diagnosis 2" in problem
+        assert "SHA-256" in problem
+
+
+def test_a_diagnosis_that_only_the_index_has_gets_its_file(diagnosed: Path) -> None:
+    """An archive of an older version, whose diagnoses had no files, has them after a reindex."""
+    before = (diagnosed / "diagnoses/000001.json").read_text()
+    (diagnosed / "diagnoses/000001.json").unlink()
+    Archive.reindex(diagnosed)
+    assert (diagnosed / "diagnoses/000001.json").read_text() == before
 
 
 def test_the_old_index_is_kept(filled: Path) -> None:
