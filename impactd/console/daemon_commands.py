@@ -44,13 +44,13 @@ def demo(
         int | None, typer.Option("--seed", min=0, help="Of everything drawn; fresh without it.")
     ] = None,
     effect: Annotated[
-        str, typer.Option("--effect", help="An effect's id, random, or none.")
-    ] = "none",
+        str, typer.Option("--effect", help="What the rig hides: an effect's id, random, or none.")
+    ] = "random",
     out: Annotated[Path, typer.Option("--out", help="Where the results go.")] = Path(
         "impactd-demo"
     ),
 ) -> None:
-    """Do the main job in one go on the simulated rig, through HTTP, USB and serial."""
+    """Do the main job in one go on the simulated rig: drops, moduli, and what the model lacks."""
     from impactd.demo import run_demo
 
     raise typer.Exit(run_demo(seed=seed, effect=effect, out=out))

@@ -12,12 +12,17 @@ from impactd.console.client import Client, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.tables import measured
 
-SPHERES = ("acetal", "polypropylene", "hdpe")
+SPHERES = ("acetal", "acetal_small", "hdpe")
+"""Two radii of one material, and a softer one."""
 SURFACES = ("specimen", "polycarbonate")
+REFERENCE_SURFACES = ("aluminium",)
+"""What the calibration drops on."""
 DROP_HEIGHTS_M = (0.020, 0.045, 0.070)
+REPEATS = 2
 
 Json = dict[str, Any]
 
+MOST_SHOTS = 500
 _POLL_S = 0.03
 _DROP_LIMIT_S = 60.0
 _FIT_LIMIT_S = 180.0
@@ -25,7 +30,10 @@ _ENDED = ("analysed", "failed", "aborted", "interrupted")
 
 
 def plan() -> list[tuple[str, str, float]]:
-    """Return the campaign: every sphere on every surface from every height.
+    """Return the campaign: every sphere on every surface from every height, then all of it again.
+
+    Several heights and radii are what tells effects apart that look alike in one drop, and a second
+    round at a later hour is what tells a drift from a property of a surface.
 
     Returns
     -------
@@ -34,6 +42,7 @@ def plan() -> list[tuple[str, str, float]]:
     """
     return [
         (sphere, surface, height_m)
+        for _ in range(REPEATS)
         for surface in SURFACES
         for sphere in SPHERES
         for height_m in DROP_HEIGHTS_M
@@ -65,7 +74,7 @@ def calibrate(client: Client, console: Console) -> Json:
     number = client.send("POST", "/v1/calibrations", body, key=fresh_key())["number"]
     shown: set[int] = set()
     with console.status("calibrating the load cell ..."):
-        for run in _until(client, f"/v1/calibrations/{number}", ("done", "failed"), _FIT_LIMIT_S):
+        for run in until(client, f"/v1/calibrations/{number}", ("done", "failed"), _FIT_LIMIT_S):
             for drop_number in run["drops"]:
                 drop = client.get(f"/v1/drops/{drop_number}")
                 if drop_number not in shown and drop["shot"]:
@@ -110,7 +119,7 @@ def drop_all(client: Client, console: Console) -> list[Json]:
         asked = time.monotonic()
         number = client.send("POST", "/v1/drops", body, key=fresh_key())["number"]
         with console.status(f"{sphere} on {surface} from {height_m * 1e3:g} mm ...") as status:
-            for drop in _until(client, f"/v1/drops/{number}", _ENDED, _DROP_LIMIT_S):
+            for drop in until(client, f"/v1/drops/{number}", _ENDED, _DROP_LIMIT_S):
                 status.update(f"{sphere} on {surface} from {height_m * 1e3:g} mm: {drop['state']}")
                 if drop["state"] == "stored" and drop["problem"]:
                     break
@@ -123,15 +132,15 @@ def drop_all(client: Client, console: Console) -> list[Json]:
     return shots
 
 
-def fit_together(client: Client, shots: list[Json], model: str, console: Console) -> Json:
-    """Have the daemon fit the campaign as a whole.
+def fit_together(client: Client, numbers: list[int], model: str, console: Console) -> Json:
+    """Have the daemon fit drops as a whole.
 
     Parameters
     ----------
     client : Client
         Connected to the daemon.
-    shots : list of dict
-        The campaign's shots.
+    numbers : list of int
+        The shots.
     model : str
         ``hsd`` or ``kv``.
     console : Console
@@ -147,10 +156,10 @@ def fit_together(client: Client, shots: list[Json], model: str, console: Console
     Failure
         If the fit failed.
     """
-    body = {"shots": [shot["number"] for shot in shots], "model": model}
+    body = {"shots": numbers, "model": model}
     job = client.send("POST", "/v1/fits", body, key=fresh_key())
-    with console.status(f"fitting {len(shots)} shots together with {model.upper()} ..."):
-        for answer in _until(client, f"/v1/fits/{job['id']}", ("done", "failed"), _FIT_LIMIT_S):
+    with console.status(f"fitting {len(numbers)} drops together with {model.upper()} ..."):
+        for answer in until(client, f"/v1/fits/{job['id']}", ("done", "failed"), _FIT_LIMIT_S):
             job = answer
     if job["state"] == "failed" or not job["fits"]:
         raise Failure(f"the joint {model.upper()} fit failed: {job['reason']}")
@@ -158,8 +167,30 @@ def fit_together(client: Client, shots: list[Json], model: str, console: Console
     return result
 
 
-def _until(client: Client, path: str, ended: tuple[str, ...], limit_s: float) -> Iterator[Json]:
-    """Yield a resource again and again until its state is one of the last ones."""
+def until(client: Client, path: str, ended: tuple[str, ...], limit_s: float) -> Iterator[Json]:
+    """Yield a resource again and again until its state is one of the last ones.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to the daemon.
+    path : str
+        Of the resource.
+    ended : tuple of str
+        The last states.
+    limit_s : float
+        Longest wait. [s]
+
+    Yields
+    ------
+    dict
+        The resource; at last in one of those states.
+
+    Raises
+    ------
+    Failure
+        If it takes longer.
+    """
     deadline = time.monotonic() + limit_s
     while True:
         answer = client.get(path)

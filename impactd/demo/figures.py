@@ -1,7 +1,8 @@
-"""The pictures of the demo: one trace with both models, and every modulus against the truth."""
+"""The pictures of the demo: one shot with its residuals, and every modulus against the truth."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,16 +15,16 @@ from numpy.typing import NDArray
 
 from analysis import Campaign, Shot, fit_campaign
 from analysis.fit.shot_fit import ShotFit
-from impactd.demo.outcome import Estimate, Outcome, Row
+from impactd.demo.outcome import Outcome, Row, Rung
 
-MEASURED, HSD, KV, TRUTH = "#8a8f98", "#d9822b", "#1c6dd0", "#202124"
+MEASURED, HSD, KV, AFTER, TRUTH = "#8a8f98", "#d9822b", "#1c6dd0", "#1b8a5a", "#202124"
 """Colours that stay apart in grey and for the colour-blind."""
 
 _BEFORE_US, _AFTER_US = 60.0, 560.0
 """What of a shot is drawn: the pulse and most of the ring. [us]"""
 
-_LOOK = {"HSD": (HSD, "s", -0.16), "KV": (KV, "o", 0.16)}
-"""Colour, marker and shift of each model's whiskers."""
+_LOOK = {"hsd": (HSD, "s", -0.22), "kv": (KV, "o", 0.0), "after": (AFTER, "D", 0.22)}
+"""Colour, marker and shift of each rung's whiskers."""
 
 # Any: matplotlib's own type names each of its hundreds of keys
 _STYLE: Any = {
@@ -38,8 +39,8 @@ _STYLE: Any = {
 }
 
 
-def draw_trace(file: Path, campaign: Campaign, title: str) -> None:
-    """Draw one shot with both fitted models and what they leave over.
+def draw_trace(file: Path, campaign: Campaign, outcome: Outcome, title: str) -> None:
+    """Draw one shot with HSD and KV, and below it what every rung leaves over of its like.
 
     Parameters
     ----------
@@ -47,22 +48,24 @@ def draw_trace(file: Path, campaign: Campaign, title: str) -> None:
         PNG to write.
     campaign : Campaign
         With exactly one shot.
+    outcome : Outcome
+        Of the demo: its diagnosis holds the residuals of all drops, stacked.
     title : str
         Over the picture.
     """
     (shot,) = campaign.shots
-    fits = {model.upper(): fit_campaign(campaign, model).shots for model in ("hsd", "kv")}
+    fits = {key: fit_campaign(campaign, key).shots for key in ("hsd", "kv")}
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(7.2, 5.2), layout="constrained")
-        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=[3, 1.35])
-        for name, fitted in fits.items():
+        figure = Figure(figsize=(7.2, 6.6), layout="constrained")
+        upper, rigid, fine = figure.subplots(3, 1, sharex=True, height_ratios=[3, 1.2, 1.4])
+        for key, fitted in fits.items():
             for fit in fitted:  # none where the model cannot be evaluated on this shot
-                colour, label = _LOOK[name][0], f"{name}, residual {fit.rms * 1e3:.1f} mV rms"
-                upper.plot(
-                    _time_us(fit), fit.prediction, color=colour, lw=1.3, label=label, zorder=3
-                )
-                lower.plot(_time_us(fit), fit.residual * 1e3, color=colour, lw=1.0)
-        touch = _touch_down(shot, fits["KV"])
+                colour = _LOOK[key][0]
+                t = _time_us(fit)
+                upper.plot(t, fit.prediction, color=colour, lw=1.3, label=key.upper(), zorder=3)
+                if key == "hsd":
+                    rigid.plot(t, fit.residual * 1e3, color=colour, lw=1.0)
+        touch = _touch_down(shot, fits["kv"])
         measured_us = (np.arange(shot.signal.size) - touch) / shot.sample_rate_hz * 1e6
         near = (measured_us > -_BEFORE_US) & (measured_us < _AFTER_US)
         upper.plot(
@@ -71,10 +74,31 @@ def draw_trace(file: Path, campaign: Campaign, title: str) -> None:
         upper.set_ylabel("signal / V")
         upper.set_title(title, loc="left", fontsize=11)
         upper.legend(loc="upper right")
-        lower.set_ylabel("residual / mV")
-        lower.set_xlabel("time since touch-down / µs")
-        lower.set_xlim(-_BEFORE_US, _AFTER_US)
+        rigid.set_ylabel("HSD leaves / mV")
+        _draw_stacks(fine, outcome, shot)
+        fine.set_ylabel("left over / mV")
+        fine.set_xlabel("time since touch-down / µs")
+        fine.set_xlim(-_BEFORE_US, _AFTER_US)
         figure.savefig(file)
+
+
+def _draw_stacks(axes: Axes, outcome: Outcome, shot: Shot) -> None:
+    """Draw the mean residual of the shot's pair and height, from the diagnosis."""
+    noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
+    axes.axhspan(-noise_mv, noise_mv, color="#eef0f3", lw=0, label="noise of one sample")
+    seen = outcome.diagnosis["residual"]
+    for rung, side in ((outcome.rungs[1], "before"), (outcome.last, "after")):
+        stacks = (seen[side] or {}).get("stacks")
+        if not stacks:
+            continue
+        t = np.array(stacks["time_us"])
+        for curve in stacks["by_pair_and_height"]:
+            if curve["pair"] == f"{shot.sphere}/{shot.surface}" and math.isclose(
+                curve["drop_height_m"] or 0.0, shot.drop_height_m or 0.0
+            ):
+                mean_mv = [math.nan if v is None else 1e3 * v for v in curve["mean"]]
+                axes.plot(t, mean_mv, color=_LOOK[rung.key][0], lw=1.2, label=rung.name)
+    axes.legend(loc="upper right", fontsize=8, ncols=3)
 
 
 def _touch_down(shot: Shot, fitted: Sequence[ShotFit]) -> float:
@@ -104,42 +128,47 @@ def draw_moduli(file: Path, outcome: Outcome) -> None:
     groups = [("reduced modulus E* of each pair", outcome.pairs)]
     if outcome.materials:
         groups.append(("Young's modulus of each material", outcome.materials))
-    heights = [len(rows) + 1.2 for _, rows in groups]
+    heights = [1.25 * len(rows) + 1.2 for _, rows in groups]
+    fine = [rung for rung in outcome.rungs if rung.key != "hsd"]
     with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(8.6, 0.4 * sum(heights) + 0.6), layout="constrained")
+        figure = Figure(figsize=(8.8, 0.36 * sum(heights) + 0.6), layout="constrained")
         grid = figure.subplots(
-            len(groups), 2, height_ratios=heights, width_ratios=[1.7, 1], squeeze=False
+            len(groups), 2, height_ratios=heights, width_ratios=[1.5, 1.2], squeeze=False
         )
-        for (both, alone), (title, rows) in zip(grid, groups, strict=True):
-            for axes in (both, alone):
-                axes.axvline(0, color=TRUTH, lw=1.2)
-                axes.set_ylim(len(rows) - 0.4, -0.6)
-                axes.grid(visible=False, axis="y")
-            for place, row in enumerate(rows):
-                _whisker(both, place, row, "HSD", row.hsd)
-                _whisker(both, place, row, "KV", row.kv)
-                _whisker(alone, place, row, "KV", row.kv)
-            both.set_yticks(range(len(rows)), [row.name for row in rows])
-            both.set_title(title, loc="left", fontsize=11)
-            alone.set_yticks([])
-            alone.set_title("KV, enlarged", loc="left", fontsize=11, color=KV)
-            reach = 1.15 * max(abs(limit) for limit in alone.get_xlim())
-            alone.set_xlim(-reach, reach)
-        grid[0, 0].legend(loc="center right")
+        for (every, enlarged), (title, rows) in zip(grid, groups, strict=True):
+            for axes, rungs in ((every, outcome.rungs), (enlarged, fine)):
+                _draw_rows(axes, rows, rungs)
+            every.set_yticks(range(len(rows)), [row.name for row in rows])
+            every.set_title(title, loc="left", fontsize=11)
+            enlarged.set_yticks([])
+            enlarged.set_title("without HSD, enlarged", loc="left", fontsize=11)
+            reach = 1.15 * max(abs(limit) for limit in enlarged.get_xlim())
+            enlarged.set_xlim(-reach, reach)
+        grid[0, 0].legend(loc="center right", fontsize=8)
         grid[-1, 0].set_xlabel("deviation from the simulated rig's truth / %   (bars: 95 %)")
         grid[-1, 1].set_xlabel("the same / %")
         figure.savefig(file)
 
 
-def _whisker(axes: Axes, place: int, row: Row, model: str, estimate: Estimate | None) -> None:
-    """Draw one estimate relative to its truth."""
-    colour, marker, shift = _LOOK[model]
+def _draw_rows(axes: Axes, rows: Sequence[Row], rungs: Sequence[Rung]) -> None:
+    """Draw each row's whiskers, one for each rung."""
+    axes.axvline(0, color=TRUTH, lw=1.2)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.grid(visible=False, axis="y")
+    for rung in rungs:
+        axes.plot([], [], _LOOK[rung.key][1], color=_LOOK[rung.key][0], ms=6, label=rung.name)
+        for place, row in enumerate(rows):
+            _whisker(axes, place, row, rung.key)
+
+
+def _whisker(axes: Axes, place: int, row: Row, key: str) -> None:
+    """Draw one estimate relative to its truth; nothing where it was withheld."""
+    colour, marker, shift = _LOOK[key]
+    estimate = row.estimates[key]
     if estimate is None:
-        axes.text(0, place + shift, "  withheld", va="center", color=colour, fontsize=8)
         return
     low, high = (100 * (limit / row.truth_pa - 1) for limit in estimate.interval95_pa)
     middle = 100 * (estimate.value_pa / row.truth_pa - 1)
     height = place + shift
     axes.plot([low, high], [height, height], color=colour, lw=2, solid_capstyle="butt")
-    label = model if place == 0 else None
-    axes.plot(middle, height, marker, color=colour, ms=6, mec="white", label=label)
+    axes.plot(middle, height, marker, color=colour, ms=5, mec="white")

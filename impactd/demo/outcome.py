@@ -1,14 +1,18 @@
-"""What the demo found, beside the truth that the simulated rig had sealed."""
+"""What the demo found, rung by rung, beside the truth that the simulated rig had sealed."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
-from analysis.fit.shot_fit import MISFIT_ABOVE
 from analysis.model.hertz import reduced_modulus
+from impactd.demo.judgement import Judgement, judge
 
 Json = dict[str, Any]
+
+SPECIMEN = "specimen"
+"""The surface whose modulus nobody stated."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +84,39 @@ class Estimate:
 
 
 @dataclass(frozen=True)
+class Rung:
+    """One model of the ladder with everything it says about the same drops.
+
+    Attributes
+    ----------
+    key : str
+        ``hsd``, ``kv`` or ``after``: stable, whatever was found.
+    name : str
+        For people: ``HSD``, ``KV``, ``KV + coupler_highpass``.
+    block : dict
+        ``heldout_rms_V``, ``pairs``, ``moduli`` as `impactd-fit/1` and a diagnosis have them.
+    """
+
+    key: str
+    name: str
+    block: Json
+
+    @property
+    def heldout_rms_v(self) -> float | None:
+        """Return the error on shots that the shared numbers were not fitted to. [V]"""
+        found: float | None = self.block.get("heldout_rms_V")
+        return found
+
+    @property
+    def specimen(self) -> Estimate | None:
+        """Return the specimen's plane-strain modulus, what an impact knows of it."""
+        entry = self.block.get("moduli", {}).get(SPECIMEN, {})
+        return Estimate.of(entry.get("plane_strain_modulus_Pa"))
+
+
+@dataclass(frozen=True)
 class Row:
-    """A pair's reduced modulus or a material's Young's modulus, by both models.
+    """A pair's reduced modulus or a material's Young's modulus, by every rung.
 
     Attributes
     ----------
@@ -89,8 +124,8 @@ class Row:
         ``acetal on specimen``, or a material.
     shots : int
         How many shots it rests on.
-    hsd, kv : Estimate or None
-        ``None``: withheld.
+    estimates : dict
+        By the rung's key; ``None``: withheld.
     truth_pa : float
         What the simulated rig has. [Pa]
     known : bool
@@ -99,8 +134,7 @@ class Row:
 
     name: str
     shots: int
-    hsd: Estimate | None
-    kv: Estimate | None
+    estimates: dict[str, Estimate | None]
     truth_pa: float
     known: bool = False
 
@@ -110,16 +144,15 @@ class Row:
         Returns
         -------
         dict
-            Both estimates, the truth, and whether each interval holds it.
+            Each rung's estimate and whether its interval holds the truth, and the truth.
         """
-        return {
-            "shots": self.shots,
-            "hsd": None if self.hsd is None else self.hsd.to_json(),
-            "kv": None if self.kv is None else self.kv.to_json(),
-            "truth_Pa": self.truth_pa,
-            "hsd_holds_truth": None if self.hsd is None else self.hsd.holds(self.truth_pa),
-            "kv_holds_truth": None if self.kv is None else self.kv.holds(self.truth_pa),
-        }
+        found: Json = {"shots": self.shots, "truth_Pa": self.truth_pa}
+        for key, estimate in self.estimates.items():
+            found[key] = None if estimate is None else estimate.to_json()
+            found[f"{key}_holds_truth"] = (
+                None if estimate is None else estimate.holds(self.truth_pa)
+            )
+        return found
 
 
 @dataclass(frozen=True)
@@ -128,12 +161,16 @@ class Outcome:
 
     Attributes
     ----------
+    rungs : list of Rung
+        HSD, KV, and KV with what was found where anything was.
     pairs : list of Row
         Reduced moduli E*, the one number a contact knows.
     materials : list of Row
         Young's moduli.
-    fits : dict
-        ``impactd-fit/1`` by model.
+    diagnosis : dict
+        ``impactd-diagnosis/1``.
+    model : str or None
+        What was made the active model, with its version.
     calibration : dict
         The calibration as the API gives it.
     truth : dict
@@ -142,34 +179,46 @@ class Outcome:
         Of the simulated rig.
     """
 
+    rungs: list[Rung]
     pairs: list[Row]
     materials: list[Row]
-    fits: dict[str, Json]
+    diagnosis: Json
+    model: str | None
     calibration: Json
     truth: Json
     seed: int
 
-    def sentence(self) -> str:
-        """Return the result in two sentences, and a third where the model does not suffice.
+    @property
+    def last(self) -> Rung:
+        """Return the rung the demo ends on."""
+        return self.rungs[-1]
+
+    @property
+    def judgement(self) -> Judgement:
+        """Return whether the verdict was right."""
+        return judge(self.diagnosis, self.truth.get("effects") or [])
+
+    @property
+    def specimen_truth_pa(self) -> float:
+        """Return the specimen's true plane-strain modulus. [Pa]"""
+        return _plane_strain(self.truth, "surfaces", SPECIMEN)
+
+    def held(self, key: str) -> tuple[int, int]:
+        """Return for how many pairs a rung's interval holds the truth, and of how many.
+
+        Parameters
+        ----------
+        key : str
+            The rung's.
 
         Returns
         -------
-        str
-            How many intervals hold the truth, how far HSD is off, what KV leaves over.
+        tuple of int
+            Held, stated.
         """
-        kv = [row for row in self.pairs if row.kv is not None]
-        held = sum(row.kv is not None and row.kv.holds(row.truth_pa) for row in kv)
-        off = [row.hsd.value_pa / row.truth_pa - 1 for row in self.pairs if row.hsd is not None]
-        said = f"KV: the stated 95 % interval holds the truth for {held} of {len(kv)} pairs."
-        if off:
-            said += f" HSD: off by {min(off):+.0%} to {max(off):+.0%}."
-        misfit = self.fits["kv"].get("chi2_per_dof")
-        if misfit is not None and misfit > MISFIT_ABOVE:
-            said += (
-                f" KV leaves {misfit:.3g} times the noise's variance: the instrument has something "
-                "that the model lacks, and no interval covers that."
-            )
-        return said
+        stated = [(row, row.estimates[key]) for row in self.pairs]
+        known = [(row, found) for row, found in stated if found is not None]
+        return sum(found.holds(row.truth_pa) for row, found in known), len(known)
 
     def to_json(self) -> Json:
         """Return the content of ``moduli.json``.
@@ -177,12 +226,21 @@ class Outcome:
         Returns
         -------
         dict
-            ``impactd-demo/1``.
+            ``impactd-demo/1``; ``moduli`` are those of the last rung, whose model is named.
         """
+        judgement = self.judgement
         return {
             "format": "impactd-demo/1",
             "seed": self.seed,
-            "moduli": self.fits["kv"]["moduli"],
+            "model": self.last.block["model"],
+            "active_model": self.model,
+            "moduli": self.last.block["moduli"],
+            "ladder": [self._rung_json(rung) for rung in self.rungs],
+            "noise_rms_V": self.diagnosis["noise_rms_V"],
+            "verdict": self.diagnosis["verdict"],
+            "sentence": self.diagnosis["sentence"],
+            "right": judgement.right,
+            "judgement": judgement.sentence,
             "pairs": {row.name: row.to_json() for row in self.pairs},
             "materials": {row.name: row.to_json() for row in self.materials},
             "calibration": self.calibration["number"],
@@ -191,57 +249,89 @@ class Outcome:
             },
         }
 
+    def _rung_json(self, rung: Rung) -> Json:
+        found = rung.specimen
+        return {
+            "rung": rung.key,
+            "model": rung.block["model"],
+            "heldout_rms_V": rung.heldout_rms_v,
+            "specimen_plane_strain_modulus_Pa": None if found is None else found.to_json(),
+            "truth_Pa": self.specimen_truth_pa,
+        }
 
-def compare(hsd: Json, kv: Json, calibration: Json, truth: Json, seed: int) -> Outcome:
-    """Lay both fits beside the truth.
+
+def compare(
+    hsd: Json,
+    diagnosis: Json,
+    calibration: Json,
+    truth: Json,
+    *,
+    seed: int,
+    model: str | None = None,
+) -> Outcome:
+    """Lay every rung beside the truth.
 
     Parameters
     ----------
-    hsd, kv : dict
+    hsd : dict
         ``impactd-fit/1`` of the same shots.
+    diagnosis : dict
+        ``impactd-diagnosis/1`` from the base KV.
     calibration : dict
         As the API gives it.
     truth : dict
         As the simulated rig unsealed it.
     seed : int
         Of the simulated rig.
+    model : str, optional
+        What was made the active model.
 
     Returns
     -------
     Outcome
-        Pairs and materials in the order of the fit.
+        Pairs and materials in the order of the diagnosis.
     """
-    pairs = []
-    for key, found in kv["pairs"].items():
-        sphere, _, surface = key.partition("/")
-        true_pa = reduced_modulus(
-            _plane_strain(truth, "spheres", sphere), _plane_strain(truth, "surfaces", surface)
+    rungs = [Rung("hsd", "HSD", hsd), Rung("kv", "KV", diagnosis["before"])]
+    if diagnosis["effects"]:
+        named = " + ".join(effect["id"] for effect in diagnosis["effects"])
+        rungs.append(Rung("after", f"KV + {named}", diagnosis["after"]))
+    elif diagnosis["verdict"] == "unknown":
+        rungs.append(Rung("after", "KV + learned closure", diagnosis["after"]))
+    pairs = [
+        Row(
+            f"{found['sphere']} on {found['surface']}",
+            found["shots"],
+            {r.key: Estimate.of(_entry(r, "pairs", key, "reduced_modulus_Pa")) for r in rungs},
+            reduced_modulus(
+                _plane_strain(truth, "spheres", found["sphere"]),
+                _plane_strain(truth, "surfaces", found["surface"]),
+            ),
         )
-        other = hsd["pairs"].get(key, {})
-        pairs.append(
-            Row(
-                f"{sphere} on {surface}",
-                found["shots"],
-                Estimate.of(other.get("reduced_modulus_Pa")),
-                Estimate.of(found.get("reduced_modulus_Pa")),
-                true_pa,
-            )
-        )
-    materials = []
-    for name, found in kv["moduli"].items():
-        group = "spheres" if found["side"] == "sphere" else "surfaces"
-        plain = name.partition(":")[2] or name
-        materials.append(
-            Row(
-                plain,
-                sum(plain in (shot["sphere"], shot["surface"]) for shot in kv["shots"]),
-                Estimate.of(hsd["moduli"].get(name, {}).get("youngs_modulus_Pa")),
-                Estimate.of(found["youngs_modulus_Pa"]),
-                float(truth[group][plain]["youngs_modulus_Pa"]),
-                known=found["status"] == "reference",
-            )
-        )
-    return Outcome(pairs, materials, {"hsd": hsd, "kv": kv}, calibration, truth, seed)
+        for key, found in diagnosis["before"]["pairs"].items()
+    ]
+    materials = [
+        _material(name, rungs, diagnosis["before"]["pairs"].values(), truth)
+        for name in diagnosis["before"]["moduli"]
+    ]
+    return Outcome(rungs, pairs, materials, diagnosis, model, calibration, truth, seed)
+
+
+def _material(name: str, rungs: list[Rung], pairs: Iterable[Json], truth: Json) -> Row:
+    entry = rungs[1].block["moduli"][name]
+    plain = name.partition(":")[2] or name
+    group = "spheres" if entry["side"] == "sphere" else "surfaces"
+    return Row(
+        plain,
+        sum(pair["shots"] for pair in pairs if plain == pair[entry["side"]]),
+        {r.key: Estimate.of(_entry(r, "moduli", name, "youngs_modulus_Pa")) for r in rungs},
+        float(truth[group][plain]["youngs_modulus_Pa"]),
+        known=entry["status"] == "reference",
+    )
+
+
+def _entry(rung: Rung, group: str, key: str, what: str) -> Json | None:
+    found: Json | None = rung.block.get(group, {}).get(key, {}).get(what)
+    return found
 
 
 def _plane_strain(truth: Json, group: str, name: str) -> float:

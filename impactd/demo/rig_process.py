@@ -14,8 +14,10 @@ from typing import Any
 from impactd.console.client import Client
 from impactd.console.failure import Failure
 from impactd.data_lock import read_holder
+from impactd.demo.drops import REFERENCE_SURFACES, SPHERES, SURFACES
 from impactd.settings import find_config
 
+MATERIALS_NAME = "materials.toml"
 CLOCK_SPEED = 4.0
 """Rig seconds per host second: quick, and slow enough to see each drop."""
 
@@ -26,10 +28,13 @@ _STOP_LIMIT_S = 20.0
 def write_settings(file: Path, *, seed: int, effect: str) -> None:
     """Write the settings of the demo's rig: the shipped simulated rig, quicker and with a secret.
 
+    Its drawers hold the materials of the demo and no others: a secret that acts on one material
+    only shall be one that the demo drops.
+
     Parameters
     ----------
     file : Path
-        Where to.
+        Where to; the materials go beside it.
     seed : int
         Seed of everything the simulated rig draws.
     effect : str
@@ -37,10 +42,26 @@ def write_settings(file: Path, *, seed: int, effect: str) -> None:
     """
     shipped = find_config("simulated.toml")
     settings = tomllib.loads(shipped.read_text(encoding="utf-8"))
-    settings["materials"]["file"] = str(find_config(settings["materials"]["file"]))
+    drawers = file.with_name(MATERIALS_NAME)
+    _write_materials(find_config(settings["materials"]["file"]), drawers)
+    settings["materials"]["file"] = str(drawers.resolve())
     settings["simulation"] |= {"seed": seed, "effect": effect, "clock_speed": CLOCK_SPEED}
-    lines = [f"# The rig of one `impactd demo`; derived from {shipped.name}.", ""]
-    for section, keys in settings.items():
+    _write(file, f"The rig of one `impactd demo`; derived from {shipped.name}.", settings)
+
+
+def _write_materials(shipped: Path, file: Path) -> None:
+    """Write the materials that the demo drops, as they are shipped."""
+    known = tomllib.loads(shipped.read_text(encoding="utf-8"))
+    wanted = {"sphere": SPHERES, "surface": (*SURFACES, *REFERENCE_SURFACES)}
+    kept = {
+        f"{group}.{name}": known[group][name] for group, names in wanted.items() for name in names
+    }
+    _write(file, f"The materials of one `impactd demo`; from {shipped.name}.", kept)
+
+
+def _write(file: Path, about: str, sections: dict[str, Any]) -> None:
+    lines = [f"# {about}", ""]
+    for section, keys in sections.items():
         lines.append(f"[{section}]")
         lines += [f"{key} = {_toml(value)}" for key, value in keys.items()]
         lines.append("")
@@ -110,11 +131,11 @@ class RigProcess:
         Returns
         -------
         Client
-            Allowed to operate.
+            Allowed to administrate: choosing the active model is an administrator's.
         """
         url = self._wait_for_url()
         token = subprocess.run(  # noqa: S603 - as above
-            self._command("token", "create", "--scope", "operate", "--name", "demo"),
+            self._command("token", "create", "--scope", "admin", "--name", "demo"),
             capture_output=True,
             text=True,
             check=False,

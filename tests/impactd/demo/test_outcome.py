@@ -1,80 +1,74 @@
-"""Fits beside the truth: rows, verdicts and the one sentence."""
+"""The ladder beside the truth: rungs, rows, files."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from impactd.demo.figures import draw_moduli
-from impactd.demo.outcome import Estimate, Outcome, compare
-from impactd.demo.report import gigapascals, write_report
+from impactd.demo.outcome import Estimate
+from impactd.demo.report import write_report
+from impactd.demo.words import gigapascals, off_by
+
+Make = Callable[..., Any]
 
 
-def measurand(value: float, u: float) -> dict[str, Any]:
-    """Return a modulus as the API states it."""
-    return {"value": value, "u": u, "unit": "Pa", "interval95": [value - 2 * u, value + 2 * u]}
-
-
-def fit(factor: float) -> dict[str, Any]:
-    """Return a joint fit whose moduli are the truth times a factor."""
-    return {
-        "pairs": {"ptfe/ptfe": {"shots": 3, "reduced_modulus_Pa": measurand(0.25e9 * factor, 1e7)}},
-        "moduli": {
-            "sphere:ptfe": {
-                "side": "sphere",
-                "status": "reference",
-                "youngs_modulus_Pa": measurand(0.4e9 * factor, 1e7),
-            },
-            "surface:ptfe": {"side": "surface", "status": "withheld", "youngs_modulus_Pa": None},
-        },
-        "shots": [{"sphere": "ptfe", "surface": "ptfe"}] * 3,
-        "parameters": {"sensor.gain_N_per_V": {"value": 2.3, "u": 0.1}},
-    }
-
-
-@pytest.fixture
-def outcome() -> Outcome:
-    """KV right, HSD 60 % high, one modulus withheld."""
-    material = {"youngs_modulus_Pa": 0.4e9, "plane_strain_modulus_Pa": 0.5e9}
-    truth = {"spheres": {"ptfe": material}, "surfaces": {"ptfe": material}, "effects": []}
-    return compare(fit(1.6), fit(1.01), {"number": 1, "drops": [1, 2]}, truth, 5)
-
-
-def test_a_pair_is_held_against_the_truth_of_both_materials(outcome: Outcome) -> None:
-    """The true E* comes from both plane-strain moduli, and each interval is judged by it."""
+def test_the_ladder_ends_with_what_was_found(outcome_of: Make, diagnosis_of: Make) -> None:
+    """HSD, KV and KV with the named effect stand in this order, each with error and modulus."""
+    outcome = outcome_of(diagnosis_of("identified", ("finite_thickness",)), "finite_thickness")
+    assert [rung.name for rung in outcome.rungs] == ["HSD", "KV", "KV + finite_thickness"]
+    assert [rung.heldout_rms_v for rung in outcome.rungs] == [0.2, 5e-3, 1.5e-3]
     (pair,) = outcome.pairs
     assert pair.truth_pa == pytest.approx(0.25e9)
-    assert pair.to_json()["kv_holds_truth"] is True
-    assert pair.to_json()["hsd_holds_truth"] is False
-    assert "1 of 1 pairs" in outcome.sentence()
-    assert "+60%" in outcome.sentence()
+    assert pair.to_json()["kv_holds_truth"] is False
+    assert pair.to_json()["after_holds_truth"] is True
+    assert outcome.held("kv") == (0, 1)
+    assert outcome.held("after") == (1, 1)
 
 
-def test_a_model_that_leaves_structure_is_not_praised(outcome: Outcome) -> None:
-    """Where KV leaves more than the noise, the sentence says that its intervals do not cover it."""
-    outcome.fits["kv"]["chi2_per_dof"] = 39.0
-    assert "39 times the noise" in outcome.sentence()
+def test_the_ladder_has_two_rungs_where_nothing_was_missing(
+    outcome_of: Make, diagnosis_of: Make
+) -> None:
+    """Without a discrepancy there is nothing to add to KV."""
+    outcome = outcome_of(diagnosis_of("adequate"))
+    assert outcome.last.name == "KV"
+    assert outcome.to_json()["right"] is True
 
 
-def test_a_withheld_modulus_stays_withheld(outcome: Outcome) -> None:
+def test_moduli_name_the_model_they_come_from(outcome_of: Make, diagnosis_of: Make) -> None:
+    """`moduli.json` is plain JSON and holds the last rung's moduli with its model."""
+    outcome = outcome_of(diagnosis_of("identified", ("finite_thickness",)), "finite_thickness")
+    content = json.loads(json.dumps(outcome.to_json(), allow_nan=False))
+    assert content["model"] == "kv+finite_thickness"
+    assert content["moduli"] == outcome.diagnosis["after"]["moduli"]
+    assert [rung["rung"] for rung in content["ladder"]] == ["hsd", "kv", "after"]
+
+
+def test_a_withheld_modulus_stays_withheld(outcome_of: Make, diagnosis_of: Make) -> None:
     """Nothing is printed in place of a number that the fit would not state."""
-    sphere, surface = outcome.materials
+    sphere, surface = outcome_of(diagnosis_of("adequate")).materials
     assert sphere.known
-    assert surface.kv is None
-    assert gigapascals(surface.kv) == "withheld"
+    assert gigapascals(surface.estimates["kv"]) == "withheld"
+    assert off_by(surface.estimates["kv"], 1.0) == "-"
 
 
-def test_results_are_complete_files(outcome: Outcome, tmp_path: Path) -> None:
-    """moduli.json is plain JSON, and the page holds its pictures and names nothing outside."""
-    json.dumps(outcome.to_json(), allow_nan=False)
+def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
+    outcome_of: Make, diagnosis_of: Make, tmp_path: Path
+) -> None:
+    """Pictures are inside, the one link is the diagnosis, and the truth is told."""
+    outcome = outcome_of(diagnosis_of("unknown"), "x_sphere_spin")
     picture = tmp_path / "moduli.png"
     draw_moduli(picture, outcome)
     write_report(tmp_path / "report.html", outcome, {"moduli": picture, "trace": picture})
     page = (tmp_path / "report.html").read_text()
     assert page.count("data:image/png;base64,") == 2
+    assert page.count("href=") == 1
+    assert 'href="diagnosis.html"' in page
+    assert "x_sphere_spin" in page
     assert "http" not in page.replace("HTTP", "")
     assert "$" not in page
 

@@ -7,12 +7,14 @@ from pathlib import Path
 import pytest
 
 from impactd.console.failure import Failure
+from impactd.demo.drops import plan
 from impactd.demo.rig_process import CLOCK_SPEED, RigProcess, write_settings
+from impactd.materials import load_materials
 from impactd.settings import find_config, load_settings
 
 
 def test_settings_differ_from_the_shipped_rig_only_where_they_must(tmp_path: Path) -> None:
-    """Seed, effect and clock are the demo's; every other value is that of simulated.toml."""
+    """Seed, effect, clock and drawers are the demo's; all else is that of simulated.toml."""
     write_settings(tmp_path / "rig.toml", seed=77, effect="clipping")
     ours = load_settings(tmp_path / "rig.toml")
     shipped = load_settings(find_config("simulated.toml"))
@@ -20,7 +22,20 @@ def test_settings_differ_from_the_shipped_rig_only_where_they_must(tmp_path: Pat
     assert shipped.simulation is not None
     changed = {"seed": 77, "effect": "clipping", "clock_speed": CLOCK_SPEED}
     assert ours.simulation.model_dump() == shipped.simulation.model_dump() | changed
-    assert ours.model_dump(exclude={"simulation"}) == shipped.model_dump(exclude={"simulation"})
+    theirs = {"simulation", "materials"}
+    assert ours.model_dump(exclude=theirs) == shipped.model_dump(exclude=theirs)
+
+
+def test_the_drawers_hold_what_is_dropped_as_it_is_shipped(tmp_path: Path) -> None:
+    """A secret that acts on one material only acts on one that the demo drops."""
+    write_settings(tmp_path / "rig.toml", seed=77, effect="none")
+    kept = load_materials(tmp_path / "materials.toml")
+    shipped = load_materials(find_config("materials.toml"))
+    dropped = [*plan(), *(("acetal", "aluminium", 0.02), ("acetal_small", "aluminium", 0.02))]
+    assert set(kept.spheres) == {sphere for sphere, _, _ in dropped}
+    assert set(kept.surfaces) == {surface for _, surface, _ in dropped}
+    for name, sphere in kept.spheres.items():
+        assert sphere == shipped.spheres[name]
 
 
 def test_a_daemon_that_cannot_start_is_reported_with_its_own_words(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,25 +24,56 @@ def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_the_campaign_has_enough_drops_to_tell_materials_apart() -> None:
-    """At least twelve drops, three spheres, two surfaces, three heights."""
+    """Three spheres of two radii, two surfaces, three heights, each of them twice."""
     spheres, surfaces, heights = (set(column) for column in zip(*plan(), strict=True))
-    assert len(plan()) >= 12
     assert (len(spheres), len(surfaces), len(heights)) == (3, 2, 3)
+    assert {"specimen", "acetal", "acetal_small"} <= spheres | surfaces
+    assert all(plan().count(drop) == 2 for drop in plan())
 
 
-@pytest.mark.slow
-def test_the_demo_finds_the_truth(tmp_path: Path) -> None:
-    """Through the real daemon, KV finds every pair within its uncertainty; HSD is biased high."""
-    out = tmp_path / "out"
-    command = [sys.executable, "-m", "impactd", "demo", "--seed", "3", "--out", str(out)]
+def demo(out: Path, *words: str) -> tuple[str, dict[str, Any]]:
+    """Run the demo as a person does; return what it printed and its moduli."""
+    command = [sys.executable, "-m", "impactd", "demo", *words, "--out", str(out)]
     result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=280)
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in (out / "daemon.log").read_text()
-    moduli = json.loads((out / "moduli.json").read_text())
+    return result.stdout, json.loads((out / "moduli.json").read_text())
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_demo_finds_the_truth_where_nothing_is_hidden(tmp_path: Path) -> None:
+    """Nothing is claimed, KV finds every pair within its uncertainty, HSD is biased high."""
+    said, moduli = demo(tmp_path / "out", "--seed", "3", "--effect", "none")
+    assert moduli["verdict"] == "adequate"
+    assert "RIGHT" in said
     for pair in moduli["pairs"].values():
         # Pairs share the cell's error, so one in twenty seeds is beyond 2 u for all of them; 4 u
         # is beyond chance.
         assert abs(pair["kv"]["value"] - pair["truth_Pa"]) < 4 * pair["kv"]["u"]
         assert pair["hsd"]["value"] > 1.1 * pair["truth_Pa"]
-    for name in ("report.html", "trace.png", "moduli.png", "shots/campaign.json", "truth.json"):
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_the_demo_closes_the_loop(tmp_path: Path) -> None:
+    """A leaky coupler is named, its model made active, and the error falls rung by rung."""
+    out = tmp_path / "out"
+    said, moduli = demo(out, "--seed", "3", "--effect", "coupler_highpass")
+    assert moduli["right"] is True
+    assert moduli["model"] == "kv+coupler_highpass"
+    assert moduli["active_model"] == "kv+coupler_highpass version 1"
+    errors = [rung["heldout_rms_V"] for rung in moduli["ladder"]]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[-1] < 1.1 * moduli["noise_rms_V"]
+    assert "Made the active model: kv+coupler_highpass version 1" in said
+    for name in (
+        "report.html",
+        "diagnosis.html",
+        "diagnosis.json",
+        "trace.png",
+        "moduli.png",
+        "shots/campaign.json",
+        "truth.json",
+    ):
         assert (out / name).stat().st_size > 0

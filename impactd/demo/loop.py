@@ -1,0 +1,76 @@
+"""The loop over HTTP: a diagnosis with its progress, and the model it accepted made active."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from impactd.console.client import Client, fresh_key
+from impactd.console.failure import Failure
+from impactd.demo.drops import until
+
+Json = dict[str, Any]
+
+_DIAGNOSIS_LIMIT_S = 300.0
+_ENDED = ("done", "failed", "cancelled")
+
+
+def diagnose(client: Client, shots: list[int], console: Console, page: Path) -> Json:
+    """Have the daemon find out what KV misses on these shots.
+
+    Parameters
+    ----------
+    client : Client
+        Connected to the daemon.
+    shots : list of int
+        Numbers: the calibration's drops and the campaign's.
+    console : Console
+        Where to show how far it is.
+    page : Path
+        Where the diagnosis' own report goes.
+
+    Returns
+    -------
+    dict
+        The diagnosis as the API gives it; ``result`` is ``impactd-diagnosis/1``.
+
+    Raises
+    ------
+    Failure
+        If it failed or does not end.
+    """
+    job = client.send("POST", "/v1/diagnoses", {"shots": shots, "base": "kv"}, key=fresh_key())
+    with console.status(f"diagnosing {len(shots)} drops ...") as status:
+        for answer in until(client, f"/v1/diagnoses/{job['id']}", _ENDED, _DIAGNOSIS_LIMIT_S):
+            job = answer
+            if job["progress"]:
+                share = f" {100 * job['progress']['share']:.0f} %"
+                status.update(f"diagnosing {len(shots)} drops: {job['progress']['text']}{share}")
+    if job["state"] != "done":
+        raise Failure(f"the diagnosis {job['state']}: {job['reason']}")
+    client.download(f"/v1/diagnoses/{job['id']}/report.html", page)
+    return job
+
+
+def activate(client: Client, diagnosis: Json) -> str | None:
+    """Make the accepted model the one that later fits use.
+
+    Parameters
+    ----------
+    client : Client
+        Of an administrator.
+    diagnosis : dict
+        As the API gives it.
+
+    Returns
+    -------
+    str or None
+        The model with its version; ``None`` where none was accepted.
+    """
+    model = diagnosis["model"]
+    if model is None:
+        return None
+    client.send("PUT", "/v1/models/active", model)
+    return f"{model['name']} version {model['version']}"

@@ -1,0 +1,176 @@
+"""What the demo prints, but for the drops themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rich.console import Console
+from rich.table import Table
+
+from impactd.console.tables import measured
+from impactd.demo.judgement import truth_line
+from impactd.demo.outcome import Outcome
+from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
+
+Json = dict[str, Any]
+
+
+def say_what_runs(console: Console, seed: int, effect: str) -> None:
+    """Print what is about to happen.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    seed : int
+        Of the simulated rig.
+    effect : str
+        As asked for.
+    """
+    console.print(f"Simulated rig, seed {seed}; all that follows goes through its daemon.")
+    if effect == "random":
+        console.print("Something acts on it that KV does not have: drawn at random, and sealed.")
+    elif effect != "none":
+        console.print(f"The rig hides {effect}; neither daemon nor diagnosis is told.")
+
+
+def say_what_was_found(console: Console, found: Json) -> None:
+    """Print what was seen, the verdict in one sentence and the numbers of what was named.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    found : dict
+        ``impactd-diagnosis/1``.
+    """
+    heading(console, "What was seen in the residual of KV")
+    for line in found["residual"]["before"]["said"]:
+        console.print(f"  {line}", highlight=False)
+    heading(console, "Verdict")
+    console.print(f"  {found['verdict'].upper()}. {found['sentence']}", highlight=False)
+    for effect in found["effects"]:
+        for name, value in effect["parameters"].items():
+            said = measured(value).replace("+-", "±")
+            console.print(f"  {effect['id']}: {name} = {said} {value['unit']}", highlight=False)
+        if effect["confusable_with"]:
+            others = ", ".join(effect["confusable_with"])
+            console.print(f"  These drops cannot tell it from: {others}.", highlight=False)
+    if found["next_drop"]:
+        console.print(f"  {next_drop_line(found['next_drop'])}", highlight=False)
+
+
+def next_drop_line(wanted: Json) -> str:
+    """Return which drop would tell most.
+
+    Parameters
+    ----------
+    wanted : dict
+        ``next_drop`` of a diagnosis.
+
+    Returns
+    -------
+    str
+        For people.
+    """
+    apart = " from ".join(wanted.get("separates") or [])
+    return (
+        f"Drop next: {wanted['sphere']} on {wanted['surface']} from "
+        f"{wanted['drop_height_m'] * 1e3:.0f} mm" + (f"; it would tell {apart}." if apart else ".")
+    )
+
+
+def say_what_is_active(console: Console, model: str | None) -> None:
+    """Print which model later fits use.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    model : str or None
+        What was made active.
+    """
+    if model is not None:
+        console.print(f"  Made the active model: {model}.", highlight=False)
+
+
+def show(console: Console, outcome: Outcome) -> None:
+    """Print the moduli of all pairs, the ladder, the sealed truth and the judgement.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    outcome : Outcome
+        Everything.
+    """
+    _show_pairs(console, outcome)
+    _show_ladder(console, outcome)
+    heading(console, "The sealed truth")
+    effects = outcome.truth.get("effects") or []
+    for line in [truth_line(effect) for effect in effects] or ["Nothing acted that KV lacks."]:
+        console.print(f"  {line}", highlight=False)
+    judgement = outcome.judgement
+    console.print(f"  {judgement.word}: {judgement.sentence}", highlight=False)
+
+
+def _show_pairs(console: Console, outcome: Outcome) -> None:
+    table = _table("Reduced modulus E* of each pair (u: standard uncertainty)", "pair")
+    for rung in outcome.rungs:
+        table.add_column(f"{_short(rung.key)} ± u / GPa", justify="right", no_wrap=True)
+    table.add_column("truth", justify="right", no_wrap=True)
+    table.add_column("in its 95 %?", no_wrap=True)
+    for row in outcome.pairs:
+        table.add_row(
+            row.name,
+            *(gigapascals(row.estimates[rung.key]) for rung in outcome.rungs),
+            true_gigapascals(row),
+            inside(row.estimates[outcome.last.key], row.truth_pa),
+        )
+    console.print()
+    console.print(table)
+
+
+def _show_ladder(console: Console, outcome: Outcome) -> None:
+    noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
+    table = _table(f"The ladder (noise before the trigger: {noise_mv:.3g} mV)", "model")
+    for name in ("held-out error / mV", "specimen E/(1-ν²) / GPa", "truth", "off by"):
+        table.add_column(name, justify="right", no_wrap=True)
+    table.add_column("in its 95 %?", no_wrap=True)
+    truth_pa = outcome.specimen_truth_pa
+    for rung in outcome.rungs:
+        held, found = rung.heldout_rms_v, rung.specimen
+        table.add_row(
+            rung.name,
+            "-" if held is None else f"{1e3 * held:.4g}",
+            gigapascals(found),
+            f"{truth_pa / 1e9:.3f}",
+            off_by(found, truth_pa),
+            inside(found, truth_pa),
+        )
+    console.print()
+    console.print(table)
+
+
+def heading(console: Console, words: str) -> None:
+    """Print a heading after an empty line.
+
+    Parameters
+    ----------
+    console : Console
+        Where to.
+    words : str
+        The heading.
+    """
+    console.print()
+    console.print(words, style="bold", highlight=False)
+
+
+def _short(key: str) -> str:
+    return {"hsd": "HSD", "kv": "KV", "after": "KV + found"}[key]
+
+
+def _table(title: str, first: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None)
+    table.add_column(first, no_wrap=True)
+    return table

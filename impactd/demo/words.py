@@ -1,0 +1,106 @@
+"""Moduli in words, the same on the terminal and on the page."""
+
+from __future__ import annotations
+
+from impactd.demo.outcome import Estimate, Row
+
+
+def gigapascals(estimate: Estimate | None) -> str:
+    """Return an estimate with its standard uncertainty, to two digits of it.
+
+    Parameters
+    ----------
+    estimate : Estimate or None
+        ``None``: withheld.
+
+    Returns
+    -------
+    str
+        E.g. ``2.35 ± 0.04``, in GPa.
+    """
+    if estimate is None:
+        return "withheld"
+    digits = _digits(estimate)
+    return f"{estimate.value_pa / 1e9:.{digits}f} ± {estimate.u_pa / 1e9:.{digits}f}"
+
+
+def interval(estimate: Estimate | None) -> str:
+    """Return the 95 % interval of an estimate.
+
+    Parameters
+    ----------
+    estimate : Estimate or None
+        ``None``: withheld.
+
+    Returns
+    -------
+    str
+        In GPa; ``-`` where nothing was stated.
+    """
+    if estimate is None:
+        return "-"
+    digits = _digits(estimate)
+    return " … ".join(f"{limit / 1e9:.{digits}f}" for limit in estimate.interval95_pa)
+
+
+def true_gigapascals(row: Row) -> str:
+    """Return a row's truth, to the digits of its sharpest estimate.
+
+    Parameters
+    ----------
+    row : Row
+        Pair or material.
+
+    Returns
+    -------
+    str
+        In GPa.
+    """
+    digits = max((_digits(e) for e in row.estimates.values() if e is not None), default=3)
+    return f"{row.truth_pa / 1e9:.{digits}f}"
+
+
+def inside(estimate: Estimate | None, truth_pa: float) -> str:
+    """Return whether the 95 % interval holds the truth, in a word.
+
+    Parameters
+    ----------
+    estimate : Estimate or None
+        ``None``: withheld.
+    truth_pa : float
+        [Pa]
+
+    Returns
+    -------
+    str
+        ``yes``, ``no``, or ``-`` where nothing was stated.
+    """
+    if estimate is None:
+        return "-"
+    return "yes" if estimate.holds(truth_pa) else "no"
+
+
+def off_by(estimate: Estimate | None, truth_pa: float) -> str:
+    """Return how far an estimate is from the truth.
+
+    Parameters
+    ----------
+    estimate : Estimate or None
+        ``None``: withheld.
+    truth_pa : float
+        [Pa]
+
+    Returns
+    -------
+    str
+        In per cent; ``-`` where nothing was stated.
+    """
+    if estimate is None:
+        return "-"
+    percent = 100 * (estimate.value_pa / truth_pa - 1)
+    return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{percent:+.2f} %"
+
+
+def _digits(estimate: Estimate) -> int:
+    """Return how many decimals of a value in GPa its uncertainty supports."""
+    return next((n for n in range(5) if estimate.u_pa / 1e9 >= 0.95 * 10.0 ** (1 - n)), 5)
