@@ -24,7 +24,7 @@ from drivers.simulated.drawn_rig import DrawnRig
 from drivers.simulated.effects import Shot
 from drivers.simulated.flight import Flight, begin_flight, render_flight
 from drivers.simulated.impact import simulate_impact
-from drivers.simulated.noise import noise_record
+from drivers.simulated.noise import NoiseSettings, noise_record, noise_table
 from drivers.simulated.specimens import CellSpec, SurfaceSpec
 
 __all__ = ["CampaignSettings", "simulate_campaign", "write_campaign_folder"]
@@ -167,7 +167,7 @@ def _record(
     flight = begin_flight(rig, shot, 0.0, settings.speed_repeatability, chance)
     start_s = flight.landing_s - (settings.touch_at + rng.random()) / settings.sample_rate_hz
     stop_s = start_s + settings.samples / settings.sample_rate_hz
-    volts = noise_record(settings.noise, settings.samples, rng)
+    volts = _noise(settings.noise, settings, rng)
     volts += settings.baseline_scatter_v * rng.standard_normal()
     for piece in render_flight(rig, flight, start_s, settings.sample_rate_hz, until_s=stop_s):
         a, b = max(piece.first, 0), min(piece.first + piece.volts.size, settings.samples)
@@ -179,6 +179,17 @@ def _record(
         if hum is not None:
             volts += hum
     return flight, volts
+
+
+def _noise(
+    noise: NoiseSettings, settings: CampaignSettings, rng: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return a record's noise; one with a 1/f part is cut out of a far longer table."""
+    if noise.pink_corner_hz == 0.0:
+        return noise_record(noise, settings.samples, rng)
+    longer = 16 * settings.samples
+    table = noise_table(noise, longer, settings.sample_rate_hz, rng)
+    return table[: settings.samples].astype(np.float64)
 
 
 def _convert(volts: NDArray[np.float64], range_v: float, rig: DrawnRig) -> NDArray[np.int16]:

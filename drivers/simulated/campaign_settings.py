@@ -36,7 +36,7 @@ class CampaignSettings:
     effects : sequence of Effect or str
         What acts; ``"random"`` draws one.
     noise : NoiseSettings
-        Level and AR(1) correlation; the 1/f part is left out of so short a record.
+        Level, AR(1) correlation and 1/f part.
     restitution_scatter, restitution_u : float
         Scatter of eps from shot to shot, and standard uncertainty of the measured rebound. [1]
     restitution_seen_after_s : float

@@ -20,6 +20,7 @@ def draw_effect(
     surfaces: Sequence[str] = (),
     *,
     rigid_cell: bool = False,
+    among: Sequence[str] = (),
 ) -> Effect:
     """Return one effect of random kind, size and scope; one in four from outside the library.
 
@@ -31,6 +32,8 @@ def draw_effect(
         Materials an effect may be restricted to; none means it acts everywhere.
     rigid_cell : bool
         Whether the base cell is rigid; only then ``crystal_dynamics`` is a candidate.
+    among : sequence of str
+        Ids to draw from, each as likely as any other; none means all, as said above.
 
     Returns
     -------
@@ -38,9 +41,9 @@ def draw_effect(
         The draw.
     """
     outside = rng.random() < OUTSIDE_LIBRARY_SHARE
-    pool = dict(INVENTED if outside else LIBRARY)
+    pool = set(among or (INVENTED if outside else LIBRARY))
     if not rigid_cell:
-        pool.pop("crystal_dynamics", None)
+        pool.discard("crystal_dynamics")
     kind = EFFECTS[str(rng.choice(sorted(pool)))]
     scope = Scope()
     if kind.per_material and rng.random() < 0.4:

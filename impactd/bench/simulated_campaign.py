@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from analysis.campaign import Campaign
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
@@ -25,5 +27,21 @@ def simulated_campaign(settings: CampaignSettings, seed: int) -> Campaign:
     Campaign
         Through the exchange format, so that nothing but what a folder holds gets across.
     """
+    return through_a_folder(simulate_campaign(settings, seed))
+
+
+def through_a_folder(simulated: Mapping[str, Any]) -> Campaign:
+    """Return a campaign that was simulated as it is read back from its folder.
+
+    Parameters
+    ----------
+    simulated : Mapping
+        What ``simulate_campaign`` returned.
+
+    Returns
+    -------
+    Campaign
+        Without the truth.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        return read_campaign(write_campaign_folder(Path(folder), simulate_campaign(settings, seed)))
+        return read_campaign(write_campaign_folder(Path(folder), simulated))

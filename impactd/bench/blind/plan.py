@@ -1,0 +1,123 @@
+"""What a trial consists of, drawn from its kind and its seed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from drivers.simulated.campaign import CampaignSettings
+from drivers.simulated.draw import draw_effect
+from drivers.simulated.effects import INVENTED, LIBRARY, Effect
+from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.specimens import SPHERES, SURFACES
+
+KINDS = ("clean", "library", "outside", "pair", "hsd")
+"""Nothing, one known effect, one that no library knows, two known ones in different slots, and a
+clean rig that is diagnosed from the base model without a crystal."""
+COLOURS = (("white", 0.0), ("ar1", 0.3), ("ar1", 0.6), ("pink", 0.0))
+COLOUR_SHARES = (0.3, 0.3, 0.3, 0.1)
+"""The last one is wrong noise: no autoregression of low order describes 1/f."""
+RMS_V = (1e-3, 3e-3)
+PINK_CORNER_HZ = (1e3, 3e4)
+OTHER_SPHERES = ("acetal", "polypropylene", "hdpe", "ptfe")
+"""Two of these fall beside the small acetal sphere, which brings the second radius."""
+CHECKS = ("polycarbonate", "pvc", "ptfe")
+"""One of these surfaces of stated modulus lies beside aluminium and the specimen."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """One trial, before anything fell.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    seed : int
+        Of the trial.
+    settings : CampaignSettings
+        For the simulator, effects and noise included.
+    effects : tuple of Effect
+        What acts, once more.
+    campaign_seed : int
+        For the simulator; no two trials share it.
+    base : str
+        Model that the diagnosis starts from.
+    """
+
+    kind: str
+    seed: int
+    settings: CampaignSettings
+    effects: tuple[Effect, ...]
+    campaign_seed: int
+    base: str
+
+
+def draw_plan(kind: str, seed: int) -> Plan:
+    """Draw materials, noise and effects of one trial.
+
+    Parameters
+    ----------
+    kind : str
+        One of `KINDS`.
+    seed : int
+        Of everything drawn.
+
+    Returns
+    -------
+    Plan
+        54 drops: three polymer spheres of two radii, three surfaces, three heights, twice each.
+
+    Raises
+    ------
+    ValueError
+        If there is no such kind.
+    """
+    if kind not in KINDS:
+        raise ValueError(f"No kind of trial is called {kind!r}; there are {', '.join(KINDS)}.")
+    number = 10 * seed + KINDS.index(kind)
+    rng = np.random.default_rng([number, 7])
+    spheres = ("acetal_small", *sorted(rng.choice(OTHER_SPHERES, 2, replace=False).tolist()))
+    surfaces = ("aluminium", str(rng.choice(CHECKS)), "specimen")
+    effects = _draw_effects(kind, rng, spheres, surfaces)
+    settings = CampaignSettings(
+        spheres={name: SPHERES[name] for name in spheres},
+        surfaces={name: SURFACES[name] for name in surfaces},
+        noise=_draw_noise(rng),
+        effects=effects,
+    )
+    return Plan(kind, seed, settings, effects, number, "hsd" if kind == "hsd" else "kv")
+
+
+def colour_of(noise: NoiseSettings) -> str:
+    """Return ``white``, ``ar1`` or ``pink``."""
+    if noise.pink_corner_hz > 0.0:
+        return "pink"
+    return "ar1" if noise.ar1 else "white"
+
+
+def _draw_noise(rng: np.random.Generator) -> NoiseSettings:
+    colour, rho = COLOURS[int(rng.choice(len(COLOURS), p=COLOUR_SHARES))]
+    rms = _log_uniform(rng, RMS_V)
+    corner = _log_uniform(rng, PINK_CORNER_HZ)
+    return NoiseSettings(rms, ar1=rho, pink_corner_hz=corner if colour == "pink" else 0.0)
+
+
+def _log_uniform(rng: np.random.Generator, ends: tuple[float, float]) -> float:
+    return math.exp(rng.uniform(math.log(ends[0]), math.log(ends[1])))
+
+
+def _draw_effects(
+    kind: str, rng: np.random.Generator, spheres: tuple[str, ...], surfaces: tuple[str, ...]
+) -> tuple[Effect, ...]:
+    """Return what acts; an effect of a material may act on one sphere's or surface's only."""
+    wanted = {"library": 1, "outside": 1, "pair": 2}.get(kind, 0)
+    among = tuple(INVENTED if kind == "outside" else LIBRARY)
+    found: list[Effect] = []
+    while len(found) < wanted:
+        effect = draw_effect(rng, spheres, surfaces, among=among)
+        if all(effect.slot != other.slot for other in found):
+            found.append(effect)
+    return tuple(found)

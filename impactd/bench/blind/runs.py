@@ -1,0 +1,130 @@
+"""Many trials on several processes, one line each as it ends; stopped and started again at will."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import NamedTuple
+
+from impactd import blas_threads
+from impactd.bench.blind.trial import Trial, run_trial
+
+
+class Task(NamedTuple):
+    """One trial to be run.
+
+    Attributes
+    ----------
+    kind, seed : str, int
+        Which.
+    """
+
+    kind: str
+    seed: int
+
+
+def run(tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
+    """Yield trials as they end.
+
+    Parameters
+    ----------
+    tasks : sequence of Task
+        Which.
+    workers : int
+        Processes.
+
+    Yields
+    ------
+    Trial
+        One a task, in no order where there are several workers.
+    """
+    blas_threads.keep_to_one()
+    if workers == 1:
+        for task in tasks:
+            yield run_trial(*task)
+        return
+    with ProcessPoolExecutor(workers) as pool:
+        waiting = {pool.submit(run_trial, *task) for task in tasks}
+        try:
+            for done in as_completed(waiting):
+                yield done.result()
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
+    """Run what a file does not hold yet, and append each trial as it ends.
+
+    Parameters
+    ----------
+    path : Path
+        JSON lines; created if need be. A last line that a kill cut short is dropped.
+    tasks : sequence of Task
+        Which.
+    workers : int
+        Processes.
+
+    Yields
+    ------
+    Trial
+        The new ones.
+
+    Raises
+    ------
+    ValueError
+        If a line of the file is no trial.
+    """
+    done = {(t.kind, t.seed) for t in _resume(path)}
+    with path.open("a") as out:
+        for trial in run([t for t in tasks if tuple(t) not in done], workers=workers):
+            out.write(json.dumps(trial.to_json(), allow_nan=False) + "\n")
+            out.flush()
+            yield trial
+
+
+def read(paths: Sequence[Path]) -> list[Trial]:
+    """Return the trials of some files, each kind and seed once.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        JSON lines.
+
+    Returns
+    -------
+    list of Trial
+        By kind and seed; of two with the same, the one read last.
+
+    Raises
+    ------
+    ValueError
+        If a line is no trial.
+    OSError
+        If a file cannot be read.
+    """
+    found = {(t.kind, t.seed): t for path in paths for t in _lines(path)}
+    return [found[key] for key in sorted(found)]
+
+
+def _lines(path: Path) -> Iterator[Trial]:
+    for number, line in enumerate(path.read_text().splitlines(), 1):
+        try:
+            yield Trial.from_json(json.loads(line))
+        except (ValueError, TypeError) as error:
+            raise ValueError(
+                f"{path}, line {number} is no trial ({error}). It was cut short or comes from "
+                "another program; take the line out, and the trial will be run again."
+            ) from error
+
+
+def _resume(path: Path) -> list[Trial]:
+    """Return what a file holds already, its torn last line cut off."""
+    if not path.exists():
+        return []
+    text = path.read_text()
+    whole = text[: text.rfind("\n") + 1]
+    if whole != text:
+        path.write_text(whole)
+    return list(_lines(path))

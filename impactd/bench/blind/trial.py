@@ -1,0 +1,220 @@
+"""One trial: drawn, simulated, diagnosed, and both sides written down."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any
+
+from drivers.simulated.campaign import simulate_campaign
+from impactd.bench.blind.plan import Plan, colour_of, draw_plan
+from impactd.bench.blind.visibility import visibility
+from impactd.bench.simulated_campaign import through_a_folder
+from impactd.diagnosis.run import diagnose
+
+Json = dict[str, Any]
+
+SPECIMEN = "specimen"
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One campaign, the truth and the verdict.
+
+    Attributes
+    ----------
+    kind, seed, base : str, int, str
+        What was asked for, and the model that the diagnosis started from.
+    effects : list of dict
+        What acted: id, slot, parameters, scope.
+    materials : list of str
+        Spheres and surfaces.
+    colour : str
+        ``white``, ``ar1`` or ``pink``.
+    ar1, noise_true_V : float
+        Correlation and size of the noise as drawn. [1, V]
+    verdict : str
+        Of the diagnosis; ``failed`` where it raised, with ``error`` saying what.
+    named, confusable : list of str
+        Ids it gave.
+    slot : str or None
+        Where it put the discrepancy.
+    p_value : float or None
+        Of structure in the base model's residual.
+    visible : float or None
+        Whitened squares that the effects add to the base model's best, by the simulator. [1]
+    visible_each : list of float
+        The same for each effect alone. [1]
+    visible_seen : float or None
+        Whitened squares beyond chance that the diagnosis' strongest closure takes up. [1]
+    excess_seen : float or None
+        Whitened squares of the base residual beyond their expectation, which scatter by hundreds.
+        [1]
+    noise_V, heldout_before_V, heldout_after_V : float or None
+        As the diagnosis states them. [V]
+    modulus_true, plane_true : float
+        Young's and plane-strain modulus of the specimen. [Pa]
+    modulus, plane : dict
+        What the diagnosis states of them, ``before`` and ``after``: value, u, interval95, or None
+        where withheld. [Pa]
+    seconds, cpu_seconds : float
+        Until the verdict stood: wall and process. [s]
+    statement_seconds : float
+        To write it down, held-out errors of all candidates included. [s]
+    error : str or None
+        What went wrong.
+    """
+
+    kind: str
+    seed: int
+    base: str
+    effects: list[Json]
+    materials: list[str]
+    colour: str
+    ar1: float
+    noise_true_V: float  # noqa: N815 - the contract writes units so in JSON
+    verdict: str = "failed"
+    named: list[str] = field(default_factory=list)
+    confusable: list[str] = field(default_factory=list)
+    slot: str | None = None
+    p_value: float | None = None
+    visible: float | None = None
+    visible_each: list[float] = field(default_factory=list)
+    visible_seen: float | None = None
+    excess_seen: float | None = None
+    noise_V: float | None = None  # noqa: N815 - as above
+    heldout_before_V: float | None = None  # noqa: N815 - as above
+    heldout_after_V: float | None = None  # noqa: N815 - as above
+    modulus_true: float | None = None
+    plane_true: float | None = None
+    modulus: Json = field(default_factory=dict)
+    plane: Json = field(default_factory=dict)
+    seconds: float | None = None
+    cpu_seconds: float | None = None
+    statement_seconds: float | None = None
+    error: str | None = None
+
+    @property
+    def truth(self) -> list[str]:
+        """Return the ids that acted; for the base ``hsd`` the crystal is what is missing."""
+        if self.base == "hsd":
+            return ["crystal_dynamics"]
+        return [str(e["id"]) for e in self.effects]
+
+    @property
+    def slots(self) -> list[str]:
+        """Return the slots of what acted."""
+        return [str(e["slot"]) for e in self.effects]
+
+    @classmethod
+    def from_json(cls, row: Json) -> Trial:
+        """Return a trial from its line; keys of later versions are left aside.
+
+        Parameters
+        ----------
+        row : dict
+            From `to_json`.
+
+        Returns
+        -------
+        Trial
+            The same.
+        """
+        known = {f.name for f in fields(cls)}
+        return cls(**{key: value for key, value in row.items() if key in known})
+
+    def to_json(self) -> Json:
+        """Return the trial ready for JSON."""
+        return asdict(self)
+
+
+class _Clock:
+    """Notes when the verdict stood: from then on the diagnosis is only written down."""
+
+    def __init__(self) -> None:
+        self.started = time.perf_counter(), time.process_time()
+        self.judged = self.started
+
+    def __call__(self, stage: str, share: float) -> None:
+        if stage.startswith("writing"):
+            self.judged = time.perf_counter(), time.process_time()
+
+
+def run_trial(kind: str, seed: int) -> Trial:
+    """Draw, simulate, diagnose and lay both sides down.
+
+    Parameters
+    ----------
+    kind : str
+        One of ``plan.KINDS``.
+    seed : int
+        Of everything drawn.
+
+    Returns
+    -------
+    Trial
+        Also where the diagnosis raised: its verdict is then ``failed``.
+    """
+    plan = draw_plan(kind, seed)
+    simulated = simulate_campaign(plan.settings, plan.campaign_seed)
+    solid = simulated["truth"]["surfaces"][SPECIMEN]
+    noise = plan.settings.noise
+    known: Json = {
+        "kind": kind,
+        "seed": seed,
+        "base": plan.base,
+        "effects": simulated["truth"]["effects"],
+        "materials": [*plan.settings.spheres, *plan.settings.surfaces],
+        "colour": colour_of(noise),
+        "ar1": noise.ar1,
+        "noise_true_V": noise.rms_v,
+        "modulus_true": solid["youngs_modulus_Pa"],
+        "plane_true": solid["plane_strain_modulus_Pa"],
+    }
+    try:
+        known |= _diagnosed(plan, simulated)
+    except Exception as error:  # a trial that fails is a result, and must not stop a night's run
+        known["error"] = f"{type(error).__name__}: {error}"
+    return Trial(**known)
+
+
+def _diagnosed(plan: Plan, simulated: Json) -> Json:
+    campaign = through_a_folder(simulated)
+    seen = visibility(plan, campaign)
+    clock = _Clock()
+    stated = diagnose(campaign, plan.base, progress=clock)
+    ended = time.perf_counter()
+    before, after = stated["before"], stated["after"]
+    evidence = stated["trail"][0]["evidence"]
+    return {
+        "verdict": stated["verdict"],
+        "named": [e["id"] for e in stated["effects"]],
+        "confusable": [n for e in stated["effects"] for n in e["confusable_with"]],
+        "slot": stated["slot"],
+        "p_value": stated["p_value"],
+        "visible": seen.together if seen else None,
+        "visible_each": seen.each if seen else [],
+        "visible_seen": max(e["gain"] - e["numbers"] for e in evidence),
+        "excess_seen": (before["chi2_per_dof"] - 1.0) * before["degrees_of_freedom"],
+        "noise_V": stated["noise_rms_V"],
+        "heldout_before_V": before["heldout_rms_V"],
+        "heldout_after_V": after["heldout_rms_V"],
+        "modulus": {
+            "before": _of_specimen(before, "youngs_modulus_Pa"),
+            "after": _of_specimen(after, "youngs_modulus_Pa"),
+        },
+        "plane": {
+            "before": _of_specimen(before, "plane_strain_modulus_Pa"),
+            "after": _of_specimen(after, "plane_strain_modulus_Pa"),
+        },
+        "seconds": clock.judged[0] - clock.started[0],
+        "cpu_seconds": clock.judged[1] - clock.started[1],
+        "statement_seconds": ended - clock.judged[0],
+    }
+
+
+def _of_specimen(block: Json, quantity: str) -> Json | None:
+    """Return a block's modulus of the specimen, None where it is withheld."""
+    entry = block["moduli"].get(SPECIMEN, {})
+    found: Json | None = entry.get(quantity)
+    return found

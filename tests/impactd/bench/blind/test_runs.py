@@ -1,0 +1,91 @@
+"""Trials in a file: written as they end, gone on with, counted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from impactd.bench.blind import runs
+from impactd.bench.blind.__main__ import main
+from impactd.bench.blind.plan import draw_plan
+from impactd.bench.blind.runs import Task, read, run_into
+from impactd.bench.blind.trial import Trial
+from impactd.bench.blind.visibility import VISIBLE, visibility
+from impactd.bench.simulated_campaign import simulated_campaign
+
+ATrial = Callable[..., Trial]
+
+
+def written(path: Path, *trials: Trial) -> Path:
+    """Write trials as lines."""
+    path.write_text("".join(json.dumps(t.to_json()) + "\n" for t in trials))
+    return path
+
+
+def test_a_run_goes_on_behind_the_last_whole_line(tmp_path: Path, a_trial: ATrial) -> None:
+    """What a file holds is not run again; what a kill cut short is dropped."""
+    path = written(tmp_path / "t.jsonl", a_trial("echo", named=["echo"]))
+    with path.open("a") as out:
+        out.write('{"kind": "library", "se')
+    assert list(run_into(path, [Task("library", 1)])) == []
+    assert [t.seed for t in read([path])] == [1]
+
+
+def test_a_line_that_is_no_trial_is_named(tmp_path: Path) -> None:
+    """With file, line and what to do."""
+    path = tmp_path / "t.jsonl"
+    path.write_text('{"kind": "library"}\n')
+    with pytest.raises(ValueError, match=r"t\.jsonl, line 1 is no trial"):
+        read([path])
+
+
+def test_the_table_is_printed_from_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], a_trial: ATrial
+) -> None:
+    """Shares with goals, one row an effect, and who was taken for whom as data."""
+    path = written(
+        tmp_path / "t.jsonl",
+        a_trial("echo", named=["echo"], seed=1, visible=9e4, visible_each=[9e4], seconds=3.0),
+        a_trial("echo", named=["clipping"], seed=2, visible=9e4, visible_each=[9e4], seconds=4.0),
+        a_trial("echo", verdict="adequate", seed=3, visible=9.0, visible_each=[9.0]),
+        a_trial(kind="clean", seed=4, verdict="adequate"),
+    )
+    matrix = tmp_path / "matrix.json"
+    assert main(["--table", str(path), "--confusion", str(matrix)]) == 0
+    printed = capsys.readouterr().out
+    assert (
+        "| clean called discrepant, white and AR(1) | 1 | 0 | 0 .. 0.793 | <= 0.01 | met |"
+        in printed
+    )
+    assert "| library: right name or family | 2 | 0.5 |" in printed
+    assert "| library: wrong name | 2 | 0.5 |" in printed
+    assert "| echo | electronics | 3 | 2 | 2 | 1 |  | 1 |" in printed
+    found = json.loads(matrix.read_text())
+    assert found["rows"] == ["none", "echo"]
+    assert found["columns"] == ["adequate", "clipping", "echo"]
+    assert found["counts"]["all"] == [[1, 0, 0], [1, 1, 1]]
+    assert found["counts"]["detectable"] == [[0, 0, 0], [0, 1, 1]]
+
+
+def test_an_effect_shows_as_far_as_its_size() -> None:
+    """By the simulator's account, a trial's effects count from the noise alone upwards."""
+    plan = draw_plan("library", 1)
+    seen = visibility(plan, simulated_campaign(plan.settings, plan.campaign_seed))
+    assert seen is not None
+    assert seen.together > VISIBLE
+    clean = draw_plan("clean", 1)
+    assert visibility(clean, simulated_campaign(clean.settings, clean.campaign_seed)) is None
+
+
+@pytest.mark.slow
+def test_a_trial_knows_both_sides(tmp_path: Path) -> None:
+    """A trial's truth comes from the simulator, its verdict from the analysis."""
+    path = tmp_path / "t.jsonl"
+    (found,) = run_into(path, [Task("hsd", 90_001)])
+    assert found.error is None
+    assert found.truth == ["crystal_dynamics"]
+    assert found.seconds is not None
+    assert runs.read([path]) == [found]
