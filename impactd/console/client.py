@@ -118,7 +118,7 @@ class Client:
         final : callable
             Says whether an answer is the last one.
         tell : callable
-            Is shown every new state.
+            Is shown every new state, and how far it is where the daemon says so.
 
         Returns
         -------
@@ -127,7 +127,7 @@ class Client:
         """
         while True:
             answer = self.get(path)
-            tell(str(answer.get("state", "")))
+            tell(_how_far(answer))
             if final(answer):
                 return answer
             time.sleep(_POLL_S)
@@ -152,6 +152,11 @@ class Client:
         if answer.is_success:
             return answer
         raise Failure(_said(answer))
+
+
+def _how_far(answer: dict[str, Any]) -> str:
+    state, told = str(answer.get("state", "")), answer.get("progress")
+    return f"{state}, {told['text']} {100 * told['share']:.0f} %" if told else state
 
 
 class _LostError(Failure):

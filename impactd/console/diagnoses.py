@@ -67,27 +67,35 @@ def by_the_daemon(
     Raises
     ------
     Failure
-        If it failed or was cancelled.
+        If it failed or was cancelled, here (Ctrl-C) or elsewhere.
     """
     with connect(url) as client:
-        shots = sorted(
-            numbers or (item["number"] for item in client.pages("/v1/shots", MOST_SHOTS))
-        )
+        shots = sorted(numbers) or _all_shots(client)
         if not shots:
             raise Failure("the archive has no shots yet; drop some, or name a campaign file.")
         made = client.send("POST", "/v1/diagnoses", {"shots": shots, "base": base}, key=fresh_key())
         at = f"/v1/diagnoses/{made['id']}"
-        made = client.wait(
-            at,
-            lambda answer: answer["state"] in ("done", "failed", "cancelled"),
-            lambda state: progress(f"diagnosis {made['id']}: {state}"),
-        )
-        progress("", last=True)
+        made = _watch(client, at, made["id"])
         if made["state"] != "done":
             raise Failure(f"diagnosis {made['id']} {made['state']}: {made['reason']}")
         if report is not None:
             client.download(f"{at}/report.html", report)
     _deliver(made["result"], json_out, report)
+
+
+def _watch(client: Client, at: str, number: int) -> dict[str, Any]:
+    """Return the diagnosis once it has ended; Ctrl-C cancels it, which leaves nothing half done."""
+    try:
+        return client.wait(
+            at,
+            lambda answer: answer["state"] in ("done", "failed", "cancelled"),
+            lambda state: progress(f"diagnosis {number}: {state}"),
+        )
+    except KeyboardInterrupt:
+        client.send("DELETE", at)
+        raise Failure(f"diagnosis {number} was cancelled.") from None
+    finally:
+        progress("", last=True)
 
 
 def _all_shots(client: Client) -> list[int]:

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -139,3 +144,72 @@ def test_what_is_no_diagnosis_is_not_found(rig, shots):
     assert rig.reader.get(f"/v1/diagnoses/{fit['id']}").status_code == 404
     assert rig.operator.post("/v1/diagnoses", json={"shots": [999999]}).status_code == 404
     assert rig.operator.post("/v1/diagnoses", json={"shots": shots, "base": "x"}).status_code == 422
+
+
+def diagnose(rig, *words, **options):
+    """Start `impactd diagnose` against the daemon."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "impactd", "diagnose", *map(str, words)],
+        env={**os.environ, "IMPACTD_URL": rig.url, "IMPACTD_TOKEN": rig.token("operate")},
+        stdout=subprocess.PIPE,
+        text=True,
+        **options,
+    )
+
+
+def shown(terminal: int, wanted: str = "") -> str:
+    """Return what a terminal showed until it showed what was wanted, or to its end."""
+    seen = ""
+    while not wanted or wanted not in seen:
+        try:
+            seen += os.read(terminal, 4096).decode()
+        except OSError:  # the other side has gone
+            break
+    return seen
+
+
+def test_the_command_line_has_the_daemon_do_it_and_shows_how_far(rig, shots, tmp_path):
+    """Shots by number: progress on the terminal, then summary, JSON and page as offline."""
+    terminal, other_side = os.openpty()
+    out, page = tmp_path / "found.json", tmp_path / "page.html"
+    command = diagnose(rig, *shots, "--json", out, "--report", page, stderr=other_side)
+    os.close(other_side)
+    told = shown(terminal)
+    os.close(terminal)
+    printed, _ = command.communicate(timeout=200)
+    assert command.returncode == 0, told
+    assert "running, " in told
+    assert " %" in told
+    assert printed.startswith("IDENTIFIED")
+    found = json.loads(out.read_text())
+    assert found["shot_numbers"] == sorted(shots)
+    assert page.read_text().startswith("<!doctype html>")
+
+
+def test_ctrl_c_cancels_the_diagnosis_and_says_so(rig, shots):
+    """An interrupted command leaves no diagnosis running that nobody waits for."""
+    terminal, other_side = os.openpty()
+    command = diagnose(rig, *shots, stderr=other_side)
+    os.close(other_side)
+    shown(terminal, "running")
+    command.send_signal(signal.SIGINT)
+    told = shown(terminal)
+    os.close(terminal)
+    command.communicate(timeout=60)
+    assert command.returncode == 1
+    assert "was cancelled" in told
+    assert "Traceback" not in told
+    ended = until(
+        lambda: rig.reader.get("/v1/diagnoses").json()["items"][0],
+        lambda found: found["state"] in ENDED,
+    )
+    assert ended["state"] == "cancelled"
+
+
+def test_shots_that_are_not_there_are_one_sentence_and_a_pipe_stays_quiet(rig):
+    """An unknown number fails with the daemon's own words, without progress in between."""
+    command = diagnose(rig, 999999, stderr=subprocess.PIPE)
+    _, said = command.communicate(timeout=60)
+    assert command.returncode == 1
+    assert said.count("\n") == 1
+    assert "999999" in said
