@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 SLOTS = ("release", "contact", "mounting", "sensor", "electronics")
-SCOPES = ("rig", "surface", "sphere", "pair")
+SCOPES = ("rig", "surface", "sphere", "pair", "shot")
 
 
 @dataclass(frozen=True)

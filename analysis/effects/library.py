@@ -4,18 +4,13 @@ from __future__ import annotations
 
 import importlib
 import pkgutil
-import warnings
 from functools import cache
-from typing import Any
-
-from numba import njit
-from numba.core.errors import NumbaExperimentalFeatureWarning
-from numba.typed import List
 
 import analysis.effects
 from analysis.effects.effect import SLOTS, Effect
 from analysis.effects.probe import PROBE_ID, probe_term
 from analysis.errors import UnknownModelError
+from analysis.model.by_address import address_of
 
 
 @cache
@@ -80,22 +75,9 @@ def library_table() -> str:
     return "\n".join(rows)
 
 
-@njit(cache=True)
-def _as_list(terms):  # type: ignore[no-untyped-def]
-    # compiled once and kept on disk; numba's list filled from outside compiles anew in each process
-    found = List()
-    for term in terms:
-        found.append(term)
-    return found
-
-
 @cache
-def contact_terms() -> tuple[Any, dict[str, int]]:
-    """Return all compiled contact terms, as numba's list, and each effect's place in it."""
+def term_addresses() -> dict[str, int]:
+    """Return where the compiled contact term of each effect that has one is, by effect id."""
     every = [e for listed in library().values() for e in (listed, *listed.variants)]
-    having = [e for e in every if e.contact is not None]
-    with warnings.catch_warnings():
-        # functions as values are "experimental" in numba's words; the tests pin what is used
-        warnings.simplefilter("ignore", NumbaExperimentalFeatureWarning)
-        terms = _as_list((*(e.contact for e in having), probe_term))
-    return terms, {PROBE_ID: len(having)} | {e.id: i for i, e in enumerate(having)}
+    found = {e.id: address_of(e.contact) for e in every if e.contact is not None}
+    return found | {PROBE_ID: address_of(probe_term)}

@@ -1,7 +1,7 @@
 r"""The impact with any contact law and any structure, compiled once for all combinations.
 
 Same change of variable as ``analysis.model.solver`` (y = delta^(1/4), dt = y^3 ds). Contact effects
-are compiled functions of one signature, handed over as a tuple; which of them act, and with which
+are compiled functions of one signature, handed over as a list; which of them act, and with which
 numbers, is data. So no combination compiles anew, and the base model does not come this way at all.
 
 A contact term is called as ``term(delta, rate, elastic, z, p0, p1, p2, p3)`` with the indentation
@@ -9,6 +9,12 @@ A contact term is called as ``term(delta, rate, elastic, z, p0, p1, p2, p3)`` wi
 It returns ``(elastic_addition [N], dissipative_addition [N], dz/dt, recession [m/s])``: the elastic
 part also loads the structure, the dissipative part only the sphere (the paper's convention); the
 recession is taken from the indentation rate.
+
+A call integrates a whole set of columns: a trace and its neighbours, each with its own numbers.
+
+The work array is what makes it fast. The states lie in blocks of eight, each block with all its
+Runge-Kutta stages behind one another at fixed distances, so that a stage's combination is a few
+vector instructions whatever the number of states.
 """
 
 # One compiled unit: splitting it further would pass a dozen scalars around for nothing.
@@ -17,29 +23,37 @@ recession is taken from the indentation rate.
 from __future__ import annotations
 
 import math
-import warnings
 
 import numpy as np
 from numba import float64, njit, types
-from numba.core.errors import NumbaExperimentalFeatureWarning
 
+from analysis.model.by_address import call_term, load, store
+from analysis.model.free_ring import add_free_ring
 from analysis.model.solver import MAX_STEPS, _quintic
-
-# functions as values are "experimental" in numba's words; the tests pin what is used of them
-warnings.filterwarnings("ignore", category=NumbaExperimentalFeatureWarning)
 
 TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
     float64, float64, float64, float64, float64, float64, float64, float64
 )
 """Signature of a contact term."""
 
+NUMBERS = ("start", "dt", "K", "m", "v0", "alpha", "g", "share", "mobility", "gain")
+"""What a column's row of numbers holds, see `integrate_columns`."""
+
 # state: y, u, t, then one memory per acting term, then the structure
 _Y, _U, _T, _Z = 0, 1, 2, 3
 
-# Dormand & Prince's order-5 row, as in the base solver, here as a table: one place in the code
-# calls the laws, which the compiler can then take apart
+# the work array: blocks of eight states, each with the rows state, trial, k1 ... k7
+_LANES = 8
+_STATE, _TRIAL, _K = 0, 1, 2
+_ROWS = 9
+_STAGES = 7
+_BLOCK = _LANES * _ROWS
+
+# Dormand & Prince's order-5 row, as in the base solver; its slope at the end is the next step's
+# first. A table: one place in the code calls the laws, which the compiler can then take apart.
 _TABLE = np.array(
     [
+        [0.0, 0.0, 0.0, 0.0, 0.0, 0.0],
         [1 / 5, 0.0, 0.0, 0.0, 0.0, 0.0],
         [3 / 40, 9 / 40, 0.0, 0.0, 0.0, 0.0],
         [44 / 45, -56 / 15, 32 / 9, 0.0, 0.0, 0.0],
@@ -48,81 +62,132 @@ _TABLE = np.array(
         [35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84],
     ]
 )
+_RATE_TOLERANCE = 1e-11
+"""Of the impact speed: how well the indentation rate on a receding ground is solved for."""
 
 
-@njit(cache=True)
-def _forces(state, K, cd, mobility, terms, active, packed):  # type: ignore[no-untyped-def]
-    """Return (elastic, dissipative, recession) and leave dz/dt in ``packed``'s last column."""
-    y = max(state[_Y], 0.0)
+@njit(cache=True, nogil=True, inline="always")
+def _at(i):  # type: ignore[no-untyped-def]
+    """Return where state i lies in the first row of its block."""
+    return (i >> 3) * _BLOCK + (i & 7)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _forces(work, row, k, y3, K, cd, mobility, v0, count, terms, packed):  # type: ignore[no-untyped-def]
+    """Return (elastic, dissipative, recession) and write the memories' slopes."""
+    y = max(load(work, row + _Y), 0.0)
+    u = load(work, row + _U)
     delta = y * y * y * y
     elastic = K * delta * y * y
-    total, lost, recession, rate = elastic, 0.0, 0.0, state[_U]
-    # where the ground recedes, the laws are asked again with the rate that is left
-    for _ in range(4):
-        total, lost, receding = elastic, cd * y * rate, 0.0
-        for a in range(active.size):
-            j = active[a]
-            e, d, z, r = terms[j](
-                delta, rate, elastic, state[_Z + a],
-                packed[j, 0], packed[j, 1], packed[j, 2], packed[j, 3],
+    drag = cd * y
+    # without terms the rate that the receding ground leaves is a closed form
+    yielding, rate = 1.0, u
+    if mobility != 0.0:
+        yielding = 1.0 / (1.0 + mobility * drag)
+        rate = (u - mobility * elastic) * yielding
+    if count == 0:
+        return elastic, drag * rate, u - rate
+    total, lost, receding = 0.0, 0.0, 0.0
+    last_rate, last_miss = 0.0, 0.0
+    for trial in range(8):
+        total, lost, receding = elastic, drag * rate, 0.0
+        for a in range(count):
+            p = 4 * a
+            e, d, z, r = call_term(
+                terms, a, delta, rate, elastic, load(work, _at(_Z + a) + row),
+                load(packed, p), load(packed, p + 1), load(packed, p + 2), load(packed, p + 3),
             )  # fmt: skip
             total += e
             lost += d
             receding += r
-            packed[j, 4] = z
+            store(work, _at(_Z + a) + k, y3 * z)
         receding += mobility * (total + lost)
-        if abs(receding - recession) <= 1e-9 * abs(state[_U]):
+        miss = u - receding - rate
+        if abs(miss) <= _RATE_TOLERANCE * v0:
             break
-        recession = receding
-        rate = state[_U] - recession
-    return total, lost, recession
+        moved = rate + miss * yielding
+        if trial > 0 and miss != last_miss:
+            moved = rate - miss * (rate - last_rate) / (miss - last_miss)
+        last_rate, last_miss = rate, miss
+        rate = moved
+    return total, lost, receding
 
 
-@njit(cache=True)
-def _rates(out, state, K, m, cd, g, share, mobility, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
-    """Write d(state)/ds and return the force on the structure."""
-    elastic, lost, recession = _forces(state, K, cd, mobility, terms, active, packed)
-    y = state[_Y]
-    y3 = y * y * y
-    load = elastic + share * lost
-    first = _Z + active.size
-    acceleration = 0.0
-    for i in range(b.size):
-        rate = b[i] * load
-        for j in range(b.size):
-            rate += A[i, j] * state[first + j]
-        if i == top + 1:
-            acceleration = rate
-        out[first + i] = y3 * rate
-    out[_Y] = 0.25 * (state[_U] - recession)
-    out[_U] = y3 * (g - (elastic + lost) / m - acceleration)
-    out[_T] = y3
-    for a in range(active.size):
-        out[_Z + a] = y3 * packed[active[a], 4]
-    return load
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _advance(  # type: ignore[no-untyped-def]
+    work,
+    begin,
+    end,
+    h,
+    K,
+    cd,
+    mobility,
+    v0,
+    per_mass,
+    g,
+    share,
+    count,
+    terms,
+    packed,
+    masses,
+    A,
+    b,
+    top,
+):
+    """Write the trial one step of size h in s after the state, and its slope, by stages.
+
+    Stage 0 writes the slope of the state itself, which a later step inherits from the one before.
+    Returns the force on the structure.
+    """
+    first = _Z + count
+    blocks = (first + 2 * masses + _LANES - 1) // _LANES
+    row, force = _TRIAL * _LANES, 0.0
+    for stage in range(begin, end):
+        c1, c2, c3 = h * _TABLE[stage, 0], h * _TABLE[stage, 1], h * _TABLE[stage, 2]
+        c4, c5, c6 = h * _TABLE[stage, 3], h * _TABLE[stage, 4], h * _TABLE[stage, 5]
+        for block in range(blocks):
+            for lane in range(_LANES):
+                i = block * _BLOCK + lane
+                change = (
+                    c1 * load(work, i + (_K + 0) * _LANES)
+                    + c2 * load(work, i + (_K + 1) * _LANES)
+                    + c3 * load(work, i + (_K + 2) * _LANES)
+                    + c4 * load(work, i + (_K + 3) * _LANES)
+                    + c5 * load(work, i + (_K + 4) * _LANES)
+                    + c6 * load(work, i + (_K + 5) * _LANES)
+                )
+                store(work, i + _TRIAL * _LANES, load(work, i) + change)
+        k = (_K + stage) * _LANES
+        y = load(work, row + _Y)
+        y3 = y * y * y
+        elastic, lost, recession = _forces(
+            work, row, k, y3, K, cd, mobility, v0, count, terms, packed
+        )
+        force = elastic + share * lost
+        acceleration = 0.0
+        for i in range(masses):
+            rate = load(b, i) * force
+            for j in range(2 * masses):
+                rate += load(A, 2 * masses * i + j) * load(work, _at(first + j) + row)
+            if i == top:
+                acceleration = rate
+            w = load(work, _at(first + 2 * i + 1) + row)
+            store(work, _at(first + 2 * i) + k, y3 * w)
+            store(work, _at(first + 2 * i + 1) + k, y3 * rate)
+        store(work, k + _Y, 0.25 * (load(work, row + _U) - recession))
+        store(work, k + _U, y3 * (g - (elastic + lost) * per_mass - acceleration))
+        store(work, k + _T, y3)
+    return force
 
 
-@njit(cache=True)
-def _advance(new, state, k, h, K, m, cd, g, share, mobility, terms, active, packed, A, b, top):  # type: ignore[no-untyped-def]
-    """Write the state one step of size h in s later (Dormand & Prince, order 5)."""
-    new[:] = state
-    for stage in range(6):
-        _rates(k[stage], new, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
-        for i in range(state.size):
-            total = 0.0
-            for j in range(stage + 1):
-                total += _TABLE[stage, j] * k[j, i]
-            new[i] = state[i] + h * total
-
-
-@njit(cache=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 def _cubic(a, da, b, db, x):  # type: ignore[no-untyped-def]
     """Return Hermite's cubic on [0, 1] through two values and slopes."""
     d = b - a
     return a + x * (da + x * (3.0 * d - 2.0 * da - db + x * (da + db - 2.0 * d)))
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _fraction_at(ti, t0, d0, t1, d1):  # type: ignore[no-untyped-def]
     """Return where within a step the time is ``ti``: Newton, held within its bracket."""
     low, high, x = 0.0, 1.0, (ti - t0) / (t1 - t0)
@@ -143,216 +208,170 @@ def _fraction_at(ti, t0, d0, t1, d1):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True)
-def _force_at(  # type: ignore[no-untyped-def]
-    ti, state, new, before, after, h, work, K, cd, share, mobility, terms, active, packed
-):
+@njit(cache=True, nogil=True)
+def _force_at(ti, work, spare, h, K, cd, share, mobility, v0, count, terms, packed):  # type: ignore[no-untyped-def]
     """Return the force at time ``ti`` within a step, by the laws themselves at the state there.
 
     The states are smooth in s where the force in time is not, so they are what is interpolated.
     """
-    x = _fraction_at(ti, state[_T], h * before[_T], new[_T], h * after[_T])
-    for i in range(state.size):
-        work[i] = _cubic(state[i], h * before[i], new[i], h * after[i], x)
-    elastic, lost, _ = _forces(work, K, cd, mobility, terms, active, packed)
+    new, before, after = _TRIAL * _LANES, _K * _LANES, (_K + 6) * _LANES
+    d0, d1 = h * load(work, before + _T), h * load(work, after + _T)
+    x = _fraction_at(ti, load(work, _T), d0, load(work, new + _T), d1)
+    for state in range(_Z + count):
+        i = _at(state)
+        d0, d1 = h * load(work, before + i), h * load(work, after + i)
+        store(spare, i, _cubic(load(work, i), d0, load(work, new + i), d1, x))
+    elastic, lost, _ = _forces(spare, 0, before, 0.0, K, cd, mobility, v0, count, terms, packed)
     return elastic + share * lost
 
 
-@njit(cache=True)
-def _propagator(A, dt):  # type: ignore[no-untyped-def]
-    """Return expm(A dt) by scaling and squaring of a Taylor series."""
-    n = A.shape[0]
-    norm = 0.0
-    for i in range(n):
-        row = 0.0
-        for j in range(n):
-            row += abs(A[i, j]) * dt
-        norm = max(norm, row)
-    squarings = 0
-    if norm > 0.25:
-        squarings = math.ceil(math.log2(norm / 0.25))
-    X = A * (dt / 2.0**squarings)
-    E = np.eye(n)
-    term = np.eye(n)
-    for i in range(1, 13):
-        term = term @ X / i
-        E = E + term
-    for _ in range(squarings):
-        E = E @ E
-    return E
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _reading_at(work, row, first, force, masses, A, b, reading):  # type: ignore[no-untyped-def]
+    """Return what the cell reads in a row of the work array, its rate and its acceleration."""
+    q = r = s = 0.0
+    for i in range(masses):
+        c = load(reading, i)
+        if c != 0.0:
+            q += c * load(work, _at(first + 2 * i) + row)
+            r += c * load(work, _at(first + 2 * i + 1) + row)
+            rate = load(b, i) * force
+            for j in range(2 * masses):
+                rate += load(A, 2 * masses * i + j) * load(work, _at(first + j) + row)
+            s += c * rate
+    return q, r, s
 
 
-@njit(cache=True)
-def _ring(out, i, s, P, reading, gain):  # type: ignore[no-untyped-def]
-    """Write the structure's free motion from sample ``i`` on; P is the propagator of one sample."""
-    ns = s.size
-    other = np.empty(ns)
-    for j in range(i, out.size):
-        value = 0.0
-        for row in range(ns):
-            value += reading[row] * s[row]
-        out[j] += gain * value
-        for row in range(ns):
-            total = 0.0
-            for col in range(ns):
-                total += P[row, col] * s[col]
-            other[row] = total
-        for row in range(ns):
-            s[row] = other[row]
-
-
-@njit(cache=True)
-def integrate_with_effects(  # type: ignore[no-untyped-def]
-    out,
-    start,
-    dt,
-    K,
-    m,
-    v0,
-    alpha,
-    g,
-    share,
-    mobility,
-    terms,
-    active,
-    packed,
-    A,
-    b,
-    reading,
-    top,
-    gain,
-    steps,
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def _integrate(  # type: ignore[no-untyped-def]
+    out, numbers, count, terms, packed, masses, A, b, reading, top, steps, work, spare
 ):
-    r"""Add one impact at t = 0, sampled at ``start + i dt``, to ``out``.
+    """Add the contact to ``out``; all but ``out`` and ``numbers`` are counts and addresses.
 
-    Parameters
-    ----------
-    out : ndarray of float64, shape (n,)
-        Samples the impact is added to.
-    start, dt : float
-        First sample relative to touch-down, sample interval. [s]
-    K, m, v0, alpha, g : float
-        As in ``analysis.model.solver.integrate``.
-    share : float
-        Part of the dissipative force that also loads the structure. [1]
-    mobility : float
-        Speed at which the ground recedes per newton of the whole contact force. [m/(N s)]
-    terms : tuple of compiled functions
-        All contact terms of the library, in its order.
-    active : ndarray of int64, shape (a,)
-        Which of them act.
-    packed : ndarray of float64, shape (len(terms), 5)
-        Four numbers a term, and a place to work in.
-    A, b, reading, top : ndarray, ndarray, ndarray, int
-        The structure, see ``analysis.model.structure``; empty arrays for a rigid cell, whose output
-        is the elastic force.
-    gain : float
-        Output per metre of crystal compression, or per newton for a rigid cell.
-    steps : int
-        Steps over the contact.
-
-    Returns
-    -------
-    tuple of float
-        Contact duration [s], sphere's rebound speed [m/s], largest indentation [m]; the duration
-        is NaN when the contact did not end within the allowed steps.
+    Returns lift-off [s], the sphere's rebound speed [m/s], the largest indentation [m] and the
+    first sample after lift-off; the state at lift-off stays in ``work``.
     """
-    n, ns = out.size, b.size
-    first = _Z + active.size
-    size = first + ns
-    state, new, work = np.zeros(size), np.zeros(size), np.zeros(size)
-    before, after = np.zeros(size), np.zeros(size)
-    k = np.zeros((6, size))
-    state[_U] = v0
-    cd = alpha * math.sqrt(m * K)
+    start, dt, K, m, v0 = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
+    alpha, g, share, mobility, gain = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
+    n, first = out.size, _Z + count
+    blocks = (first + 2 * masses + _LANES - 1) // _LANES
+    for i in range(blocks * _BLOCK):
+        store(work, i, 0.0)
+    store(work, _U, v0)
+    cd, per_mass = alpha * math.sqrt(m * K), 1.0 / m
     depth = (1.25 * m * v0 * v0 / K) ** 0.4
     h = 13.05 * depth**0.25 / v0 / steps
     i = 0
     if start < 0.0:
         i = math.ceil(-start / dt - 1e-12)
-    f0 = _rates(before, state, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
-    ended, deepest = False, 0.0
+    new, k1, k7 = _TRIAL * _LANES, _K * _LANES, (_K + 6) * _LANES
+    begin, end, corrections, ended = 0, 1, 0, False
+    length, f0, deepest = h, 0.0, 0.0
     for _ in range(MAX_STEPS):
-        length = h
-        _advance(new, state, k, h, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
-        if new[_Y] <= 0.0 and new[_U] < 0.0:
-            part = h
-            for _ in range(12):
-                _advance(
-                    new,
-                    state,
-                    k,
-                    part,
-                    K,
-                    m,
-                    cd,
-                    g,
-                    share,
-                    mobility,
-                    terms,
-                    active,
-                    packed,
-                    A,
-                    b,
-                    top,
-                )
-                correction = 4.0 * new[_Y] / new[_U]
-                part -= correction
-                if abs(correction) <= 1e-14 * h:
-                    break
-            _advance(
-                new, state, k, part, K, m, cd, g, share, mobility, terms, active, packed, A, b, top
-            )
-            new[_Y] = 0.0
-            length = part
+        f1 = _advance(
+            work, begin, end, length,
+            K, cd, mobility, v0, per_mass, g, share, count, terms, packed, masses, A, b, top,
+        )  # fmt: skip
+        if begin == 0:
+            begin, end, f0 = 1, _STAGES, f1
+            continue
+        y1, u1 = load(work, new + _Y), load(work, new + _U)
+        if corrections or (y1 <= 0.0 and u1 < 0.0):
+            # lift-off lies within the step: Newton for its length (dy/ds = u/4)
+            correction = 4.0 * y1 / u1
+            if abs(correction) > 1e-14 * h and corrections < 12:
+                length -= correction
+                corrections += 1
+                continue
+            y1 = 0.0
+            store(work, new + _Y, 0.0)
             ended = True
-        deepest = max(deepest, new[_Y])
-        f1 = _rates(after, new, K, m, cd, g, share, mobility, terms, active, packed, A, b, top)
-        t0, t1 = state[_T], new[_T]
+        deepest = max(deepest, y1)
+        t0, t1 = load(work, _T), load(work, new + _T)
         if i < n and start + i * dt <= t1:
             q0 = p1 = p2 = p3 = p4 = p5 = 0.0
-            if ns:
-                q1 = r0 = r1 = s0 = s1 = 0.0
-                for row in range(ns):
-                    if reading[row] == 0.0:
-                        continue
-                    c = reading[row]
-                    q0 += c * state[first + row]
-                    q1 += c * new[first + row]
-                    r0 += c * state[first + row + 1]
-                    r1 += c * new[first + row + 1]
-                    x0, x1 = b[row + 1] * f0, b[row + 1] * f1
-                    for col in range(ns):
-                        x0 += A[row + 1, col] * state[first + col]
-                        x1 += A[row + 1, col] * new[first + col]
-                    s0 += c * x0
-                    s1 += c * x1
+            if masses:
+                q0, r0, s0 = _reading_at(work, 0, first, f0, masses, A, b, reading)
+                q1, r1, s1 = _reading_at(work, new, first, f1, masses, A, b, reading)
                 p1, p2, p3, p4, p5 = _quintic(q0, r0, s0, q1, r1, s1, t1 - t0)
             while i < n:
                 ti = start + i * dt
                 if ti > t1:
                     break
-                if ns:
+                if masses:
                     x = (ti - t0) / (t1 - t0)
                     q = q0 + x * (p1 + x * (p2 + x * (p3 + x * (p4 + x * p5))))
                 else:
                     q = _force_at(
-                        ti, state, new, before, after, length, work,
-                        K, cd, share, mobility, terms, active, packed,
+                        ti, work, spare, length,
+                        K, cd, share, mobility, v0, count, terms, packed,
                     )  # fmt: skip
                 out[i] += gain * q
                 i += 1
-        state[:] = new
-        before[:] = after
+        for block in range(blocks):
+            for lane in range(_LANES):
+                o = block * _BLOCK + lane
+                store(work, o, load(work, o + new))
+                store(work, o + k1, load(work, o + k7))
         f0 = f1
-        if ended:
-            break
-        if not (math.isfinite(state[_Y]) and math.isfinite(state[_U])):
+        if ended or not (math.isfinite(y1) and math.isfinite(u1)):
             break
     if not ended:
-        return math.nan, math.nan, deepest**4
-    surface = state[first + top + 1] if ns else 0.0
-    if ns and i < n:
-        s = _propagator(A, start + i * dt - state[_T]) @ state[first:]
-        _ring(out, i, s, _propagator(A, dt), reading, gain)
-    return state[_T], -(state[_U] + surface), deepest**4
+        return math.nan, math.nan, deepest**4, n
+    surface = load(work, _at(first + 2 * top + 1)) if masses else 0.0
+    return load(work, _T), -(load(work, _U) + surface), deepest**4, i
+
+
+@njit(cache=True, nogil=True)
+def integrate_columns(  # type: ignore[no-untyped-def]
+    table, rows, numbers, terms, packed, which, systems, loads, readings, tops, steps, found
+):
+    r"""Add impacts at t = 0, sampled at ``start + i dt``, to rows of a table.
+
+    Parameters
+    ----------
+    table : ndarray of float64, shape (r, n)
+        Rows of samples.
+    rows : ndarray of int64, shape (c,)
+        Which row each impact is added to.
+    numbers : ndarray of float64, shape (c, 10)
+        In the order of `NUMBERS`. ``start``, ``dt``: first sample relative to touch-down, sample
+        interval [s]. ``K``, ``m``, ``v0``, ``alpha``, ``g``: as in
+        ``analysis.model.solver.integrate``. ``share``: part of the dissipative force that also
+        loads the structure [1]. ``mobility``: speed at which the ground recedes per newton of the
+        whole contact force [m/(N s)]. ``gain``: output per metre of crystal compression, or per
+        newton for a rigid cell.
+    terms : ndarray of int64, shape (a,)
+        Addresses of the contact terms that act, see ``analysis.model.by_address.address_of``.
+    packed : ndarray of float64, shape (c, a, 4)
+        Their four numbers.
+    which : ndarray of int64, shape (c,)
+        Which of the structures below the columns stand on.
+    systems, loads, readings, tops : ndarray, shape (s, q, 2 q), (s, q), (s, q), (s,)
+        Structures of q masses, see ``analysis.model.structure.Assembled``; q is 0 for a rigid cell,
+        whose output is the elastic force.
+    steps : int
+        Steps over the contact.
+    found : ndarray of float64, shape (c, 3)
+        Written: contact duration [s], sphere's rebound speed [m/s], largest indentation [m]; the
+        duration is NaN when the contact did not end within the allowed steps.
+    """
+    masses, count = loads.shape[1], terms.size
+    first = _Z + count
+    blocks = (first + 2 * masses + _LANES - 1) // _LANES
+    work, spare = np.zeros(blocks * _BLOCK), np.zeros(blocks * _BLOCK)
+    state = np.zeros(2 * masses)
+    for c in range(rows.size):
+        s, out, own = which[c], table[rows[c]], numbers[c]
+        duration, rebound, deepest, i = _integrate(
+            out, own, count, terms.ctypes.data, packed[c].ctypes.data, masses,
+            systems[s].ctypes.data, loads[s].ctypes.data, readings[s].ctypes.data, tops[s],
+            steps, work.ctypes.data, spare.ctypes.data,
+        )  # fmt: skip
+        found[c, 0], found[c, 1], found[c, 2] = duration, rebound, deepest
+        if masses and i < out.size:
+            for j in range(2 * masses):
+                state[j] = work[_at(first + j)]
+            ahead = own[0] + i * own[1] - duration
+            add_free_ring(out, i, ahead, own[1], systems[s], readings[s], own[9], state)
+    # addresses keep nothing alive
+    spare[0] = work[0]

@@ -33,12 +33,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.effects.effect import Effect, ShotContext
-from analysis.effects.library import contact_terms, effect_named
+from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
-from analysis.model import solver
-from analysis.model.effect_solver import integrate_with_effects
-from analysis.model.hertz import contact_time, damping_coefficient
-from analysis.model.structure import Structure
+from analysis.model import neighbours, solver
+from analysis.model.effect_trace import Column
+from analysis.model.hertz import contact_time
 
 SHARED = {
     solver.HSD: ("ln_K", "ln_S", "seen_ms"),
@@ -50,8 +49,6 @@ Array = NDArray[np.float64]
 
 _LARGEST_COORDINATE = 200.0
 """Beyond this a logarithm overflows; such a point has no trace, and a fit steps back from it."""
-_LOG_STEP = 1e-6
-_TIME_STEP_US = 1e-4
 
 
 @dataclass(frozen=True)
@@ -107,6 +104,10 @@ class Prediction:
     deepest_indentation_m: float
 
 
+def _nothing(frame: ShotFrame) -> Prediction:
+    return Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
+
+
 @dataclass(frozen=True)
 class ImpactModel:
     """A base model by name, with the effects added to it.
@@ -137,8 +138,7 @@ class ImpactModel:
     @cached_property
     def shared(self) -> tuple[str, ...]:
         """Return the names of the shared local parameters, in order."""
-        extra = tuple(f"{e.id}.{p.name}" for e in self.effects for p in e.parameters)
-        return SHARED[self.kind] + extra
+        return SHARED[self.kind] + self._of_effects(shot=False)
 
     @cached_property
     def names(self) -> tuple[str, ...]:
@@ -147,9 +147,43 @@ class ImpactModel:
 
     @cached_property
     def nuisances(self) -> tuple[str, ...]:
-        """Return the names of a shot's own parameters."""
-        extra = (f"{e.id}.basis{i}" for e in self.effects for i in range(e.basis_size))
-        return (*NUISANCE, *extra)
+        """Return the names of a shot's own parameters: the four, effects' numbers, free sizes."""
+        sizes = (f"{e.id}.basis{i}" for e in self.effects for i in range(e.basis_size))
+        return (*NUISANCE, *self._of_effects(shot=True), *sizes)
+
+    @cached_property
+    def places(self) -> dict[str, tuple[int, ...]]:
+        """Return where each effect's parameters are among the local ones, by effect id."""
+        at = {name: i for i, name in enumerate(self.names)}
+        return {e.id: tuple(at[f"{e.id}.{p.name}"] for p in e.parameters) for e in self.effects}
+
+    @cached_property
+    def first_size(self) -> int:
+        """Return where the free sizes begin among the local parameters."""
+        return len(self.names) - sum(e.basis_size for e in self.effects)
+
+    @cached_property
+    def moves(self) -> tuple[neighbours.Move, ...]:
+        """Return how the local parameters are moved for their derivatives."""
+        return neighbours.moves(self)
+
+    @cached_property
+    def chain(self) -> tuple[Effect, ...]:
+        """Return the effects that the signal is read through, along its way."""
+        return tuple(sorted((e for e in self.effects if e.output), key=lambda e: e.order))
+
+    @cached_property
+    def has_second_contacts(self) -> bool:
+        """Tell whether the sphere touches again within a window."""
+        return any(e.again is not None for e in self.effects)
+
+    def _of_effects(self, *, shot: bool) -> tuple[str, ...]:
+        return tuple(
+            f"{e.id}.{p.name}"
+            for e in self.effects
+            for p in e.parameters
+            if (p.scope == "shot") == shot
+        )
 
     def with_effect(self, effect: Effect) -> ImpactModel:
         """Return this model with one more effect."""
@@ -157,16 +191,28 @@ class ImpactModel:
 
     def steps(self, local: Array, frame: ShotFrame) -> int:
         """Return the solver's steps for these parameters; kept while derivatives are taken."""
-        duration = contact_time(
-            math.exp(local[0]), frame.mass_kg, math.exp(local[len(self.shared)])
-        )
-        omega0 = math.exp(local[2]) if self.kind == solver.KV else 0.0
+        return self._steps(self._column(local, frame))
+
+    def _steps(self, column: Column) -> int:
+        context = column.context
+        duration = contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
+        omega0 = math.exp(column.local[2]) if self.kind == solver.KV else 0.0
         least = float(solver.contact_steps(omega0, duration))
-        if any(e.steps is not None for e in self.effects):
-            values, context = self.effect_values(local), self.context(local, frame)
-            asked = [e.steps(values[e.id], context) for e in self.effects if e.steps is not None]
-            least = max(least, *asked)
+        for effect in self.effects:
+            if effect.steps is not None:
+                least = max(least, effect.steps(column.values[effect.id], context))
         return math.ceil(self.step_share * min(least, 2.0 * solver.MAX_STEPS))
+
+    def _allowed(self, steps: int) -> int:
+        if steps > solver.MAX_STEPS:
+            raise OverflowError
+        return steps
+
+    def _column(self, local: Array, frame: ShotFrame) -> Column:
+        """Return the local parameters with what the effects make of them, or OverflowError."""
+        if not np.abs(local[: len(self.shared) + 2]).max() < _LARGEST_COORDINATE:
+            raise OverflowError
+        return Column(0, local, self.effect_values(local), self.context(local, frame))
 
     def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
         """Return the trace of one shot.
@@ -185,71 +231,25 @@ class ImpactModel:
         Prediction
             NaN rebound when the contact did not end.
         """
-        nothing = Prediction(np.full(frame.samples, math.nan), math.nan, math.nan, math.nan)
-        if not np.abs(local[: len(self.shared) + 2]).max() < _LARGEST_COORDINATE:
-            return nothing
         try:
-            return self._predicted(local, frame, steps)
+            column = self._column(local, frame)
+            steps = self._allowed(self._steps(column) if steps is None else steps)
+            table = np.zeros((1, frame.samples))
+            found = neighbours.add_first_contacts(table, self, [column], steps)[0]
+            neighbours.add_second_contacts(table[0], self, column, steps)
+            signal = neighbours.read(table[0], self.chain, column)[-1]
         except OverflowError:  # an effect's numbers that no float can hold
-            return nothing
+            return _nothing(frame)
+        return self._prediction(signal, found, column)
 
-    def _predicted(self, local: Array, frame: ShotFrame, steps: int | None) -> Prediction:
-        """Return the trace, or raise OverflowError."""
-        signal = np.zeros(frame.samples)
-        if steps is None:
-            steps = self.steps(local, frame)
-        if steps > solver.MAX_STEPS:
-            raise OverflowError
-        if self.effects:
-            duration, rebound, deepest = self._add_with_effects(signal, local, frame, steps)
-        else:
-            duration, rebound, deepest = self._add_to(signal, local, frame, steps)
-        at = len(self.shared)
-        signal += local[at + 3]
-        if self.effects:
-            self._add_basis(signal, local, frame)
-        return Prediction(signal, rebound / math.exp(local[at]), duration, deepest)
-
-    def _add_basis(self, signal: Array, local: Array, frame: ShotFrame) -> None:
-        """Add the signals of free size, each with this shot's own coefficients."""
-        at = len(self.shared) + len(NUISANCE)
-        for effect in self.effects:
-            if effect.basis is not None:
-                columns = effect.basis(frame.samples, self.context(local, frame))
-                signal += columns @ local[at : at + effect.basis_size]
-                at += effect.basis_size
-
-    def _crystal(self, local: Array) -> tuple[float, float, float, float]:
-        """Return M, k, mu and the gain on the output, from the identifiable forms."""
-        if self.kind != solver.KV:
-            return math.nan, math.nan, math.nan, math.exp(-local[1])
-        omega0, zeta, mass = math.exp(local[2]), math.exp(local[3]), math.exp(local[4])
-        k = mass * omega0**2
-        return mass, k, 2 * zeta * mass * omega0, k * math.exp(-local[1])
-
-    def _add_to(
-        self, signal: Array, local: Array, frame: ShotFrame, steps: int
-    ) -> tuple[float, float, float]:
-        """Integrate the base model into ``signal``."""
-        crystal_mass, k, mu, gain = self._crystal(local)
-        ln_v0, ln_e, t0_us = local[len(self.shared) : len(self.shared) + 3]
-        found = solver.integrate(
-            signal,
-            self.kind,
-            -t0_us * 1e-6,
-            1.0 / frame.sample_rate_hz,
-            math.exp(local[0]),
-            frame.mass_kg,
-            math.exp(ln_v0),
-            damping_coefficient(math.exp(ln_e)),
-            frame.gravity_m_per_s2,
-            crystal_mass,
-            k,
-            mu,
-            gain,
-            steps,
-        )
-        return float(found[0]), float(found[1]), float(found[2])
+    def _prediction(self, read: Array, found: Array, column: Column) -> Prediction:
+        """Return the trace with baseline and signals of free size."""
+        signal = read + column.local[len(self.shared) + 3]
+        free = neighbours.free_part(self, read.size, column)
+        if free is not None:
+            signal += free
+        duration, rebound, deepest = found.tolist()
+        return Prediction(signal, rebound / column.context.speed_m_per_s, duration, deepest)
 
     def context(self, local: Array, frame: ShotFrame) -> ShotContext:
         """Return what the effects may know of a shot at these local parameters."""
@@ -283,110 +283,20 @@ class ImpactModel:
         Parameters
         ----------
         local : ndarray, shape (p,)
-            Local parameters; only the shared ones are read.
+            Local parameters.
 
         Returns
         -------
         dict of dict
             By effect id, by parameter name.
         """
-        at = len(SHARED[self.kind])
-        values: dict[str, dict[str, float]] = {}
-        for effect in self.effects:
-            own = {}
-            for parameter in effect.parameters:
-                own[parameter.name] = parameter.value(float(local[at]))
-                at += 1
-            values[effect.id] = own
-        return values
-
-    def _add_with_effects(
-        self, signal: Array, local: Array, frame: ShotFrame, steps: int
-    ) -> tuple[float, float, float]:
-        """Integrate the model with its effects into ``signal``, then read it through the chain."""
-        values = self.effect_values(local)
-        context = self.context(local, frame)
-        if any(e.in_solver for e in self.effects):
-            found = self._solve_with_effects(
-                signal, local, frame, steps=steps, values=values, context=context
-            )
-        else:
-            found = self._add_to(signal, local, frame, steps)
-        for effect in self.effects:
-            if effect.again is not None:
-                self._add_again(signal, local, frame, steps, effect.again(values[effect.id]))
-        for effect in sorted(self.effects, key=lambda e: e.order):
-            if effect.output is not None:
-                signal[:] = effect.output(signal, values[effect.id], context)
-        return found
-
-    def _add_again(
-        self,
-        signal: Array,
-        local: Array,
-        frame: ShotFrame,
-        steps: int,
-        second: tuple[float, float],
-    ) -> None:
-        """Add a second contact, (delay [s], speed over the first speed), in the base model."""
-        at, (delay_s, ratio) = len(self.shared), second
-        later = local.copy()
-        later[at] += math.log(ratio)
-        later[at + 2] += delay_s * 1e6
-        self._add_to(signal, later, frame, steps)
-
-    def _solve_with_effects(
-        self,
-        signal: Array,
-        local: Array,
-        frame: ShotFrame,
-        *,
-        steps: int,
-        values: dict[str, dict[str, float]],
-        context: ShotContext,
-    ) -> tuple[float, float, float]:
-        terms, places = contact_terms()
-        packed = np.zeros((max(len(terms), 1), 5))
-        active, share, mobility = [], 0.0, 0.0
-        crystal_mass, k, mu, gain = self._crystal(local)
-        structure = Structure.kelvin_voigt(crystal_mass, k, mu)
-        for effect in self.effects:
-            own = values[effect.id]
-            if effect.contact is not None and effect.pack is not None:
-                packed[places[effect.id], :4] = effect.pack(own, context)
-                active.append(places[effect.id])
-            if effect.share is not None:
-                share = effect.share(own)
-            if effect.mobility is not None:
-                mobility += effect.mobility(own)
-            if effect.structure is not None:
-                effect.structure(structure, own, context)
-        system, load, reading, top = structure.assemble()
-        if self.kind == solver.HSD:
-            system, load, reading, top = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0
-        ln_v0, ln_e, t0_us = local[len(self.shared) : len(self.shared) + 3]
-        found = integrate_with_effects(
-            signal,
-            -t0_us * 1e-6,
-            1.0 / frame.sample_rate_hz,
-            math.exp(local[0]),
-            frame.mass_kg,
-            math.exp(ln_v0),
-            damping_coefficient(math.exp(ln_e)),
-            frame.gravity_m_per_s2,
-            share,
-            mobility,
-            terms,
-            np.array(sorted(active), dtype=np.int64),
-            packed,
-            system,
-            load,
-            reading,
-            top,
-            gain,
-            steps,
-        )
-        return float(found[0]), float(found[1]), float(found[2])
+        return {
+            e.id: {
+                p.name: p.value(float(local[at]))
+                for p, at in zip(e.parameters, self.places[e.id], strict=True)
+            }
+            for e in self.effects
+        }
 
     def linearise(self, local: Array, frame: ShotFrame) -> tuple[Prediction, Array, Array]:
         """Return the trace with the derivatives of signal and rebound ratio.
@@ -411,34 +321,25 @@ class ImpactModel:
         -----
         One-sided differences on one grid: the solver is smooth in every parameter, so a step of
         1e-6 leaves about 1e-6 relative of truncation and 1e-8 of rounding. Baseline and free sizes
-        are analytic, and so is the gain of a linear chain.
+        are analytic, and so is the gain where nothing reads the signal.
         """
-        steps = self.steps(local, frame)
-        centre = self.predict(local, frame, steps=steps)
-        jacobian = np.zeros((frame.samples, local.size), order="F")
-        gradient = np.zeros(local.size)
-        linear = not any(e.output is not None or e.basis is not None for e in self.effects)
-        at = len(self.shared)
-        for j, name in enumerate(self.names[: at + len(NUISANCE)]):
-            if name == "baseline":
-                jacobian[:, j] = 1.0
-            elif name == "ln_S" and linear:
-                jacobian[:, j] = local[at + 3] - centre.signal
-            elif name != "seen_ms":
-                step = _TIME_STEP_US if name == "t0_us" else _LOG_STEP
-                moved = local.copy()
-                moved[j] += step
-                ahead = self.predict(moved, frame, steps=steps)
-                jacobian[:, j] = (ahead.signal - centre.signal) / step
-                if name != "t0_us":
-                    gradient[j] = (ahead.rebound_ratio - centre.rebound_ratio) / step
-        place = at + len(NUISANCE)
+        table = np.zeros((local.size + 1, frame.samples))
+        try:
+            centre = self._column(local, frame)
+            steps = self._allowed(self._steps(centre))
+            found, gradient = neighbours.fill_neighbours(table, self, frame, centre, steps)
+        except OverflowError:  # an effect's numbers that no float can hold
+            table[:] = math.nan
+            return _nothing(frame), table[1:].T, np.full(local.size, math.nan)
+        jacobian = table[1:].T
+        jacobian[:, len(self.shared) + 3] = 1.0
+        at = self.first_size
         for effect in self.effects:
             if effect.basis is not None:
-                columns = effect.basis(frame.samples, self.context(local, frame))
-                jacobian[:, place : place + effect.basis_size] = columns
-                place += effect.basis_size
-        return centre, jacobian, gradient
+                columns = effect.basis(frame.samples, centre.context)
+                jacobian[:, at : at + effect.basis_size] = columns
+                at += effect.basis_size
+        return self._prediction(table[0], found, centre), jacobian, gradient
 
 
 BASES = {"hsd": solver.HSD, "kv": solver.KV}

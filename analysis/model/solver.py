@@ -210,7 +210,7 @@ def _ring(out, first, x0, v0, t0, start, dt, w2, g2, gain):  # type: ignore[no-u
             out[i] += gain * math.exp(-half * t) * (x0 + (v0 + half * x0) * t)
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps):  # type: ignore[no-untyped-def]
     r"""Add one impact at t = 0, sampled at ``start + i dt``, to ``out``.
 

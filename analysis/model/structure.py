@@ -20,6 +20,41 @@ FRAME = "frame"
 """The laboratory; never moves."""
 
 
+@dataclass(frozen=True)
+class Assembled:
+    """A structure of q masses as matrices; s alternates displacements and velocities.
+
+    Attributes
+    ----------
+    accelerations : ndarray, shape (q, 2 q)
+        The rows of A that say something. [1/s^2, 1/s, ...]
+    load : ndarray, shape (q,)
+        Acceleration by a unit force on the top. [1/kg]
+    reading : ndarray, shape (q,)
+        What the cell reads of the displacements. [1]
+    top : int
+        Which mass the sphere touches.
+    """
+
+    accelerations: NDArray[np.float64]
+    load: NDArray[np.float64]
+    reading: NDArray[np.float64]
+    top: int
+
+    @property
+    def system(self) -> NDArray[np.float64]:
+        """Return A whole, shape (2 q, 2 q)."""
+        size = self.accelerations.shape[1]
+        full = np.zeros((size, size))
+        full[0::2, 1::2] = np.eye(size // 2)
+        full[1::2] = self.accelerations
+        return full
+
+
+RIGID = Assembled(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0)
+"""No masses at all: a rigid cell."""
+
+
 @dataclass
 class Structure:
     """Masses by name, links between them.
@@ -63,42 +98,24 @@ class Structure:
         ]
         self.base = name
 
-    def assemble(
-        self,
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], int]:
-        """Return the system as matrices.
-
-        Returns
-        -------
-        system : ndarray, shape (2n, 2n)
-            A. [1/s, 1, ...]
-        load : ndarray, shape (2n,)
-            b: effect of a unit force on the top. [1/kg]
-        reading : ndarray, shape (2n,)
-            Row that gives the crystal's compression. [1]
-        top : int
-            Index of the top's displacement in s; its velocity follows.
-        """
-        order = list(self.masses)
-        size = 2 * len(order)
-        at = {name: 2 * i for i, name in enumerate(order)}
-        system = np.zeros((size, size))
-        for i in range(0, size, 2):
-            system[i, i + 1] = 1.0
+    def assemble(self) -> Assembled:
+        """Return the system as matrices."""
+        at = {name: i for i, name in enumerate(self.masses)}
+        count = len(at)
+        rows = [[0.0] * (2 * count) for _ in at]
         for one, other, k, c in self.links:
             for a, b in ((one, other), (other, one)):
                 if a == FRAME:
                     continue
-                row, mass = at[a] + 1, self.masses[a]
-                system[row, at[a]] -= k / mass
-                system[row, at[a] + 1] -= c / mass
+                row, mass = rows[at[a]], self.masses[a]
+                row[2 * at[a]] -= k / mass
+                row[2 * at[a] + 1] -= c / mass
                 if b != FRAME:
-                    system[row, at[b]] += k / mass
-                    system[row, at[b] + 1] += c / mass
-        load = np.zeros(size)
-        load[at[self.top] + 1] = 1.0 / self.masses[self.top]
-        reading = np.zeros(size)
+                    row[2 * at[b]] += k / mass
+                    row[2 * at[b] + 1] += c / mass
+        load, reading = [0.0] * count, [0.0] * count
+        load[at[self.top]] = 1.0 / self.masses[self.top]
         reading[at[self.crystal]] = 1.0
         if self.base != FRAME:
             reading[at[self.base]] -= 1.0
-        return system, load, reading, at[self.top]
+        return Assembled(np.array(rows), np.array(load), np.array(reading), at[self.top])

@@ -11,7 +11,7 @@ import pytest
 
 import analysis.effects
 from analysis.effects.effect import SCOPES, SLOTS, Effect
-from analysis.effects.library import contact_terms, effect_named, library, library_table
+from analysis.effects.library import effect_named, library, library_table, term_addresses
 from analysis.errors import ParameterOutOfRangeError, UnknownModelError
 from analysis.model.impact_model import model_named
 
@@ -192,12 +192,12 @@ def test_what_an_effect_needs_is_asked_for(effect: Effect) -> None:
             unknown.known(name)
 
 
-def test_terms_and_their_places_agree() -> None:
-    """Every effect with a contact term has its own place in the compiled list."""
-    terms, places = contact_terms()
-    having = {e.id for e in library().values() if e.contact is not None}
-    assert having <= set(places)
-    assert sorted(places.values()) == list(range(len(terms)))
+def test_every_term_has_its_address() -> None:
+    """Each effect with a contact term has a compiled function of its own."""
+    addresses = term_addresses()
+    having = {e.id for e in EVERY if e.contact is not None}
+    assert having <= set(addresses)
+    assert len({addresses[name] for name in having}) == len(having)
 
 
 def test_a_variant_is_found_by_name() -> None:

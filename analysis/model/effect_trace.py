@@ -1,0 +1,187 @@
+"""From the effects' hooks to the numbers of the compiled solver, for a trace and its neighbours."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.effects.effect import Effect, ShotContext
+from analysis.effects.library import term_addresses
+from analysis.model.effect_solver import integrate_columns
+from analysis.model.hertz import damping_coefficient
+from analysis.model.structure import RIGID, Assembled, Structure
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Column:
+    """One set of numbers that a trace is wanted for.
+
+    Attributes
+    ----------
+    row : int
+        Where in the table its samples go.
+    local : ndarray, shape (p,)
+        Local parameters.
+    values : Mapping
+        The effects' physical values, by effect id and parameter name.
+    context : ShotContext
+        What the effects may know of the shot.
+    step : float
+        How far its moved parameter is from the first column's.
+    same_structure : bool
+        The structure is that of the first column.
+    """
+
+    row: int
+    local: Array
+    values: Mapping[str, Mapping[str, float]]
+    context: ShotContext
+    step: float = 0.0
+    same_structure: bool = False
+
+
+@dataclass(frozen=True)
+class Cell:
+    """The load cell of one column.
+
+    Attributes
+    ----------
+    mass_kg, stiffness_n_per_m, damping_n_s_per_m : float
+        M, k, mu; NaN for a rigid cell.
+    gain : float
+        Output per metre of compression, or per newton for a rigid cell.
+    """
+
+    mass_kg: float
+    stiffness_n_per_m: float
+    damping_n_s_per_m: float
+    gain: float
+
+
+def _structure(effects: Sequence[Effect], cell: Cell, column: Column) -> Structure:
+    """Return what the sphere lands on, every effect's masses added in their order."""
+    found = Structure.kelvin_voigt(cell.mass_kg, cell.stiffness_n_per_m, cell.damping_n_s_per_m)
+    for effect in effects:
+        if effect.structure is not None:
+            effect.structure(found, column.values[effect.id], column.context)
+    return found
+
+
+def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[float, ...]:
+    """Return a column's row of numbers, as `effect_solver.NUMBERS` orders them."""
+    share, mobility = 0.0, 0.0
+    for effect in effects:
+        if effect.share is not None:
+            share = effect.share(column.values[effect.id])
+        if effect.mobility is not None:
+            mobility += effect.mobility(column.values[effect.id])
+    context = column.context
+    return (
+        -context.touch_down_s,
+        1.0 / context.sample_rate_hz,
+        context.stiffness,
+        context.mass_kg,
+        context.speed_m_per_s,
+        damping_coefficient(context.restitution),
+        context.gravity_m_per_s2,
+        share,
+        mobility,
+        cell.gain,
+    )
+
+
+def _distinct(
+    effects: Sequence[Effect], cells: Sequence[Cell], columns: Sequence[Column]
+) -> tuple[list[Structure], list[int]]:
+    """Return the structures that differ, and which of them each column stands on."""
+    found: list[Structure] = []
+    which: list[int] = []
+    for cell, column in zip(cells, columns, strict=True):
+        if found and column.same_structure:
+            which.append(0)
+            continue
+        structure = _structure(effects, cell, column)
+        if structure not in found:
+            found.append(structure)
+        which.append(found.index(structure))
+    return found, which
+
+
+def _stacked(found: Sequence[Assembled]) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+    """Return structures as arrays; one that lacks a mass of another's gets it idle.
+
+    At its neutral value an effect may leave its mass out, where a neighbour has it.
+    """
+    most = max(m.load.size for m in found)
+    systems = np.zeros((len(found), most, 2 * most))
+    loads, readings = np.zeros((len(found), most)), np.zeros((len(found), most))
+    for s, m in enumerate(found):
+        own = m.load.size
+        systems[s, :own, : 2 * own] = m.accelerations
+        loads[s, :own], readings[s, :own] = m.load, m.reading
+    return systems, loads, readings, np.array([m.top for m in found])
+
+
+_RIGID = _stacked([RIGID])
+
+
+def integrate_with_effects(
+    table: Array,
+    effects: Sequence[Effect],
+    columns: Sequence[Column],
+    cells: Sequence[Cell],
+    *,
+    steps: int,
+) -> Array:
+    """Integrate columns into a table of traces.
+
+    Parameters
+    ----------
+    table : ndarray, shape (r, n)
+        Rows that the columns name are added to. [unit of the signal]
+    effects : sequence of Effect
+        All effects of the model.
+    columns : sequence of Column
+        What is wanted; the first is the trace that others may refer to.
+    cells : sequence of Cell
+        One each.
+    steps : int
+        Solver steps over the contact.
+
+    Returns
+    -------
+    ndarray, shape (c, 3)
+        Contact time [s], rebound speed [m/s], largest indentation [m]; NaN where the contact did
+        not end.
+    """
+    addresses = term_addresses()
+    acting = [e for e in effects if e.contact is not None]
+    packed = np.empty((len(columns), len(acting), 4))
+    for c, column in enumerate(columns):
+        for a, effect in enumerate(acting):
+            assert effect.pack is not None
+            packed[c, a] = effect.pack(column.values[effect.id], column.context)
+    if math.isnan(cells[0].mass_kg):
+        matrices, which = _RIGID, [0] * len(columns)
+    else:
+        structures, which = _distinct(effects, cells, columns)
+        matrices = _stacked([s.assemble() for s in structures])
+    found = np.empty((len(columns), 3))
+    integrate_columns(
+        table,
+        np.array([c.row for c in columns]),
+        np.array([_numbers(effects, *pair) for pair in zip(cells, columns, strict=True)]),
+        np.array([addresses[e.id] for e in acting], dtype=np.int64),
+        packed,
+        np.array(which),
+        *matrices,
+        steps,
+        found,
+    )
+    return found

@@ -1,0 +1,345 @@
+"""A trace and its neighbours: what moves with each local parameter, and no more than that.
+
+A trace is made in stages: the integration (base solver, or the one with effects), a second contact,
+then the chain that reads the signal. A parameter moves the stages from its own on; what lies before
+is taken from the trace itself.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.model import solver
+from analysis.model.effect_trace import Cell, Column, integrate_with_effects
+from analysis.model.hertz import damping_coefficient
+
+if TYPE_CHECKING:
+    from analysis.model.impact_model import ImpactModel, ShotFrame
+
+Array = NDArray[np.float64]
+
+SOLVE, GAIN, AGAIN, READ, NOTHING = range(5)
+"""Stages from which a parameter acts; a gain scales what was integrated."""
+
+LOG_STEP = 1e-6
+TIME_STEP_US = 1e-4
+_IN_CONTEXT = ("ln_K", "ln_v0", "ln_e", "t0_us")
+_IN_STRUCTURE = ("ln_w", "ln_z", "ln_M")
+
+
+@dataclass(frozen=True)
+class Move:
+    """How one local parameter is moved for its derivative.
+
+    Attributes
+    ----------
+    at : int
+        Its place among the local parameters.
+    stage : int
+        From which stage on it acts.
+    step : float
+        How far it is moved.
+    effect, parameter : Effect, EffectParameter or None
+        Whose it is; None for the base model's.
+    in_context : bool
+        The effects' hooks may look at it.
+    same_structure : bool
+        It cannot change what the sphere lands on.
+    """
+
+    at: int
+    stage: int
+    step: float
+    effect: Effect | None = None
+    parameter: EffectParameter | None = None
+    in_context: bool = False
+    same_structure: bool = False
+
+
+def _stage_of(effect: Effect) -> int:
+    if effect.in_solver:
+        return SOLVE
+    if effect.again is not None:
+        return AGAIN
+    return READ if effect.output is not None else NOTHING
+
+
+def moves(model: ImpactModel) -> tuple[Move, ...]:
+    """Return how each local parameter is moved; baseline and free sizes are analytic.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Base and effects.
+
+    Returns
+    -------
+    tuple of Move
+        Those that move anything.
+    """
+    found = []
+    hooked = any(e.structure is not None for e in model.effects)
+    for at, name in enumerate(model.names):
+        if name == "ln_S":
+            found.append(Move(at, GAIN, LOG_STEP))
+        elif name in _IN_CONTEXT:
+            step = TIME_STEP_US if name == "t0_us" else LOG_STEP
+            found.append(Move(at, SOLVE, step, in_context=True, same_structure=not hooked))
+        elif name in _IN_STRUCTURE:
+            found.append(Move(at, SOLVE, LOG_STEP))
+    for effect in model.effects:
+        stage = _stage_of(effect)
+        if stage == NOTHING:
+            continue
+        for parameter, at in zip(effect.parameters, model.places[effect.id], strict=True):
+            same = effect.structure is None
+            found.append(Move(at, stage, LOG_STEP, effect, parameter, same_structure=same))
+    return tuple(found)
+
+
+def moved(model: ImpactModel, frame: ShotFrame, centre: Column, move: Move) -> Column:
+    """Return the column of one moved parameter, its samples in the row behind its place.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Base and effects.
+    frame : ShotFrame
+        The shot's fixed part.
+    centre : Column
+        Unmoved.
+    move : Move
+        Which parameter.
+
+    Returns
+    -------
+    Column
+        Moved.
+    """
+    local = centre.local.copy()
+    local[move.at] += move.step
+    values, context = centre.values, centre.context
+    if move.effect is not None and move.parameter is not None:
+        own = dict(values[move.effect.id])
+        own[move.parameter.name] = move.parameter.value(float(local[move.at]))
+        values = {**values, move.effect.id: own}
+    elif move.in_context:
+        context = model.context(local, frame)
+    return Column(move.at + 1, local, values, context, move.step, move.same_structure)
+
+
+def _cell(model: ImpactModel, local: Array) -> Cell:
+    """Return the cell from the identifiable forms."""
+    if model.kind != solver.KV:
+        return Cell(math.nan, math.nan, math.nan, math.exp(-local[1]))
+    omega0, zeta, mass = math.exp(local[2]), math.exp(local[3]), math.exp(local[4])
+    k = mass * omega0**2
+    return Cell(mass, k, 2 * zeta * mass * omega0, k * math.exp(-local[1]))
+
+
+def _base_trace(
+    signal: Array, model: ImpactModel, column: Column, steps: int, later: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Add the base model's impact, delayed by ``later[0]`` [s], at ``later[1]`` of its speed."""
+    cell, context = _cell(model, column.local), column.context
+    found: tuple[float, float, float] = solver.integrate(
+        signal,
+        model.kind,
+        -context.touch_down_s - later[0],
+        1.0 / context.sample_rate_hz,
+        context.stiffness,
+        context.mass_kg,
+        context.speed_m_per_s * later[1],
+        damping_coefficient(context.restitution),
+        context.gravity_m_per_s2,
+        cell.mass_kg,
+        cell.stiffness_n_per_m,
+        cell.damping_n_s_per_m,
+        cell.gain,
+        steps,
+    )
+    return found
+
+
+def add_first_contacts(
+    table: Array, model: ImpactModel, columns: list[Column], steps: int
+) -> Array:
+    """Integrate columns into a table of traces.
+
+    Parameters
+    ----------
+    table : ndarray, shape (r, n)
+        Rows that the columns name are added to. [unit of the signal]
+    model : ImpactModel
+        Base and effects.
+    columns : list of Column
+        What is wanted.
+    steps : int
+        Solver steps over the contact.
+
+    Returns
+    -------
+    ndarray, shape (c, 3)
+        Contact time [s], rebound speed [m/s], largest indentation [m] of each column.
+    """
+    if any(e.in_solver for e in model.effects):
+        cells = [_cell(model, c.local) for c in columns]
+        return integrate_with_effects(table, model.effects, columns, cells, steps=steps)
+    return np.array([_base_trace(table[c.row], model, c, steps, (0.0, 1.0)) for c in columns])
+
+
+def add_second_contacts(signal: Array, model: ImpactModel, column: Column, steps: int) -> None:
+    """Add to a trace the contacts that come after the first, in the base model.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        Added to. [unit of the signal]
+    model : ImpactModel
+        Base and effects.
+    column : Column
+        With which numbers.
+    steps : int
+        Solver steps over a contact.
+    """
+    for effect in model.effects:
+        if effect.again is not None:
+            _base_trace(signal, model, column, steps, effect.again(column.values[effect.id]))
+
+
+def read(signal: Array, chain: tuple[Effect, ...], column: Column, since: int = 0) -> list[Array]:
+    """Return a signal after each stage of the chain that reads it.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        What enters the chain at ``since``. [unit of the signal]
+    chain : tuple of Effect
+        Effects with an output, along the signal's way.
+    column : Column
+        With which numbers.
+    since : int
+        Where in the chain to begin.
+
+    Returns
+    -------
+    list of ndarray, shape (n,)
+        ``signal`` itself, then what leaves each stage.
+    """
+    found = [signal]
+    for effect in chain[since:]:
+        assert effect.output is not None
+        found.append(effect.output(found[-1], column.values[effect.id], column.context))
+    return found
+
+
+def free_part(model: ImpactModel, samples: int, column: Column) -> Array | None:
+    """Return the signals of free size with this shot's coefficients, None where there are none.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Base and effects.
+    samples : int
+        Length n of the window.
+    column : Column
+        With which numbers.
+
+    Returns
+    -------
+    ndarray, shape (n,), or None
+        [unit of the signal]
+    """
+    found, at = None, model.first_size
+    for effect in model.effects:
+        if effect.basis is not None:
+            size = effect.basis_size
+            part = effect.basis(samples, column.context) @ column.local[at : at + size]
+            found = part if found is None else found + part
+            at += size
+    return found
+
+
+def fill_neighbours(
+    table: Array, model: ImpactModel, frame: ShotFrame, centre: Column, steps: int
+) -> tuple[Array, Array]:
+    """Fill a table with the trace (row 0) and the differences that the local parameters make.
+
+    Parameters
+    ----------
+    table : ndarray, shape (p + 1, n)
+        Zeros; filled with the trace without baseline and free sizes, then with derivatives.
+        [unit of the signal, per unit of the parameter]
+    model : ImpactModel
+        Base and effects.
+    frame : ShotFrame
+        The shot's fixed part.
+    centre : Column
+        Unmoved, row 0.
+    steps : int
+        Solver steps over the contact, the same for all.
+
+    Returns
+    -------
+    found : ndarray, shape (3,)
+        As `add_first_contacts` returns them, of the trace.
+    rebound_gradient : ndarray, shape (p,)
+        Derivative of the rebound ratio.
+    """
+    chain = model.chain
+    columns = [(move, moved(model, frame, centre, move)) for move in model.moves]
+    solved = [centre, *(c for move, c in columns if move.stage == SOLVE)]
+    found = add_first_contacts(table, model, solved, steps)
+    gradient = np.zeros(centre.local.size)
+    ratio = found[:, 1] / np.array([c.context.speed_m_per_s for c in solved])
+    for c, r in zip(solved[1:], ratio[1:], strict=True):
+        if c.step == LOG_STEP:  # touch-down does not change the rebound
+            gradient[c.row - 1] = (r - ratio[0]) / LOG_STEP
+    first = table[0]
+    if model.has_second_contacts:
+        first = table[0].copy()
+        for c in solved:
+            add_second_contacts(table[c.row], model, c, steps)
+    stages = read(table[0].copy(), chain, centre)
+    for move, column in columns:
+        row, since = table[column.row], 0
+        if move.stage == GAIN:
+            if not chain:
+                row[:] = -stages[0]
+                continue
+            row[:] = stages[0] * math.exp(-move.step)
+        elif move.stage == AGAIN:
+            row[:] = first
+            add_second_contacts(row, model, column, steps)
+        if move.stage == READ:
+            since = chain.index(move.effect)
+            ahead = read(stages[since], chain, column, since)[-1]
+        else:
+            ahead = read(row, chain, column)[-1]
+        np.subtract(ahead, stages[-1], out=row)
+        row *= 1.0 / move.step
+    table[0] = stages[-1]
+    _differentiate_bases(table, model, columns, centre)
+    return found[0], gradient
+
+
+def _differentiate_bases(
+    table: Array, model: ImpactModel, columns: list[tuple[Move, Column]], centre: Column
+) -> None:
+    """Add what the signals of free size change with the context that they are made from."""
+    samples = table.shape[1]
+    whole = free_part(model, samples, centre)
+    if whole is None:
+        return
+    for move, column in columns:
+        if move.in_context:
+            part = free_part(model, samples, dataclasses.replace(column, local=centre.local))
+            if part is not None:
+                table[column.row] += (part - whole) / move.step
