@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import statistics
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,7 +12,7 @@ from analysis.paper.valley import Valley, valley
 from impactd import __version__
 from impactd.paper.claim import Claim
 from impactd.paper.claims import all_claims
-from impactd.paper.rigs import WAYS, RigFigures, calibrated_cell, known_of, run_rigs
+from impactd.paper.rigs import WAYS, Pair, RigFigures, calibrated_cell, known_of, run_rigs
 from impactd.paper.source import (
     distance_from_literature,
     literature,
@@ -21,6 +21,7 @@ from impactd.paper.source import (
     spread_of_materials,
     tables,
 )
+from impactd.paper.turn import Turn, take_turns
 
 Json = dict[str, Any]
 
@@ -50,12 +51,15 @@ class PaperResult:
         Of the highest drop of one pair on the first rig.
     seed : int
         Of the first rig.
+    turns : list of Turn
+        The loop from HSD, with nothing undeclared and with a coupler.
     """
 
     claims: list[Claim]
     rigs: RigFigures
     valley: Valley
     seed: int
+    turns: list[Turn]
 
     def to_json(self) -> Json:
         """Return everything, unrounded, as ``impactd-paper/1``."""
@@ -70,6 +74,7 @@ class PaperResult:
             "table3": table_3(self.rigs),
             "tables_4_5": [pair_row(self.rigs, pair) for pair in self.rigs.pairs],
             "mean_r2": mean_r2(self.rigs),
+            "turns_of_the_loop": [turn.to_json() for turn in self.turns],
             "hsd_over_kv_correlation": pattern_correlation(self.rigs),
             "paper_distance_from_literature": literature_distance(),
             "paper_spread_of_materials": {
@@ -103,7 +108,12 @@ class PaperResult:
         }
 
 
-def compute(rigs: int, seed: int, tell: Callable[[str], None] | None = None) -> PaperResult:
+def compute(
+    rigs: int,
+    seed: int,
+    tell: Callable[[str], None] | None = None,
+    turn_pairs: Collection[Pair] | None = None,
+) -> PaperResult:
     """Compute everything.
 
     Parameters
@@ -114,6 +124,8 @@ def compute(rigs: int, seed: int, tell: Callable[[str], None] | None = None) -> 
         Of the first.
     tell : callable, optional
         Told in words what is being done.
+    turn_pairs : collection of tuple, optional
+        (sphere, surface) of the loop's turns; all of Table 5 without it.
 
     Returns
     -------
@@ -124,7 +136,8 @@ def compute(rigs: int, seed: int, tell: Callable[[str], None] | None = None) -> 
         tell("figures 2-4")
     claims = all_claims()
     found = run_rigs(rigs, seed, tell)
-    return PaperResult(claims, found, one_valley(found), seed)
+    turns = take_turns(seed + rigs, tell, turn_pairs)
+    return PaperResult(claims, found, one_valley(found), seed, turns)
 
 
 def one_valley(rigs: RigFigures) -> Valley:

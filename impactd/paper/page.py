@@ -8,6 +8,13 @@ from typing import Any
 
 from impactd.paper.claim import Claim
 from impactd.paper.compute import PaperResult
+from impactd.paper.turn_page import (
+    LADDER_HEADINGS,
+    ladder_rows,
+    moduli_headings,
+    moduli_rows,
+    section,
+)
 
 Json = dict[str, Any]
 
@@ -174,6 +181,7 @@ def page(result: PaperResult, command: str) -> str:
         ]
         for f in valley["fits"]
     ]
+    clean, leaky = result.turns
     template = resources.files("impactd.paper").joinpath("page_template.md")
     return template.read_text(encoding="utf-8").format(
         command=command,
@@ -196,6 +204,15 @@ def page(result: PaperResult, command: str) -> str:
         steel_onset=steel["ratio"]["hsd_onset"][0],
         steel_free=steel["ratio"]["hsd_aligned"][0],
         steel_us=steel["contact_time_s"] * 1e6,
+        **section(result.turns),
+        clean_ladder=markdown_table(LADDER_HEADINGS, ladder_rows(clean)),
+        clean_moduli=markdown_table(
+            moduli_headings(clean, with_paper=True), moduli_rows(clean, with_paper=True)
+        ),
+        leaky_ladder=markdown_table(LADDER_HEADINGS[:4], [row[:4] for row in ladder_rows(leaky)]),
+        leaky_moduli=markdown_table(
+            moduli_headings(leaky, with_paper=False), moduli_rows(leaky, with_paper=False)
+        ),
         fisher=valley["correlation_ln_moduli"],
         eigen=abs(valley["fisher_eigenvalue_ratio"]),
         u_star=100 * valley["u_ln_reduced_modulus"],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from collections.abc import Collection
 from pathlib import Path
 
 from rich.console import Console
@@ -13,12 +14,20 @@ from impactd.console.failure import Failure
 from impactd.console.tables import print_json
 from impactd.paper.compute import PaperResult, compute
 from impactd.paper.page import PAIR_HEADINGS, gigapascals, page, pair_rows, table_3_rows
+from impactd.paper.turn_page import LADDER_HEADINGS, ladder_rows, moduli_headings, moduli_rows
 
 PAGE_NAME, JSON_NAME, PICTURES = "paper.md", "paper.json", "pictures"
 _WIDTH_IN_A_PIPE = 150
 
 
-def run_paper(*, out: Path, rigs: int, seed: int, as_json: bool) -> None:
+def run_paper(
+    *,
+    out: Path,
+    rigs: int,
+    seed: int,
+    as_json: bool,
+    turn_pairs: Collection[tuple[str, str]] | None = None,
+) -> None:
     """Compute everything, print it and write it.
 
     Parameters
@@ -29,6 +38,8 @@ def run_paper(*, out: Path, rigs: int, seed: int, as_json: bool) -> None:
         Simulated rigs, and the first one's seed.
     as_json : bool
         Print the JSON instead of tables.
+    turn_pairs : collection of tuple, optional
+        (sphere, surface) of the loop's turns; all of Table 5 without it.
 
     Raises
     ------
@@ -48,7 +59,7 @@ def run_paper(*, out: Path, rigs: int, seed: int, as_json: bool) -> None:
         console = Console(stderr=as_json, width=_WIDTH_IN_A_PIPE)
     out.mkdir(parents=True, exist_ok=True)
     with console.status("figures 2-4") as status:
-        result = compute(rigs, seed, status.update)
+        result = compute(rigs, seed, status.update, turn_pairs)
     found = result.to_json()
     (out / JSON_NAME).write_text(
         json.dumps(found, indent=1, allow_nan=False, ensure_ascii=False) + "\n", encoding="utf-8"
@@ -84,6 +95,16 @@ def _show(console: Console, result: PaperResult) -> None:
         PAIR_HEADINGS,
         pair_rows(found["tables_4_5"]),
     )
+    for turn in result.turns:
+        _print_table(
+            console,
+            f"The loop from HSD, undeclared: {turn.undeclared or 'nothing'}; "
+            f"found: {', '.join(turn.found) or 'nothing'}",
+            LADDER_HEADINGS,
+            ladder_rows(turn),
+        )
+        headings = moduli_headings(turn, with_paper=True)
+        _print_table(console, "", tuple(headings), moduli_rows(turn, with_paper=True))
     valley = found["valley"]
     ends = ", ".join(
         f"{gigapascals(f['sphere_Pa'])}/{gigapascals(f['surface_Pa'])}" for f in valley["fits"]

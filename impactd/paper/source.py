@@ -116,3 +116,27 @@ def spread_of_materials(table: str) -> dict[str, Json]:
                 "median_relative_std_stated": statistics.median(s / m for m, s in pairs),
             }
     return found
+
+def paper_moduli(table: str, side: str, name: str) -> tuple[float, float, float] | None:
+    """Return mean, lowest and highest modulus that the paper's pairs give a material.
+
+    Parameters
+    ----------
+    table : str
+        ``table4_hsd`` or ``table5_kv``.
+    side : str
+        ``sphere`` or ``surface``.
+    name : str
+        The material.
+
+    Returns
+    -------
+    tuple of float or None
+        [Pa] None where no pair has it.
+    """
+    found = [
+        (row.sphere_pa if side == "sphere" else row.surface_pa)
+        for pair, row in rows(table).items()
+        if pair[0 if side == "sphere" else 1] == name
+    ]
+    return (statistics.fmean(found), min(found), max(found)) if found else None
