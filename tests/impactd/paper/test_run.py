@@ -131,7 +131,7 @@ def test_the_page_tells_the_turn_in_words(written: tuple[Path, dict[str, Any]]) 
     """R2 and moduli before and after stand beside the paper's and the truth."""
     page = (written[0] / "paper.md").read_text()
     _, _, turn = page.partition("## The paper as one turn of the loop")
-    assert "Found: `crystal_dynamics`; verdict `identified`" in turn
+    assert "Verdict `identified`: `crystal_dynamics`." in turn
     assert "| HSD |" in turn
     assert "| 0.70 ± 0.18 | 0.48 |" in turn
     assert "**surface pvc**" in turn
