@@ -23,6 +23,8 @@ REPEATS = 2
 Json = dict[str, Any]
 
 MOST_SHOTS = 500
+NEARLY, LOWERED = 0.99, 0.6
+"""Share of the range from which a clipped shot hit the converter; what its height is lowered to."""
 _POLL_S = 0.03
 _DROP_LIMIT_S = 60.0
 _FIT_LIMIT_S = 180.0
@@ -88,8 +90,8 @@ def calibrate(client: Client, console: Console) -> Json:
     return run
 
 
-def drop_all(client: Client, console: Console) -> list[Json]:
-    """Drop the whole campaign, one sphere after another.
+def drop_all(client: Client, console: Console, *, range_v: float) -> list[Json]:
+    """Drop the whole campaign; a drop beyond the converter's range is repeated from lower down.
 
     Parameters
     ----------
@@ -97,6 +99,8 @@ def drop_all(client: Client, console: Console) -> list[Json]:
         Connected to the daemon.
     console : Console
         Where to show.
+    range_v : float
+        Largest voltage of the converter. [V]
 
     Returns
     -------
@@ -109,27 +113,56 @@ def drop_all(client: Client, console: Console) -> list[Json]:
         If a drop ends without a shot.
     """
     shots = []
+    lowered: dict[tuple[str, str, float], float] = {}
     for sphere, surface, height_m in plan():
-        body = {
-            "sphere": sphere,
-            "surface": surface,
-            "drop_height_m": height_m,
-            "operator": "demo",
-        }
-        asked = time.monotonic()
-        number = client.send("POST", "/v1/drops", body, key=fresh_key())["number"]
-        with console.status(f"{sphere} on {surface} from {height_m * 1e3:g} mm ...") as status:
-            for drop in until(client, f"/v1/drops/{number}", _ENDED, _DROP_LIMIT_S):
-                status.update(f"{sphere} on {surface} from {height_m * 1e3:g} mm: {drop['state']}")
-                if drop["state"] == "stored" and drop["problem"]:
-                    break
-        if not drop["shot"]:
-            problem = drop["problem"] or {"detail": f"it is {drop['state']}", "remedy": ""}
-            raise Failure(f"drop {number} failed: {problem['detail']} {problem['remedy']}".strip())
-        shot = client.get(f"/v1/shots/{drop['shot']}")
-        console.print(_line(shot, waited_s=time.monotonic() - asked), highlight=False)
-        shots.append(shot)
+        while True:
+            wanted_m = lowered.get((sphere, surface, height_m), height_m)
+            shots.append(_drop(client, console, sphere, surface, wanted_m))
+            if not overloaded(shots[-1], range_v):
+                break
+            lowered[sphere, surface, height_m] = LOWERED * wanted_m
+            console.print(f"           beyond {range_v:g} V: once more from lower down")
     return shots
+
+
+def overloaded(shot: Json, range_v: float) -> bool:
+    """Return whether a shot went beyond the converter's range.
+
+    An amplifier that clips below it is another matter: that is a property of the rig, which a
+    diagnosis may find.
+
+    Parameters
+    ----------
+    shot : dict
+        As the API gives it.
+    range_v : float
+        Largest voltage of the converter. [V]
+
+    Returns
+    -------
+    bool
+        Such a shot belongs into no campaign.
+    """
+    return bool(shot["clipped"]) and abs(shot["peak"]) > NEARLY * range_v
+
+
+def _drop(client: Client, console: Console, sphere: str, surface: str, height_m: float) -> Json:
+    """Make one drop and show its shot."""
+    body = {"sphere": sphere, "surface": surface, "drop_height_m": height_m, "operator": "demo"}
+    asked = time.monotonic()
+    number = client.send("POST", "/v1/drops", body, key=fresh_key())["number"]
+    what = f"{sphere} on {surface} from {height_m * 1e3:g} mm"
+    with console.status(f"{what} ...") as status:
+        for drop in until(client, f"/v1/drops/{number}", _ENDED, _DROP_LIMIT_S):
+            status.update(f"{what}: {drop['state']}")
+            if drop["state"] == "stored" and drop["problem"]:
+                break
+    if not drop["shot"]:
+        problem = drop["problem"] or {"detail": f"it is {drop['state']}", "remedy": ""}
+        raise Failure(f"drop {number} failed: {problem['detail']} {problem['remedy']}".strip())
+    shot = client.get(f"/v1/shots/{drop['shot']}")
+    console.print(_line(shot, waited_s=time.monotonic() - asked), highlight=False)
+    return shot
 
 
 def fit_together(client: Client, numbers: list[int], model: str, console: Console) -> Json:

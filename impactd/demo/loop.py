@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ def diagnose(client: Client, shots: list[int], console: Console, page: Path) -> 
     Failure
         If it failed or does not end.
     """
+    began = time.monotonic()
     job = client.send("POST", "/v1/diagnoses", {"shots": shots, "base": "kv"}, key=fresh_key())
     with console.status(f"diagnosing {len(shots)} drops ...") as status:
         for answer in until(client, f"/v1/diagnoses/{job['id']}", _ENDED, _DIAGNOSIS_LIMIT_S):
@@ -51,6 +53,8 @@ def diagnose(client: Client, shots: list[int], console: Console, page: Path) -> 
     if job["state"] != "done":
         raise Failure(f"the diagnosis {job['state']}: {job['reason']}")
     client.download(f"/v1/diagnoses/{job['id']}/report.html", page)
+    took_s = time.monotonic() - began
+    console.print(f"\nDiagnosis of all {len(shots)} drops: {took_s:.0f} s", highlight=False)
     return job
 
 

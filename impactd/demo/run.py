@@ -65,6 +65,7 @@ def run_demo(*, out: Path, seed: int | None = None, effect: str = "random") -> i
     settings = out / _SETTINGS
     write_settings(settings, seed=seed, effect=effect)
 
+    range_v = load_settings(settings, data=out / _DATA).digitizer.range_v
     terminal.say_what_runs(console, seed, effect)
     with RigProcess(settings, out / _DATA, out / _LOG) as rig:
         with console.status("starting the daemon ..."):
@@ -73,9 +74,13 @@ def run_demo(*, out: Path, seed: int | None = None, effect: str = "random") -> i
             console.print("\nCalibration of the load cell, with reference spheres:")
             calibration = drops.calibrate(client, console)
             console.print("\nCampaign:")
-            drops.drop_all(client, console)
+            drops.drop_all(client, console, range_v=range_v)
             # The reference drops belong to it: the calibration was made under the model in doubt.
-            numbers = sorted(shot["number"] for shot in client.pages("/v1/shots", drops.MOST_SHOTS))
+            numbers = sorted(
+                shot["number"]
+                for shot in client.pages("/v1/shots", drops.MOST_SHOTS)
+                if not drops.overloaded(shot, range_v)
+            )
             hsd = drops.fit_together(client, numbers, "hsd", console)
             found = loop.diagnose(client, numbers, console, out / _DIAGNOSIS)
             terminal.say_what_was_found(console, found["result"])

@@ -115,11 +115,11 @@ def show(console: Console, outcome: Outcome) -> None:
 
 
 def _show_pairs(console: Console, outcome: Outcome) -> None:
-    table = _table("Reduced modulus E* of each pair (u: standard uncertainty)", "pair")
+    table = _table("Reduced modulus E* of each pair / GPa (± standard uncertainty)", "pair")
     for rung in outcome.rungs:
-        table.add_column(f"{_short(rung.key)} ± u / GPa", justify="right", no_wrap=True)
+        table.add_column(_short(rung.key), justify="right", no_wrap=True)
     table.add_column("truth", justify="right", no_wrap=True)
-    table.add_column("in its 95 %?", no_wrap=True)
+    table.add_column("inside 95 %?", no_wrap=True)
     for row in outcome.pairs:
         table.add_row(
             row.name,
@@ -134,12 +134,14 @@ def _show_pairs(console: Console, outcome: Outcome) -> None:
 def _show_ladder(console: Console, outcome: Outcome) -> None:
     noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
     table = _table(f"The ladder (noise before the trigger: {noise_mv:.3g} mV)", "model")
-    for name in ("held-out error / mV", "specimen E/(1-ν²) / GPa", "truth", "off by"):
+    for name in ("held out / mV", "specimen E/(1-ν²) / GPa", "truth", "off by"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("in its 95 %?", no_wrap=True)
+    table.add_column("inside 95 %?", no_wrap=True)
+    table.add_column("pairs inside", no_wrap=True)
     truth_pa = outcome.specimen_truth_pa
     for rung in outcome.rungs:
         held, found = rung.heldout_rms_v, rung.specimen
+        holds, stated = outcome.held(rung.key)
         table.add_row(
             rung.name,
             "-" if held is None else f"{1e3 * held:.4g}",
@@ -147,6 +149,7 @@ def _show_ladder(console: Console, outcome: Outcome) -> None:
             f"{truth_pa / 1e9:.3f}",
             off_by(found, truth_pa),
             inside(found, truth_pa),
+            f"{holds} of {stated}" if stated else "-",
         )
     console.print()
     console.print(table)

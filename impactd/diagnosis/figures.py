@@ -11,17 +11,20 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 Json = dict[str, Any]
 
 BEFORE, AFTER, NOISE, INK = "#c4572c", "#1c6dd0", "#8a8f98", "#202124"
 """Colours that stay apart in grey and for the colour-blind."""
 HEIGHTS = "viridis"
+WIDE = 9.9
+"""Width of every picture, so that letters come out equally large. [inch]"""
 SHOWN = (-0.7, 7.0)
 """What of a stack is drawn, in contact times."""
 
 # Any: matplotlib's own type names each of its hundreds of keys
-_STYLE: Any = {
+LOOK: Any = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -60,8 +63,8 @@ def stacked(stacks: Json, noise_rms: float, title: str) -> str:
     t = np.array(stacks["time_us"])
     low, high = (share * stacks["contact_us"] for share in SHOWN)
     near = (t >= low) & (t <= high)
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(3.1 * columns + 0.6, 1.75 * rows + 0.9), layout="constrained")
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(WIDE, 1.75 * rows + 1.1), layout="constrained")
         grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(heights)))
         for axes, pair in zip(grid.flat, pairs, strict=False):
@@ -70,8 +73,7 @@ def stacked(stacks: Json, noise_rms: float, title: str) -> str:
             for curve in (c for c in curves if c["pair"] == pair):
                 y = np.array([np.nan if v is None else v for v in curve["mean"]]) * 1e3
                 place = heights.index(curve["drop_height_m"] or 0.0)
-                label = _height(curve["drop_height_m"])
-                axes.plot(t[near], y[near], color=colours[place], lw=1.1, label=label)
+                axes.plot(t[near], y[near], color=colours[place], lw=1.1)
             axes.set_title(pair, loc="left", fontsize=9)
             axes.set_xlim(low, high)
         for axes in list(grid.flat)[len(pairs) :]:
@@ -81,88 +83,61 @@ def stacked(stacks: Json, noise_rms: float, title: str) -> str:
         for axes in grid[-1]:
             axes.set_xlabel("time after touch-down / µs")
         if len(heights) > 1:
-            grid.flat[0].legend(fontsize=7, handlelength=1.2)
+            lines = [Line2D([], [], color=colour, label=height_words(height))
+                     for colour, height in zip(colours, heights, strict=True)]  # fmt: skip
+            figure.legend(handles=lines, loc="outside upper right", ncols=7, fontsize=8)
         figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-        return _svg(figure)
+        return svg(figure)
 
 
-def _height(height_m: float | None) -> str:
-    return "" if height_m is None else f"{height_m * 1e3:.1f} mm"
-
-
-def closure(curves: Json) -> str | None:
-    """Draw what a learned closure leaves of one shot's residual, for each owner.
+def in_time(stacks: Json) -> str | None:
+    """Draw the mean residual of early, middle and late shots.
 
     Parameters
     ----------
-    curves : dict
-        ``closure.curves`` of a diagnosis.
+    stacks : dict
+        ``residual.*.stacks`` of a diagnosis.
 
     Returns
     -------
     str or None
-        Data URI of an SVG; None where the closure has no curves.
+        Data URI of an SVG; None where the order was not looked at.
     """
-    shots = curves["shots"]
-    if not shots:
+    parts = stacks.get("by_order") or []
+    if len(parts) < 2:
         return None
-    columns = min(3, len(shots))
-    rows = math.ceil(len(shots) / columns)
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(3.1 * columns + 0.6, 2.0 * rows + 0.6), layout="constrained")
-        grid = figure.subplots(rows, columns, squeeze=False)
-        for axes, shot in zip(grid.flat, shots, strict=False):
-            t, pulse, residual, left = (
-                np.array([np.nan if v is None else v for v in shot[key]])
-                for key in ("time_us", "pulse", "residual", "left")
-            )
-            strong = t[np.nan_to_num(pulse) > 0.05 * np.nanmax(pulse)]
-            near = (t > -0.7 * strong[-1]) & (t < 7 * strong[-1])
-            axes.plot(t[near], 1e3 * residual[near], color=BEFORE, lw=1.2, label="residual")
-            axes.plot(t[near], 1e3 * left[near], color=AFTER, lw=1.2, label="with the closure")
-            where = f"{shot['pair']} {_height(shot['drop_height_m'])}"
-            axes.set_title(where, loc="left", fontsize=8)
-        for axes in list(grid.flat)[len(shots) :]:
-            axes.set_visible(False)
-        for axes in grid[:, 0]:
-            axes.set_ylabel("mV")
-        for axes in grid[-1]:
-            axes.set_xlabel("time after touch-down / µs")
-        grid.flat[0].legend(fontsize=7)
-        return _svg(figure)
-
-
-def force(curves: Json) -> str | None:
-    """Draw a contact closure's force over indentation, loading and unloading.
-
-    Parameters
-    ----------
-    curves : dict
-        ``closure.curves`` of a diagnosis.
-
-    Returns
-    -------
-    str or None
-        Data URI of an SVG; None where the closure is no contact force.
-    """
-    law = curves["force"]
-    if law is None:
-        return None
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(6.6, 2.9), layout="constrained")
+    t = np.array(stacks["time_us"])
+    low, high = (share * stacks["contact_us"] for share in SHOWN)
+    near = (t >= low) & (t <= high)
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(WIDE, 2.7), layout="constrained")
         axes = figure.subplots()
-        colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(law["curves"])))
-        for colour, curve in zip(colours, law["curves"], strict=True):
-            for share, line, when in zip(
-                curve["share"], ("-", ":", "--"), ("loading", "at rest", "unloading"), strict=True
-            ):
-                label = f"{curve['owner']} {when}".strip()
-                values = 100 * np.array(share)
-                axes.plot(law["indentation"], values, line, color=colour, lw=1.2, label=label)
-        axes.set_xlabel("indentation / median largest indentation")
-        axes.set_ylabel("added to the elastic force / %")
-        axes.legend(fontsize=7)
-        return _svg(figure)
+        axes.axvspan(0, stacks["contact_us"], color="#f6efe6", lw=0)
+        colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(parts)))
+        for colour, part in zip(colours, parts, strict=True):
+            y = np.array([np.nan if v is None else v for v in part["mean"]]) * 1e3
+            label = f"{part['part']} ({part['shots']} shots)"
+            axes.plot(t[near], y[near], color=colour, lw=1.2, label=label)
+        axes.set_xlabel("time after touch-down / µs")
+        axes.set_ylabel("residual / mV")
+        axes.legend(fontsize=8)
+        return svg(figure)
+
+
+def height_words(height_m: float | None) -> str:
+    """Return a drop height for a label.
+
+    Parameters
+    ----------
+    height_m : float or None
+        [m]
+
+    Returns
+    -------
+    str
+        In mm; empty for an unknown one.
+    """
+    return "" if height_m is None else f"{height_m * 1e3:.1f} mm"
 
 
 def spectra(before: Json, after: Json | None) -> str:
@@ -180,8 +155,8 @@ def spectra(before: Json, after: Json | None) -> str:
     str
         Data URI of an SVG.
     """
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(6.6, 2.9), layout="constrained")
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(WIDE, 3.2), layout="constrained")
         axes = figure.subplots()
         f = np.array(before["frequency_Hz"]) / 1e3
         axes.loglog(f, before["noise"], color=NOISE, lw=5, alpha=0.45, label="noise")
@@ -192,7 +167,7 @@ def spectra(before: Json, after: Json | None) -> str:
         axes.set_xlabel("frequency / kHz")
         axes.set_ylabel("power density / (V²/Hz)")
         axes.legend(fontsize=8)
-        return _svg(figure)
+        return svg(figure)
 
 
 def moduli(before: Json, after: Json) -> str | None:
@@ -211,8 +186,8 @@ def moduli(before: Json, after: Json) -> str | None:
     names = [n for n in before if _known(before[n]) and _known(after.get(n, {}))]
     if not names:
         return None
-    with mpl.rc_context(_STYLE):
-        figure = Figure(figsize=(6.6, 0.42 * len(names) + 1.0), layout="constrained")
+    with mpl.rc_context(LOOK):
+        figure = Figure(figsize=(WIDE, 0.4 * len(names) + 1.1), layout="constrained")
         axes = figure.subplots()
         axes.axvline(0, color=INK, lw=1)
         for place, name in enumerate(names):
@@ -226,7 +201,7 @@ def moduli(before: Json, after: Json) -> str | None:
         axes.grid(visible=False, axis="y")
         axes.set_xlabel("E/(1-ν²) relative to the base model's value / %   (bars: 95 %)")
         axes.legend(fontsize=8)
-        return _svg(figure)
+        return svg(figure)
 
 
 def _known(entry: Json) -> bool:
@@ -244,7 +219,19 @@ def _whisker(
     axes.plot(middle, height, marker, color=colour, ms=5, mec="white")
 
 
-def _svg(figure: Figure) -> str:
+def svg(figure: Figure) -> str:
+    """Return a figure as a data URI.
+
+    Parameters
+    ----------
+    figure : Figure
+        Drawn.
+
+    Returns
+    -------
+    str
+        Of an SVG that is the same for the same figure.
+    """
     drawn = io.BytesIO()
     figure.savefig(drawn, format="svg", metadata={"Date": None})
     return f"data:image/svg+xml;base64,{base64.b64encode(drawn.getvalue()).decode()}"

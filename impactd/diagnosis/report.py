@@ -11,10 +11,14 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from impactd.diagnosis import figures, sections
+from impactd.diagnosis import closure_figures, figures, sections, trail
+from impactd.diagnosis.markup import bullets
 from impactd.diagnosis.style import STYLE
 
 Json = dict[str, Any]
+
+ORDER_MATTERS = 0.01
+"""p value of a drift from which the order of the shots is shown."""
 
 _PAGE = Template("""<!doctype html>
 <html lang="en">
@@ -28,6 +32,7 @@ _PAGE = Template("""<!doctype html>
 <h1>Does the model explain these impacts?</h1>
 <p class="soft">$campaign</p>
 <p class="verdict $verdict"><b>$verdict</b> $sentence</p>
+$headline
 $found
 <h2>The error before and after</h2>
 <p class="soft">Held out: the error on shots that the parameters shared by all shots were not
@@ -36,6 +41,8 @@ fitted to. With nothing missing it equals the noise before the trigger.</p>
 <h2>What was seen</h2>
 $seen
 $residual_before
+$phases
+$in_time
 $spectra
 <h2>Where it lives</h2>
 $slots
@@ -91,21 +98,26 @@ def page(document: Json) -> str:
         verdict=html.escape(document["verdict"]),
         sentence=html.escape(document["sentence"]),
         campaign=html.escape(sections.campaign(document)),
+        headline=sections.headline(document),
         found=sections.found(document),
         quality=sections.quality(document),
-        seen=sections.bullets(before["said"]),
+        seen=bullets(before["said"]),
         residual_before=_stack(
             before, noise, f"Residual of {document['before']['model']}, stacked over repetitions"
         ),
+        phases=sections.phases(document),
+        in_time=_in_time(before, document["closure"]),
         spectra=_picture(
             figures.spectra(before["spectrum"], repaired["spectrum"] if repaired else None)
             if before.get("spectrum")
             else None,
             "Power density of the residual and of the noise before the trigger",
         ),
-        slots=sections.slots(document),
-        trail=sections.trail(document),
-        closure=sections.closure(document) + _learned(document["closure"]),
+        slots=trail.slots(document),
+        trail=trail.trail(document),
+        closure=trail.closure(document)
+        + _learned(document["closure"])
+        + trail.coefficients(document),
         moduli=_picture(
             figures.moduli(document["before"]["moduli"], document["after"]["moduli"])
             if document["effects"]
@@ -113,7 +125,7 @@ def page(document: Json) -> str:
             "Plane-strain moduli before and after, with 95 % intervals",
         )
         + sections.moduli(document),
-        remains=sections.remains(document),
+        remains=trail.remains(document),
         residual_after=_stack(
             repaired, noise, f"Residual of {document['after']['model']}, stacked over repetitions"
         )
@@ -125,15 +137,36 @@ def page(document: Json) -> str:
     )
 
 
-def _learned(closure: Json | None) -> str:
-    if closure is None or "curves" not in closure:
+def _in_time(seen: Json, closure: Json | None) -> str:
+    """Return the residual early and late in the campaign where its order matters."""
+    p_value = (seen.get("order") or {}).get("p_value")
+    drifts = p_value is not None and p_value < ORDER_MATTERS
+    if not seen.get("stacks") or not (drifts or (closure and closure["scope"] == "order")):
         return ""
-    curves = closure["curves"]
     return _picture(
-        figures.closure(curves),
-        "The strongest shot of each owner: its residual, and what the closure leaves of it when "
-        "the model's own numbers give way; to first order.",
-    ) + _picture(figures.force(curves), "The learned force, as a share of the elastic one.")
+        figures.in_time(seen["stacks"]),
+        "The residual changes in the course of the campaign: its mean over early and late shots.",
+    )
+
+
+def _learned(closure: Json | None) -> str:
+    if closure is None:
+        return ""
+    drawn = _picture(closure_figures.course(closure["coefficients"]), "The closure over time.")
+    if "curves" not in closure:
+        return drawn
+    curves = closure["curves"]
+    return (
+        drawn
+        + _picture(
+            closure_figures.closure(curves),
+            "The strongest shot of each owner: its residual, and what the closure leaves of it "
+            "when the model's own numbers give way; to first order.",
+        )
+        + _picture(
+            closure_figures.force(curves), "The learned force, as a share of the elastic one."
+        )
+    )
 
 
 def _stack(seen: Json, noise_rms_v: float, title: str) -> str:

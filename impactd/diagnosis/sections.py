@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import html
-import json
-from collections.abc import Sequence
 from typing import Any
 
 from impactd.console.tables import measured
+from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.effect_list import effect_list
 
 Json = dict[str, Any]
 
-FAMILIES = {
-    "response": "a linear chain: delays, slow decays, resonances",
-    "static": "a nonlinearity of the signal",
-    "dynamic": "a nonlinearity of the signal's slope",
-    "contact": "a contact force over depth and rate",
-    "loss": "a force on the sphere alone",
-    "cell": "the cell's own numbers",
-    "speed": "the impact speed that a height promises",
-    "locked": "anything at a fixed time after touch-down",
-}
+_PHASES = (
+    ("before", "before touch-down"),
+    ("contact", "contact"),
+    ("ring", "ring after lift-off"),
+    ("later", "later"),
+)
 _QUALITY = (
     ("rms_V", "rms residual / mV", 1e3, ".4g"),
     ("heldout_rms_V", "held out / mV", 1e3, ".4g"),
@@ -39,10 +34,62 @@ def campaign(document: Json) -> str:
     return f"{said}, from {heights} mm" if heights else said
 
 
-def bullets(lines: list[str]) -> str:
-    """Return lines as a list."""
-    items = "".join(f"<li>{html.escape(line)}</li>" for line in lines)
-    return f"<ul>{items}</ul>" if items else ""
+def headline(document: Json) -> str:
+    """Return the figures that matter most: the error, and what the repair moves."""
+    before, after = document["before"], document["after"]
+    noise = document["noise_rms_V"]
+    cards = []
+    if before.get("heldout_rms_V") is not None:
+        steps = [_milli(before["heldout_rms_V"])]
+        if after is not before and after.get("heldout_rms_V") is not None:
+            steps.append(_milli(after["heldout_rms_V"]))
+        shown = " → ".join(steps if document["verdict"] != "adequate" else steps[:1])
+        cards.append((f"{shown} mV", f"error on held-out shots; noise {_milli(noise)} mV"))
+    for name, old in before.get("moduli", {}).items():
+        new = after.get("moduli", {}).get(name, {})
+        if old["status"] != "fitted":
+            continue
+        if document["effects"] and new.get("plane_strain_modulus_Pa"):
+            cards.append((_change(old, new), f"{name}: what the repair moves its modulus by"))
+        elif new.get("status") == "withheld":
+            cards.append(("withheld", f"{name}: its modulus, while something unnamed acts"))
+    p_value = document["p_value"]
+    cards.append((p_words(p_value), "that a complete model leaves such a residual"))
+    body = "".join(
+        f"<div><b>{html.escape(value)}</b><span>{html.escape(label)}</span></div>"
+        for value, label in cards
+    )
+    return f'<div class="figures">{body}</div>'
+
+
+def _milli(value: float) -> str:
+    return f"{1e3 * value:.3g}"
+
+
+def phases(document: Json) -> str:
+    """Return where in time the residual lives, before and after, in noise variances."""
+    before, after = document["residual"]["before"], document["residual"]["after"]
+    if not before.get("phases"):
+        return ""
+    head = ["", f"{document['before']['model']}"]
+    if after and after.get("phases"):
+        head.append(document["after"]["model"])
+    rows = []
+    for key, label in _PHASES:
+        cells = [
+            _times(one["phases"][key]["chi2_per_sample"])
+            for one in (before, after)
+            if one and one.get("phases") and key in one["phases"]
+        ]
+        rows.append((label, *cells))
+    return (
+        '<p class="soft">Energy of the residual per sample, in units of the noise variance; '
+        "1 is noise.</p>" + table([html.escape(one) for one in head], rows)
+    )
+
+
+def _times(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}" if value < 1000 else f"{value:,.0f}"
 
 
 def found(document: Json) -> str:
@@ -87,79 +134,6 @@ def quality(document: Json) -> str:
     return table(("", f"before: {names[0]}", f"after: {names[1]}", "noise"), rows) + note
 
 
-def slots(document: Json) -> str:
-    """Return how much of the residual anything in each slot could explain on held-out shots."""
-    if not document["slots"]:
-        return "<p>There is nothing to locate.</p>"
-    rows = []
-    for slot, seen in sorted(
-        document["slots"].items(), key=lambda item: -item[1]["share_of_residual"]
-    ):
-        share = min(seen["share_of_residual"], 1.0)
-        bar = f'<span class="bar" style="width:{12 * share:.2f}rem"></span> {share:.2%}'
-        rows.append((html.escape(slot), f'<td class="words">{bar}</td>'))
-    said = (
-        f"<p>Most likely the <b>{html.escape(document['slot'])}</b> slot.</p>"
-        if document["slot"]
-        else ""
-    )
-    return (
-        f"{said}<p class='soft'>Upper bounds: what the most flexible closure of each slot explains "
-        "of the residual on shots it was not fitted to. A named effect has to do as well.</p>"
-        + table(("slot", "share of the residual's energy"), rows)
-    )
-
-
-def trail(document: Json) -> str:
-    """Return every turn of the loop with its candidates and why they were not taken."""
-    parts = []
-    for place, turn in enumerate(document["trail"]):
-        lines = document["candidates"] if place == 0 else turn["candidates"]
-        verdict = "structure" if turn["structured"] else "noise"
-        parts.append(
-            f"<h3>{place + 1}. {html.escape(turn['model'])}: its residual is {verdict} "
-            f"({_p(turn['p_value'])})</h3>"
-        )
-        if lines:
-            parts.append(f'<div class="wide">{_candidates(lines)}</div>')
-    return "".join(parts)
-
-
-def _candidates(lines: list[Json]) -> str:
-    body = []
-    for line in lines:
-        held, gain = line["heldout_rms_V"], line["delta_log_likelihood"]
-        mark = " class=taken" if line["why_not"] is None else ""
-        body.append(
-            f"<tr{mark}><td><code>{html.escape(line['form'])}</code></td>"
-            f"<td>{html.escape(line['slot'])}</td>"
-            f"<td>{'-' if held is None else f'{held * 1e3:.4g}'}</td>"
-            f"<td>{'-' if gain is None else f'{gain:.4g}'}</td>"
-            f'<td class="words">{html.escape(line["why_not"] or "taken")}</td></tr>'
-        )
-    head = (
-        "<tr><th>candidate</th><th>slot</th><th>held out / mV</th><th>Δ log likelihood</th>"
-        '<th class="words">why not</th></tr>'
-    )
-    return f"<table><thead>{head}</thead><tbody>{''.join(body)}</tbody></table>"
-
-
-def closure(document: Json) -> str:
-    """Return the learned closure, where no name was earned."""
-    learned = document["closure"]
-    if learned is None:
-        return ""
-    largest = sorted(learned["coefficients"].items(), key=lambda item: -abs(item[1]))[:12]
-    rows = [(html.escape(name), f"{value:.4g}") for name, value in largest]
-    what = FAMILIES.get(learned["family"], learned["family"])
-    return (
-        "<h2>The learned closure</h2>"
-        f"<p>What no name explains is best taken up by <b>{html.escape(what)}</b>, with "
-        f"{learned['numbers']} numbers, owned by {html.escape(learned['scope'])}. Its largest "
-        "coefficients:</p>" + table(("column", "coefficient"), rows)
-    )
-
-
 def moduli(document: Json) -> str:
     """Return both models' moduli as a table."""
     before, after = document["before"]["moduli"], document["after"]["moduli"]
@@ -186,10 +160,6 @@ def _measured(quantity: Json | None, *, scale: float = 1.0) -> str:
     return html.escape(measured(quantity, scale=scale)).replace("+-", "±")
 
 
-def _p(value: float) -> str:
-    return f"p = {value:.2g}" if value > 1e-99 else "p < 1e-99"
-
-
 def _gigapascals(entry: Json, key: str) -> str:
     return _measured(entry.get(key), scale=1e-9)
 
@@ -199,30 +169,31 @@ def _change(old: Json, new: Json) -> str:
     return f"{100 * (b['value'] / a['value'] - 1):+.2f} %" if a and b else "-"
 
 
-def remains(document: Json) -> str:
-    """Return what the last model leaves over."""
-    left = document["remaining"]
-    if not left["structured"]:
-        said = f"<p>Noise: the omnibus test finds no structure ({_p(left['p_value'])}).</p>"
-    else:
-        family = left.get("strongest", {}).get("family", "")
-        what = FAMILIES.get(family, family)
-        said = (
-            f"<p>Structure ({_p(left['p_value'])}); what takes up most of it is "
-            f"{html.escape(what)}.</p>"
-        )
-    after = document["residual"]["after"]
-    return said + bullets(after["said"] if after else [])
-
-
 def next_drop(document: Json) -> str:
     """Return which drop would tell most."""
     wanted = document["next_drop"]
     if wanted is None:
+        if document["verdict"] == "unknown":
+            return (
+                "No drop is proposed: a proposal needs two named rivals. More heights and radii "
+                "narrow down what the closure has to be."
+            )
         return "Nothing that was found asks for another drop."
-    if isinstance(wanted, dict) and wanted.get("sentence"):
+    if wanted.get("sentence"):
         return html.escape(str(wanted["sentence"]))
-    return html.escape(json.dumps(wanted, ensure_ascii=False))
+    times = wanted.get("repeats") or 1
+    said = (
+        f"<b>{html.escape(str(wanted['sphere']))} on {html.escape(str(wanted['surface']))} from "
+        f"{1e3 * wanted['drop_height_m']:.1f} mm</b>"
+    )
+    said += f", {times} times" if times > 1 else ""
+    rivals = [f"<code>{html.escape(one)}</code>" for one in wanted.get("separates") or []]
+    if rivals:
+        said += f": it tells {' from '.join(rivals)}"
+    distance = wanted.get("expected_distance")
+    if distance is not None:
+        said += f", {distance:.3g} noise units apart"
+    return f"{said}."
 
 
 def circumstances(document: Json) -> str:
@@ -233,26 +204,3 @@ def circumstances(document: Json) -> str:
     ]
     lines.append(f"Noise before the trigger: {document['noise_rms_V'] * 1e3:.4g} mV rms.")
     return bullets(lines)
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; a cell that is already a ``<td>`` stays as it is.
-
-    Parameters
-    ----------
-    head : sequence of str
-        One per column.
-    rows : sequence of sequences
-        Cells, escaped by the caller.
-
-    Returns
-    -------
-    str
-        HTML.
-    """
-    top = "".join(f"<th>{cell}</th>" for cell in head)
-    body = "".join(
-        f"<tr>{''.join(c if c.startswith('<td') else f'<td>{c}</td>' for c in row)}</tr>"
-        for row in rows
-    )
-    return f"<table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table>"

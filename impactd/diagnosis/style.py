@@ -11,17 +11,27 @@ h3 { font-size: 1rem; margin: 1.4rem 0 .4rem; }
 .verdict { font-size: 1.15rem; border-left: 4px solid var(--after); padding: .4rem 0 .4rem .8rem; }
 .verdict b { text-transform: uppercase; font-size: .85rem; letter-spacing: .06em;
              margin-right: .4rem; }
-.verdict.unknown, .verdict.partial { border-color: var(--before); }
+.verdict.unknown, .verdict.partial, .verdict.family, .verdict.not_identifiable {
+  border-color: var(--before); }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
 th, td { text-align: right; padding: .35rem .6rem; border-bottom: 1px solid var(--line); }
 th:first-child, td:first-child { text-align: left; }
-td.words { text-align: left; color: var(--soft); font-size: .9rem; }
+td { white-space: nowrap; }
+td.words { text-align: left; white-space: normal; color: var(--soft); font-size: .9rem; }
 th { font-weight: 600; color: var(--soft); font-size: .88rem; white-space: nowrap; }
 th.words { text-align: left; }
 tr.taken td { font-weight: 600; color: var(--after); }
 .bar { display: inline-block; height: .7rem; background: var(--before); vertical-align: middle; }
-figure { margin: 1rem 0; } img { max-width: 100%; height: auto; }
+figure { margin: 1rem 0; } img { width: 100%; height: auto; }
+.figures { display: flex; flex-wrap: wrap; gap: 1rem; margin: 1.2rem 0; }
+.figures div { flex: 1 1 12rem; border: 1px solid var(--line); border-radius: .4rem;
+               padding: .6rem .9rem; }
+.figures b { display: block; font-size: 1.15rem; font-variant-numeric: tabular-nums; }
+.figures span { color: var(--soft); font-size: .88rem; }
+.formula { font-family: ui-monospace, monospace; background: #f6f7f9; padding: .6rem .8rem;
+           overflow-x: auto; }
+details { margin: .6rem 0; } summary { color: var(--soft); cursor: pointer; }
 figcaption { font-size: .9rem; }
 ul { padding-left: 1.2rem; }
 code { font-size: .92em; }

@@ -1,0 +1,176 @@
+"""How the loop went, as the page tells it: slots, candidates, closure, what remains."""
+
+from __future__ import annotations
+
+import html
+from typing import Any
+
+from impactd.diagnosis.markup import bullets, p_words, table
+
+Json = dict[str, Any]
+
+FAMILIES = {
+    "response": "a linear chain: delays, slow decays, resonances",
+    "static": "a nonlinearity of the signal",
+    "dynamic": "a nonlinearity of the signal's slope",
+    "contact": "a contact force over depth and rate",
+    "loss": "a force on the sphere alone",
+    "cell": "the cell's own numbers",
+    "speed": "the impact speed that a height promises",
+    "locked": "anything at a fixed time after touch-down",
+}
+
+
+def slots(document: Json) -> str:
+    """Return how much of the residual anything in each slot could explain on held-out shots."""
+    if not document["slots"]:
+        return "<p>There is nothing to locate.</p>"
+    rows = []
+    for slot, seen in sorted(
+        document["slots"].items(), key=lambda item: -item[1]["share_of_residual"]
+    ):
+        share = min(seen["share_of_residual"] / above_noise(document), 1.0)
+        bar = f'<span class="bar" style="width:{18 * share:.2f}rem"></span> {_share(share)}'
+        rows.append((html.escape(slot), f'<td class="words">{bar}</td>'))
+    said = (
+        f"<p>Most likely the <b>{html.escape(document['slot'])}</b> slot.</p>"
+        if document["slot"]
+        else ""
+    )
+    return (
+        f"{said}<p class='soft'>Upper bounds: what the most flexible closure of each slot explains "
+        "of the residual on shots it was not fitted to. A named effect has to do as well.</p>"
+        + table(("slot", "<span>share of its energy above the noise</span>"), rows).replace(
+            "<th><span>", '<th class="words"><span>'
+        )
+    )
+
+
+def above_noise(document: Json) -> float:
+    """Return the share of the base model's squares that is not the noise's own. [1]"""
+    misfit = document["before"].get("chi2_per_dof") or 0.0
+    return max(1.0 - 1.0 / misfit, 1e-3) if misfit > 0 else 1.0
+
+
+def _share(share: float) -> str:
+    return "100 %" if share > 0.9995 else f"{100 * share:.1f} %"
+
+
+def trail(document: Json) -> str:
+    """Return every turn of the loop with its candidates and why they were not taken."""
+    parts = []
+    for place, turn in enumerate(document["trail"]):
+        lines = document["candidates"] if place == 0 else turn["candidates"]
+        verdict = "structure" if turn["structured"] else "noise"
+        parts.append(
+            f"<h3>{place + 1}. {html.escape(turn['model'])}: its residual is {verdict} "
+            f"({p_words(turn['p_value'])})</h3>"
+        )
+        if lines:
+            parts.append(f'<div class="wide">{_candidates(lines)}</div>')
+    return "".join(parts)
+
+
+def _candidates(lines: list[Json]) -> str:
+    """Return those that were fitted as a table, and below it, folded, those that were not."""
+    fitted = [line for line in lines if line["delta_log_likelihood"] is not None]
+    others = [line for line in lines if line["delta_log_likelihood"] is None]
+    body = []
+    for line in fitted:
+        held, gain = line["heldout_rms_V"], line["delta_log_likelihood"]
+        mark = " class=taken" if line["why_not"] is None else ""
+        body.append(
+            f"<tr{mark}><td><code>{html.escape(line['form'])}</code></td>"
+            f"<td>{html.escape(line['slot'])}</td>"
+            f"<td>{html.escape(str(line.get('scope', '-')))}</td>"
+            f"<td>{'-' if held is None else f'{held * 1e3:.4g}'}</td>"
+            f"<td>{'-' if gain is None else f'{gain:,.0f}'}</td>"
+            f'<td class="words">{html.escape(line["why_not"] or "taken")}</td></tr>'
+        )
+    head = (
+        "<tr><th>candidate</th><th>slot</th><th>owner</th><th>held out / mV</th>"
+        '<th>Δ log likelihood</th><th class="words">why not</th></tr>'
+    )
+    made = f"<table><thead>{head}</thead><tbody>{''.join(body)}</tbody></table>" if body else ""
+    return made + _not_fitted(others)
+
+
+def _not_fitted(lines: list[Json]) -> str:
+    if not lines:
+        return ""
+    rows = [
+        (
+            f"<code>{html.escape(line['form'])}</code>",
+            html.escape(line["slot"]),
+            f'<td class="words">{html.escape(line["why_not"] or "")}</td>',
+        )
+        for line in lines
+    ]
+    return (
+        f"<details><summary>{len(rows)} more that were not fitted, and why</summary>"
+        f"{table(('candidate', 'slot', 'why not'), rows)}</details>"
+    )
+
+
+def closure(document: Json) -> str:
+    """Return the learned closure in words, and its formula where one was found."""
+    learned = document["closure"]
+    if learned is None:
+        return ""
+    what = FAMILIES.get(learned["family"], learned["family"])
+    scope = learned["scope"]
+    owner = "one set for all shots" if scope == "rig" else f"one set for each {scope}"
+    share = ""
+    if learned.get("heldout_gain") and document["slots"]:
+        slot = max(document["slots"].values(), key=lambda one: float(one["heldout_gain"]))
+        if slot["share_of_residual"] > 0:
+            energy = slot["heldout_gain"] / slot["share_of_residual"]
+            taken = min(learned["heldout_gain"] / energy / above_noise(document), 1.0)
+            share = f" On held-out shots it takes {_share(taken)} of the energy above the noise."
+    return (
+        "<h2>The learned closure</h2>"
+        f"<p>What no name explains is best taken up by <b>{html.escape(what)}</b>: "
+        f"{learned['numbers']} numbers, {html.escape(owner)}.{share}</p>{_formula(learned)}"
+    )
+
+
+def _formula(learned: Json) -> str:
+    """Return the closure's formula, ``formula`` or ``formula.text`` of its JSON."""
+    found = learned.get("formula")
+    if isinstance(found, dict):
+        found = found.get("text")
+    if not found:
+        return ""
+    return (
+        "<p>As a formula that holds on held-out shots:</p>"
+        f'<p class="formula">{html.escape(str(found))}</p>'
+    )
+
+
+def coefficients(document: Json) -> str:
+    """Return the closure's coefficients, folded."""
+    learned = document["closure"]
+    if learned is None:
+        return ""
+    ordered = sorted(learned["coefficients"].items(), key=lambda item: -abs(item[1]))
+    rows = [(html.escape(name), f"{value:.4g}") for name, value in ordered]
+    return (
+        f"<details><summary>Its {len(rows)} coefficients, largest first</summary>"
+        f"{table(('column', 'coefficient'), rows)}</details>"
+    )
+
+
+def remains(document: Json) -> str:
+    """Return what the last model leaves over."""
+    left = document["remaining"]
+    if not left["structured"]:
+        said = f"<p>Noise: the omnibus test finds no structure ({p_words(left['p_value'])}).</p>"
+    else:
+        family = left.get("strongest", {}).get("family", "")
+        what = FAMILIES.get(family, family)
+        said = (
+            f"<p>Structure ({p_words(left['p_value'])}); what takes up most of it is "
+            f"{html.escape(what)}.</p>"
+        )
+    after = document["residual"]["after"]
+    return said + bullets(after["said"] if after else [])
