@@ -19,6 +19,7 @@ QUIET_V = 2e-5  # less than a tenth of a code at +/-10 V
 WINDOW_S = 0.02  # longest ring that is followed
 SLOWEST_BOUNCE_M_PER_S = 0.02
 MOST_BOUNCES = 25
+LOCKED_TAIL_S = 0.3  # how long after landing a transient of the release is followed
 TAIL_S = 1.5  # longest tail of a filter that is followed after the last bounce
 
 
@@ -147,7 +148,8 @@ def render_flight(
     Returns
     -------
     list of Segment
-        In order of time; between them nothing happens.
+        In order of time; between them nothing happens. What a release puts on the line by itself
+        comes last and adds to the others.
 
     Notes
     -----
@@ -192,7 +194,27 @@ def render_flight(
         time_s += impact.contact_time_s + 2.0 * speed / rig.gravity_m_per_s2
     tail_s = min(TAIL_S, max(until_s - (grid_start_s + at * step_s), 0.0))
     segments += _tail(chain, at, round(tail_s / step_s), step_s)
+    segments += _locked_to_release(rig, flight, grid_start_s, sample_rate_hz, until_s)
     return [segment for segment in segments if segment.volts.size]
+
+
+def _locked_to_release(
+    rig: DrawnRig, flight: Flight, grid_start_s: float, sample_rate_hz: float, until_s: float
+) -> list[Segment]:
+    """Return what the release puts on the line by itself, until some time after landing."""
+    fall_s = math.sqrt(2.0 * flight.shot.drop_height_m / rig.gravity_m_per_s2)
+    released_s = flight.landing_s - fall_s
+    first = max(math.ceil((released_s - grid_start_s) * sample_rate_hz), 0)
+    stop_s = min(until_s, flight.landing_s + LOCKED_TAIL_S)
+    count = math.ceil((stop_s - grid_start_s) * sample_rate_hz) - first
+    t = grid_start_s - released_s + (first + np.arange(max(count, 0))) / sample_rate_hz
+    segments = []
+    for i, effect in enumerate(rig.acting(flight.shot.sphere, flight.shot.surface)):
+        flight.shot.rng = np.random.default_rng([*flight.seed, 14, i])
+        volts = effect.after_release(flight.shot, t)
+        if volts is not None:
+            segments.append(Segment(first, volts))
+    return segments
 
 
 def _peak(volts: NDArray[np.float64]) -> float:

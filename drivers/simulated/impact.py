@@ -58,6 +58,8 @@ class Mechanics:
         The stand below the cell; mass 0 means it does not move. [kg, N/m, N s/m]
     mode_mass_kg, mode_angular_frequency_rad_per_s, mode_damping_ratio : float
         An oscillator on the crystal's top; mass 0 means none. [kg, rad/s, 1]
+    mode_stretched_ratio : float
+        Stiffness of its spring when stretched over that when pushed. [1]
     plate_impedance_n_s_per_m : float
         Z of the receding plate; 0 means it does not recede. [N s/m]
     tension_stiffness_ratio : float
@@ -90,6 +92,7 @@ class Mechanics:
     mode_mass_kg: float = 0.0
     mode_angular_frequency_rad_per_s: float = 0.0
     mode_damping_ratio: float = 0.0
+    mode_stretched_ratio: float = 1.0
     plate_impedance_n_s_per_m: float = 0.0
     tension_stiffness_ratio: float = 1.0
     law: int = kernel.HERTZ
@@ -139,6 +142,7 @@ class Mechanics:
             self.reduced_modulus_pa,
             self.recontact_delay_s,
             self.recontact_speed_m_per_s,
+            self.mode_stretched_ratio,
         )
         return p
 

@@ -45,12 +45,14 @@ _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
 (
     MASS, K, ALPHA, GRAVITY, CELL_MASS, CELL_K, CELL_MU, RIGID, SHARE, COUPON_MASS, LAYER_K,
     LAYER_C, BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO,
-    LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, PARAMETERS,
-) = range(27)  # fmt: skip
+    LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, MODE_STRETCHED, PARAMETERS,
+) = range(28)  # fmt: skip
 # Base laws of the elastic force.
 HERTZ, YIELDING, JKR = range(3)
 # Additional terms.
 THICKNESS, ROUGHNESS, KUWABARA_KONO, HUNT_CROSSLEY, RELAXATION, RATE_POWER, FILM = range(1, 8)
+SECOND_SPOT, SNAP = range(8, 10)
+SNAP_SPEED_M_PER_S = 0.02  # over which a snap on the way in turns into none on the way out
 TERMS = 4  # as many contact effects may act at once, each with one state of its own
 # Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, then the terms.
 _X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _Z = range(12)
@@ -172,6 +174,12 @@ def _forces(  # noqa: PLR0917 - compiled code knows no keywords
         elif code == FILM:
             squeeze = a * math.exp(-d / b) * rate
             added += squeeze if rate > 0.0 else c * squeeze
+        elif code == SECOND_SPOT:
+            deeper = max(d - b, 0.0)
+            added += a * p[K] * deeper * math.sqrt(deeper)
+        elif code == SNAP:
+            closing = 0.5 * (1.0 + math.tanh(rate / SNAP_SPEED_M_PER_S))
+            factor *= 1.0 - a * closing * math.exp(-(((d - b) / c) ** 2))
     return elastic * factor + added, loss
 
 
@@ -223,7 +231,9 @@ def _motion(  # noqa: PLR0917 - compiled code knows no keywords
     side = 0.0
     if p[MODE_MASS] > 0.0:
         w = p[MODE_OMEGA]
-        pull = w * w * (s[_U] - s[_Q]) + 2.0 * p[MODE_ZETA] * w * (s[_UD] - s[_QD])
+        reach = s[_U] - s[_Q]
+        reach *= 1.0 if reach >= 0.0 else p[MODE_STRETCHED]
+        pull = w * w * reach + 2.0 * p[MODE_ZETA] * w * (s[_UD] - s[_QD])
         side = p[MODE_MASS] * pull
         ds[_Q], ds[_QD] = s[_QD], pull
     ds[_U] = s[_UD]

@@ -225,6 +225,23 @@ class Effect:
         """
         return None
 
+    def after_release(self, shot: Shot, t_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
+        """Return what a release puts on the line by itself, impact or not.
+
+        Parameters
+        ----------
+        shot : Shot
+            The release.
+        t_s : ndarray, shape (n,)
+            Time since then, >= 0. [s]
+
+        Returns
+        -------
+        ndarray or None, shape (n,)
+            Added to the signal. [V]
+        """
+        return None
+
     def conversion(self) -> NDArray[np.uint16] | None:
         """Return the converter's code for each ideal code, ``None`` when it is ideal."""
         return None

@@ -19,7 +19,7 @@ class AdcNonlinearity(Effect):
     slot = "electronics"
     order = 90
     parameters = (
-        Parameter("amplitude_codes", "1", 3.0, 150.0, 0.0, "a"),
+        Parameter("amplitude_codes", "1", 1.0, 150.0, 0.0, "a"),
         Parameter("period_codes", "1", 300.0, 6000.0, 2000.0, "of the error along the range"),
     )
 

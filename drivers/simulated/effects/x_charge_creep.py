@@ -20,7 +20,7 @@ class ChargeCreep(Effect):
     order = 25
     fine_grid = True
     parameters = (
-        Parameter("share", "1", 0.005, 0.3, 0.0, "r", either_sign=True),
+        Parameter("share", "1", 0.0015, 0.3, 0.0, "r", either_sign=True),
         Parameter("longest_s", "s", 1e-4, 1e-2, 1e-3, "longest relaxation time"),
     )
 

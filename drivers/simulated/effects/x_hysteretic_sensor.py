@@ -49,7 +49,7 @@ class HystereticSensor(Effect):
     order = 12
     fine_grid = True
     parameters = (
-        Parameter("share", "1", 0.005, 0.2, 0.0, "h", either_sign=True),
+        Parameter("share", "1", 0.0015, 0.2, 0.0, "h", either_sign=True),
         Parameter("reach_v", "V", 0.2, 3.0, 1.0, "z0"),
     )
 

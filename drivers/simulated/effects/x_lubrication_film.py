@@ -18,7 +18,7 @@ class LubricationFilm(Effect):
     slot = "contact"
     per_material = True
     parameters = (
-        Parameter("damping_n_s_per_m", "N s/m", 0.1, 10.0, 0.0, "c at touch"),
+        Parameter("damping_n_s_per_m", "N s/m", 0.03, 10.0, 0.0, "c at touch"),
         Parameter("depth_m", "m", 2e-6, 3e-5, 1e-5, "h, indentation that squeezes the film out"),
     )
 

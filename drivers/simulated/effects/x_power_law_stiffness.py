@@ -17,7 +17,7 @@ class PowerLawStiffness(Effect):
     slot = "contact"
     per_material = True
     parameters = (
-        Parameter("strength", "1", 0.01, 0.5, 0.0, "a, stiffening at 1 m/s"),
+        Parameter("strength", "1", 0.002, 0.5, 0.0, "a, stiffening at 1 m/s"),
         Parameter("exponent", "1", 0.3, 1.5, 1.0, "n"),
     )
 

@@ -42,7 +42,7 @@ class SlewLimit(Effect):
     slot = "electronics"
     order = 55
     fine_grid = True
-    parameters = (Parameter("limit_v_per_s", "V/s", 3e4, 4e5, math.inf, "fastest change"),)
+    parameters = (Parameter("limit_v_per_s", "V/s", 3e4, 5e5, math.inf, "fastest change"),)
 
     def stage(self, shot: Shot) -> _Slew | None:
         """Return the limiter."""

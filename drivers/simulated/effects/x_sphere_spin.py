@@ -22,7 +22,7 @@ class SphereSpin(Effect):
     order = 5
     per_material = True
     parameters = (
-        Parameter("share", "1", 0.01, 0.2, 0.0, "r, per one radian of the mode"),
+        Parameter("share", "1", 5e-4, 0.2, 0.0, "r, per one radian of the mode"),
         Parameter("frequency_hz", "Hz", 300.0, 2500.0, 800.0, "of the mode"),
         Parameter("decay_s", "s", 3e-4, 3e-3, 1e-3, "of the mode"),
     )

@@ -97,10 +97,26 @@ def test_a_drawn_effect_changes_the_record(effect_id: str) -> None:
 
 
 def test_the_library_is_the_one_of_the_physics_notes_and_more_lies_outside() -> None:
-    """Every named effect exists, and at least six kinds that no library knows."""
+    """Every named effect exists, and at least three kinds in each slot that no library knows."""
     assert len(LIBRARY) == 22
-    assert len(INVENTED) >= 6
-    assert len({kind.slot for kind in INVENTED.values()}) >= 4
+    slots = [kind.slot for kind in INVENTED.values()]
+    assert set(slots) == {"release", "contact", "mounting", "sensor", "electronics"}
+    assert min(slots.count(slot) for slot in set(slots)) >= 3
+
+
+@pytest.mark.parametrize("effect_id", sorted(EFFECTS))
+def test_sizes_are_drawn_even_in_the_logarithm(effect_id: str) -> None:
+    """Half of all draws lie below the middle of the range, in decades, of each effect's size."""
+    kind = EFFECTS[effect_id]
+    size = kind.parameters[0]
+    rng = np.random.default_rng(4)
+    drawn = np.abs([kind.draw(rng)[size.name] for _ in range(400)])
+    low, high = size.low, size.high
+    if effect_id == "x_lifted_tape":  # its size is the distance from a tape that does not lift
+        drawn, low, high = 1.0 - drawn, 1.0 - size.high, 1.0 - size.low
+    assert low <= drawn.min() * (1 + 1e-9)
+    assert drawn.max() <= high * (1 + 1e-9)
+    assert np.mean(drawn < math.sqrt(low * high)) == pytest.approx(0.5, abs=0.1)
 
 
 def test_viscoelastic_loss_falls_with_speed_as_the_fifth_root() -> None:
@@ -320,6 +336,134 @@ def test_a_recontact_is_a_second_pulse() -> None:
     volts, _ = drop(with_effect("recontact", {"delay_s": 1e-3, "speed_ratio": 0.3}))
     second = volts[BEFORE + 990 :]
     assert 0.1 * np.max(volts) < np.max(second) < 0.5 * np.max(volts)
+
+
+@pytest.mark.parametrize(
+    ("effect_id", "values"),
+    [
+        (
+            "x_solenoid_pickup",
+            {"amplitude_v": 0.1, "frequency_hz": 2000.0, "decay_s": 0.05},
+        ),
+        (
+            "x_microphonic_cable",
+            {"amplitude_v": 0.1, "frequency_hz": 2000.0, "decay_s": 0.05},
+        ),
+    ],
+)
+def test_what_the_release_makes_is_there_before_the_impact(
+    effect_id: str, values: Mapping[str, float]
+) -> None:
+    """It decays with the time since the release, so a higher drop meets less of it."""
+    rig = with_effect(effect_id, values)
+    low, high = (drop(rig, h, number=3)[0][:80] for h in (0.005, 0.05))
+    assert 0.0 < np.max(np.abs(high)) < np.max(np.abs(low)) < 0.3
+
+
+def test_a_solenoid_is_in_step_with_the_release_and_a_cable_is_not() -> None:
+    """Two shots from one height show the same pickup, and two different swings."""
+    values = {"amplitude_v": 0.1, "frequency_hz": 2000.0, "decay_s": 0.05}
+    for effect_id, same in (("x_solenoid_pickup", True), ("x_microphonic_cable", False)):
+        rig = with_effect(effect_id, values)
+        first, second = (drop(rig, number=n)[0][:80] for n in (1, 2))
+        assert np.allclose(first, second) == same
+
+
+def test_a_dead_zone_swallows_the_end_of_the_ring() -> None:
+    """What is far above its width only loses the width."""
+    base, _ = drop(a_rig())
+    volts, _ = drop(with_effect("x_dead_zone", {"width_v": 0.02}))
+    assert np.max(base) - np.max(volts) == pytest.approx(0.02, rel=1e-6)
+    late = np.abs(base) < 1e-3
+    np.testing.assert_allclose(volts[late], 0.0, atol=1e-6)
+
+
+def test_a_second_spot_and_a_snap_begin_at_their_depth() -> None:
+    """Slow drops that stay above it know nothing of it."""
+    for effect_id, values in (
+        ("x_second_asperity", {"share": 0.3, "gap_m": 1e-5}),
+        ("x_snap_through", {"share": 0.2, "depth_m": 2e-5}),
+    ):
+        changes = []
+        for height in (1e-4, 0.05):
+            base, _ = drop(a_rig(), height)
+            volts, _ = drop(with_effect(effect_id, values), height)
+            changes.append(np.max(np.abs(volts - base)) / np.max(base))
+        assert changes[0] < 1e-3
+        assert changes[1] > 0.01
+
+
+def test_drifts_grow_with_the_number_of_the_shot() -> None:
+    """The first release of a rig knows nothing of them."""
+    for effect_id, values in (
+        ("x_warming_sphere", {"final_change": -0.05, "shots_to_settle": 20.0}),
+        ("x_loosening_seat", {"final_loss": 0.05, "shots_to_settle": 20.0}),
+    ):
+        rig = with_effect(effect_id, values)
+        sizes = [np.std(drop(rig, number=n)[0] - drop(a_rig(), number=n)[0]) for n in (0, 5, 50)]
+        assert sizes[0] < 1e-9
+        assert 1e-4 < sizes[1] < sizes[2]
+
+
+def test_a_loose_screw_rings_longer_than_the_crystal() -> None:
+    """And is a mode of its own: with the spring equally stiff both ways it is a linear one."""
+    values = {"mass_ratio": 0.01, "frequency_hz": 8e3}
+    base, _ = drop(a_rig())
+    volts, _ = drop(with_effect("x_rattling_screw", values))
+    assert np.std((volts - base)[900:1400]) > 3 * np.std(base[900:1400])
+
+
+def test_an_uncertain_release_matters_most_at_low_drops() -> None:
+    """A swinging tube and a seal that drags add metres, not shares."""
+    for effect_id, values in (
+        ("x_swinging_tube", {"speed_m_per_s": 0.02}),
+        ("x_dragged_release", {"mean_loss_m": 5e-4}),
+    ):
+        rig = with_effect(effect_id, values)
+        spread = []
+        for height in (0.01, 0.05):
+            shots = [Shot(n, "acetal", "pvc", height, np.random.default_rng(0)) for n in range(60)]
+            speeds = [begin_flight(rig, s, 0.0, 0.0, (9, s.number)).speed_m_per_s for s in shots]
+            spread.append(np.std(speeds) / math.sqrt(2 * 9.80665 * height))
+        assert spread[0] > 1.5 * spread[1]
+
+
+def test_a_wandering_clock_moves_the_flanks_and_not_the_charge() -> None:
+    """Misfit where the signal is steep, none where it is flat, and the same area."""
+    base, _ = drop(a_rig())
+    values = {"amplitude_s": 2e-7, "frequency_hz": 5e3}
+    volts, _ = drop(with_effect("x_clock_wander", values))
+    steep = np.argmax(np.abs(np.gradient(base)))
+    assert np.abs(volts - base)[steep] > 5 * np.abs(volts - base)[np.argmax(base)]
+    assert np.sum(volts) == pytest.approx(np.sum(base), rel=5e-3)
+
+
+def test_a_drooping_supply_loses_gain_as_the_charge_grows() -> None:
+    """The rise is right, the ring is too small."""
+    base, _ = drop(a_rig())
+    volts, _ = drop(with_effect("x_supply_droop", {"loss_per_v_s": 200.0, "recovery_s": 5e-3}))
+    gain = volts[base > 0.05 * np.max(base)] / base[base > 0.05 * np.max(base)]
+    assert gain[0] > 0.999
+    assert gain[-1] < 0.99
+
+
+def test_sliding_ends_within_the_pulse() -> None:
+    """The shear is felt early and not in the ring."""
+    base, _ = drop(a_rig())
+    values = {"cross_share": 0.05, "slides_until": 0.4}
+    volts, touch = drop(with_effect("x_oblique_friction", values))
+    early = BEFORE + round(0.25 * touch.contact_time_s * RATE_HZ)
+    assert volts[early] == pytest.approx(1.05 * base[early], rel=5e-3)
+    np.testing.assert_allclose(volts[400:], base[400:], atol=1e-9)
+
+
+def test_a_hit_off_the_centre_only_loses() -> None:
+    """Every shot's gain is its own, none above one."""
+    base = np.max(drop(a_rig())[0])
+    rig = with_effect("x_off_centre", {"mean_loss": 0.01})
+    peaks = [np.max(drop(rig, number=n)[0]) / base for n in range(12)]
+    assert max(peaks) <= 1.0 + 1e-6
+    assert np.std(peaks) > 2e-3
 
 
 def test_an_effect_acts_only_within_its_scope() -> None:
