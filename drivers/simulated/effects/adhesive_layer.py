@@ -22,14 +22,14 @@ class AdhesiveLayer(Effect):
     slot = "mounting"
     per_material = True
     parameters = (
-        Parameter("stiffness_n_per_m", "N/m", 2e7, 1e10, math.inf, "k_t of the tape"),
+        Parameter("stiffness_n_per_m", "N/m", 1e7, 1e10, math.inf, "k_t of the tape"),
         Parameter("damping_n_s_per_m", "N s/m", 20.0, 2000.0, 0.0, "c_t of the tape"),
     )
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> dict[str, float]:
         """Return a tape whose damping ratio under a coupon of 4 g is 2 % to 30 %."""
-        stiffness = math.exp(rng.uniform(math.log(2e7), math.log(1e10)))
+        stiffness = math.exp(rng.uniform(math.log(1e7), math.log(1e10)))
         ratio = math.exp(rng.uniform(math.log(0.02), math.log(0.3)))
         damping = 2.0 * ratio * math.sqrt(stiffness * 4e-3)
         return {"stiffness_n_per_m": stiffness, "damping_n_s_per_m": damping}

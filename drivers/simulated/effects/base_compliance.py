@@ -20,7 +20,7 @@ class BaseCompliance(Effect):
     parameters = (
         Parameter("frequency_hz", "Hz", 1e3, 1e4, 3e3, "of the base on its spring"),
         Parameter("damping_ratio", "1", 0.01, 0.15, 0.05, "of the base"),
-        Parameter("base_mass_kg", "kg", 0.1, 20.0, math.inf, "of the base"),
+        Parameter("base_mass_kg", "kg", 0.3, 300.0, math.inf, "of the base"),
     )
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:

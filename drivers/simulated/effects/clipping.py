@@ -33,7 +33,7 @@ class Clipping(Effect):
     slot = "electronics"
     order = 70
     parameters = (
-        Parameter("limit_v", "V", 0.8, 6.0, math.inf, "V_c"),
+        Parameter("limit_v", "V", 0.8, 8.5, math.inf, "V_c"),
         Parameter("softness", "1", 0.02, 0.3, 0.0, "s, 0 for an abrupt end"),
     )
 

@@ -18,7 +18,7 @@ class CouplerHighpass(Effect):
     id = "coupler_highpass"
     slot = "electronics"
     order = 60
-    parameters = (Parameter("time_constant_s", "s", 5e-4, 1.0, math.inf, "tau"),)
+    parameters = (Parameter("time_constant_s", "s", 5e-4, 2.0, math.inf, "tau"),)
 
     def stage(self, shot: Shot) -> StateSpaceStage | None:
         """Return the high-pass."""

@@ -21,7 +21,7 @@ class CouponMode(Effect):
     parameters = (
         Parameter("frequency_hz", "Hz", 5e3, 6e4, 2e4, "of the mode"),
         Parameter("damping_ratio", "1", 0.005, 0.05, 0.02, "of the mode"),
-        Parameter("mass_ratio", "1", 2e-3, 0.15, 0.0, "modal mass over the crystal's"),
+        Parameter("mass_ratio", "1", 5e-4, 0.15, 0.0, "modal mass over the crystal's"),
         Parameter("hit_scatter", "1", 0.05, 0.4, 0.0, "relative scatter of the mass by shot"),
     )
 

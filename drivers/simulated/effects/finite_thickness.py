@@ -20,7 +20,7 @@ class FiniteThickness(Effect):
     slot = "contact"
     per_material = True
     parameters = (
-        Parameter("thickness_m", "m", 1e-3, 2e-2, math.inf, "h, thickness of the coupon"),
+        Parameter("thickness_m", "m", 1e-3, 5e-2, math.inf, "h, thickness of the coupon"),
     )
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:

@@ -19,7 +19,7 @@ class MainsHum(Effect):
     slot = "electronics"
     order = 80
     parameters = (
-        Parameter("amplitude_v", "V", 2e-3, 0.15, 0.0, "of the fundamental"),
+        Parameter("amplitude_v", "V", 5e-4, 0.15, 0.0, "of the fundamental"),
         Parameter("frequency_hz", "Hz", 50.0, 60.0, 50.0, "of the mains"),
         Parameter("harmonics", "1", 1.0, 7.0, 1.0, "how many odd harmonics"),
     )

@@ -22,7 +22,7 @@ class PlasticYield(Effect):
     per_material = True
     parameters = (
         Parameter(
-            "yield_pressure_pa", "Pa", 2.5e7, 1.2e8, math.inf, "p_y, contact pressure at yield"
+            "yield_pressure_pa", "Pa", 2.5e7, 1.4e8, math.inf, "p_y, contact pressure at yield"
         ),
     )
 

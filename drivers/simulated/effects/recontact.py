@@ -16,7 +16,7 @@ class Recontact(Effect):
     slot = "release"
     parameters = (
         Parameter("delay_s", "s", 2e-4, 2e-3, 0.0, "after the first touch"),
-        Parameter("speed_ratio", "1", 0.02, 0.5, 0.0, "its speed over the first"),
+        Parameter("speed_ratio", "1", 1e-3, 0.5, 0.0, "its speed over the first"),
     )
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:

@@ -11,7 +11,10 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+import numpy as np
+
 from analysis.campaign import Campaign
+from analysis.errors import AnalysisError
 from analysis.fit import joint
 from analysis.fit.fit_shot import noise_by_instrument, usable_shots
 from analysis.fit.problem import build
@@ -56,34 +59,44 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
     Returns
     -------
     Visibility or None
-        For the base ``hsd`` what the missing crystal leaves. None where nothing acts, or where the
-        base model cannot be evaluated on the records at all.
+        For the base ``hsd`` what the missing crystal leaves. None where nothing acts. Where the
+        base model cannot be fitted at all, the difference of the records stands in: such effects
+        are large, and must not drop out of the count.
     """
+    if not plan.effects and plan.base == "kv":
+        return None
+    bare_twin = _twin(plan, ())
+    bare = _cost(bare_twin, campaign, "kv")
     if plan.base == "hsd":
-        costs = [_cost(plan, campaign, (), model) for model in ("hsd", "kv")]
-        return None if None in costs else Visibility(_less(*costs), [])
-    effects = plan.effects
-    if not effects:
-        return None
-    bare = _cost(plan, campaign, (), "kv")
-    together = _cost(plan, campaign, effects, "kv")
-    each = [together] if len(effects) == 1 else [_cost(plan, campaign, (e,), "kv") for e in effects]
-    if bare is None or together is None or None in each:
-        return None
-    return Visibility(_less(together, bare), [_less(one, bare) for one in each])
+        return Visibility(_cost(bare_twin, campaign, "hsd") - bare, [])
+
+    def added(effects: Sequence[Effect]) -> float:
+        twin = _twin(plan, effects)
+        try:
+            return _cost(twin, campaign, "kv") - bare
+        except (AnalysisError, np.linalg.LinAlgError):
+            return _difference(twin, bare_twin, plan.settings.noise.rms_v)
+
+    together = added(plan.effects)
+    alone = [together] if len(plan.effects) == 1 else [added([e]) for e in plan.effects]
+    return Visibility(together, alone)
 
 
-def _less(cost: float | None, bare: float | None) -> float:
-    assert cost is not None
-    assert bare is not None
-    return cost - bare
-
-
-def _cost(plan: Plan, campaign: Campaign, effects: Sequence[Effect], model: str) -> float | None:
-    """Return the cost of a quiet twin under the noise of the campaign."""
+def _twin(plan: Plan, effects: Sequence[Effect]) -> Campaign:
+    """Return the campaign with hardly any noise and other effects."""
     quiet = dataclasses.replace(plan.settings.noise, rms_v=QUIET * plan.settings.noise.rms_v)
     settings = dataclasses.replace(plan.settings, effects=tuple(effects), noise=quiet)
-    twin = _without_restitution(simulated_campaign(settings, plan.campaign_seed))
+    return _without_restitution(simulated_campaign(settings, plan.campaign_seed))
+
+
+def _difference(twin: Campaign, bare: Campaign, noise_v: float) -> float:
+    """Return by how much two campaigns differ before any fit, in squares of the noise."""
+    pairs = zip(twin.shots, bare.shots, strict=True)
+    return sum(float(np.sum((a.signal - b.signal) ** 2)) for a, b in pairs) / noise_v**2
+
+
+def _cost(twin: Campaign, campaign: Campaign, model: str) -> float:
+    """Return the cost of a quiet twin under the noise of the campaign."""
     problem = build(twin, model_named(model))
     noise = noise_by_instrument(tuple(usable_shots(campaign)[0]))
     problem.shots = [
@@ -91,7 +104,9 @@ def _cost(plan: Plan, campaign: Campaign, effects: Sequence[Effect], model: str)
         for s in problem.shots
     ]
     fitted = joint.fit(problem, prepare(problem))
-    return fitted.cost if fitted.blocks else None
+    if not fitted.blocks:
+        raise AnalysisError("The base model cannot be evaluated on these records.")
+    return fitted.cost
 
 
 def _without_restitution(campaign: Campaign) -> Campaign:
