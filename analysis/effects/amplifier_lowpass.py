@@ -26,7 +26,7 @@ from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext,
 from analysis.effects.resonance import resonance
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _lag(x, tau):  # type: ignore[no-untyped-def]
     # tau in samples; exact for signals that are linear between samples, at rest before the first.
     # A step to the other side of tau = 0 turns the delay round.

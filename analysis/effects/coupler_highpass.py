@@ -16,7 +16,7 @@ from numba import njit
 from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _highpass(x, rate):  # type: ignore[no-untyped-def]
     # rate: samples over the time constant; exact for signals that are linear between samples
     out = np.empty_like(x)

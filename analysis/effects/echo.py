@@ -21,7 +21,7 @@ from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext,
 _NODES = 6
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _weights(out, at):  # type: ignore[no-untyped-def]
     """Write Lagrange's weights of nodes 0..5 for position ``at``."""
     for k in range(_NODES):
@@ -32,28 +32,38 @@ def _weights(out, at):  # type: ignore[no-untyped-def]
         out[k] = w
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def _delayed(x, delay):  # type: ignore[no-untyped-def]
     """Return ``x`` later by ``delay`` samples; at rest on ``x[0]`` before its start."""
     n = x.size
     out = np.empty_like(x)
-    weights, last = np.empty(_NODES), np.empty(_NODES)
+    weights = np.empty(_NODES)
     whole = math.ceil(delay)
     # the wanted point lies between the stencil's third and fourth sample
     _weights(weights, 2.0 + (whole - delay))
-    for i in range(n):
+    w0, w1, w2 = weights[0], weights[1], weights[2]
+    w3, w4, w5 = weights[3], weights[4], weights[5]
+    early, late = min(whole + 2, n), min(max(whole + 2, n + whole + 3 - _NODES), n)
+    for i in range(early):
         first = i - whole - 2
         if first <= -_NODES:
             out[i] = x[0]
             continue
-        w = weights
-        if first + _NODES > n:
-            first = n - _NODES
-            _weights(last, i - delay - first)
-            w = last
         total = 0.0
         for k in range(_NODES):
-            total += w[k] * x[max(first + k, 0)]
+            total += weights[k] * x[min(max(first + k, 0), n - 1)]
+        out[i] = total
+    for i in range(early, late):
+        f = i - whole - 2
+        near = w0 * x[f] + w1 * x[f + 1] + w2 * x[f + 2]
+        out[i] = near + w3 * x[f + 3] + w4 * x[f + 4] + w5 * x[f + 5]
+    # the stencil would reach past the end: move it in
+    for i in range(late, n):
+        first = n - _NODES
+        _weights(weights, i - delay - first)
+        total = 0.0
+        for k in range(_NODES):
+            total += weights[k] * x[max(first + k, 0)]
         out[i] = total
     return out
 

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def free_oscillation(angle, zeta):  # type: ignore[no-untyped-def]
     """Return the propagator of one sample, ``angle = omega dt`` (time counted in samples).
 
@@ -45,7 +45,7 @@ def free_oscillation(angle, zeta):  # type: ignore[no-untyped-def]
     return c + loss * s, s, -angle * angle * s, c - loss * s
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def resonance(x, angle, zeta):  # type: ignore[no-untyped-def]
     """Return the response to samples ``x``, at rest on ``x[0]`` before them.
 

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
-from analysis.fit.problem import JointProblem
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.shots_at_once import at_once
 
 MAX_ITERATIONS = 120
 STEP_TOLERANCE = 2e-3
@@ -27,6 +28,8 @@ STRAIGHT_UP_TO = 0.5
 """Share by which 1/E' may fall in one straight step."""
 _BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
 LEAST_DAMPING = 1e-9
+SUM_ROUNDING = 1e-12
+"""Sums in different orders differ by less."""
 STALLED_DAMPING = 1e10
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
@@ -128,23 +131,34 @@ def _prior_cost(problem: JointProblem, theta: Array) -> float:
 
 
 def _linearise_all(problem: JointProblem, theta: Array, nuisances: Array) -> list[ShotBlock] | None:
-    blocks = []
-    for item, nuisance in zip(problem.shots, nuisances, strict=True):
-        block = linearise_shot(problem, item, theta, nuisance)
-        if block is None:
-            return None
-        blocks.append(block)
-    return blocks
+    def some(shots: Sequence[tuple[FitShot, Array]]) -> list[ShotBlock]:
+        blocks: list[ShotBlock] = []
+        for item, nuisance in shots:
+            block = linearise_shot(problem, item, theta, nuisance)
+            if block is None:
+                break
+            blocks.append(block)
+        return blocks
+
+    blocks = at_once(some, list(zip(problem.shots, nuisances, strict=True)))
+    return blocks if len(blocks) == len(problem.shots) else None
 
 
 def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_above: float) -> float:
     """Return the cost, or infinity as soon as it passes ``stop_above``."""
-    cost = _prior_cost(problem, theta)
-    for item, nuisance in zip(problem.shots, nuisances, strict=True):
-        cost += shot_cost(problem, item, theta, nuisance)
-        if not cost <= stop_above:
-            return math.inf
-    return cost
+    before = _prior_cost(problem, theta)
+
+    def some(shots: Sequence[tuple[FitShot, Array]]) -> list[float]:
+        costs: list[float] = []
+        for item, nuisance in shots:
+            costs.append(shot_cost(problem, item, theta, nuisance))
+            if not before + sum(costs) <= stop_above * (1 + SUM_ROUNDING):
+                break
+        return costs
+
+    costs = at_once(some, list(zip(problem.shots, nuisances, strict=True)))
+    cost = before + sum(costs)
+    return cost if len(costs) == len(problem.shots) and cost <= stop_above else math.inf
 
 
 def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:

@@ -1,0 +1,106 @@
+"""A trace and its neighbours: every derivative against central differences of whole traces."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from analysis.model.impact_model import ImpactModel, ShotFrame, model_named
+
+FRAME = ShotFrame(
+    1e6,
+    900,
+    0.6e-3,
+    9.80665,
+    window_start_s=0.0123,
+    radius_m=4.76e-3,
+    drop_height_m=0.047,
+    coupon_mass_kg=3.6e-3,
+    coupon_thickness_m=3e-3,
+)
+NAMES = (
+    "hsd",
+    "kv",
+    "hsd+stress_relaxation+dashpot_reaction",
+    "kv+stress_relaxation+adhesive_layer+plate_radiation+coupler_highpass+echo",
+    "kv+plate_radiation:elastic+coupon_mode+base_compliance",
+    "kv+recontact+second_mode+mains_hum",
+    "kv+release_speed_bias+mains_hum",
+    "kv+sensor_nonlinearity+clipping:soft+amplifier_lowpass",
+)
+EVERY_CONTACT = (
+    "kv+adhesion+finite_thickness+hunt_crossley_damping+stress_relaxation+surface_roughness"
+    "+viscoelastic_damping+plate_radiation"
+)
+
+
+def local_of(model: ImpactModel) -> np.ndarray:
+    """Return the paper's cell under an acetal sphere, each effect at its first start."""
+    own = {
+        "ln_K": math.log(1.5e8),
+        "ln_S": math.log(5.0),
+        "ln_w": math.log(1.08e5),
+        "ln_z": math.log(0.07),
+        "ln_M": math.log(0.0354),
+        "ln_v0": math.log(0.96),
+        "ln_e": math.log(0.85),
+        "t0_us": 120.37,
+        "baseline": 0.01,
+    }
+    for effect in model.effects:
+        for p in effect.parameters:
+            own[f"{effect.id}.{p.name}"] = p.coordinate(p.starts[0])
+    return np.array([own.get(name, 1e-3) for name in model.names])
+
+
+@pytest.mark.parametrize("name", [*NAMES, EVERY_CONTACT])
+def test_every_derivative_is_that_of_whole_traces(name: str) -> None:
+    """Signal and rebound move as fourth-order differences of predictions say."""
+    model = model_named(name)
+    local = local_of(model)
+    steps = model.steps(local, FRAME)
+    found, jacobian, gradient = model.linearise(local, FRAME)
+    plain = model.predict(local, FRAME, steps=steps)
+    assert np.allclose(found.signal, plain.signal, rtol=0, atol=1e-13)
+    assert found.rebound_ratio == plain.rebound_ratio
+    for j, parameter in enumerate(model.names):
+        h = 1e-2 if parameter == "t0_us" else 1e-4
+
+        def at(k: int, j: int = j, h: float = h) -> tuple[np.ndarray, float]:
+            moved = local.copy()
+            moved[j] += k * h
+            found = model.predict(moved, FRAME, steps=steps)
+            return found.signal, found.rebound_ratio
+
+        points = [at(k) for k in (-2, -1, 1, 2)]
+        slope, rebound = (
+            (8 * (points[2][i] - points[1][i]) - (points[3][i] - points[0][i])) / (12 * h)
+            for i in (0, 1)
+        )
+        scale = np.abs(found.signal).max()
+        # a step of 1e-6 in a frequency is 1e-4 rad after a hundred radians of ring
+        assert np.abs(jacobian[:, j] - slope).max() < 1e-4 * max(np.abs(slope).max(), scale)
+        assert gradient[j] == pytest.approx(rebound, abs=3e-6)
+
+
+def test_an_absurd_point_has_no_trace_and_no_derivative() -> None:
+    """Beyond what a float can hold nothing is clamped: the result is not a number."""
+    model = model_named("kv+stress_relaxation")
+    local = local_of(model)
+    local[0] = 900.0
+    found, jacobian, gradient = model.linearise(local, FRAME)
+    assert math.isnan(found.rebound_ratio)
+    assert np.isnan(jacobian).all()
+    assert np.isnan(gradient).all()
+
+
+def test_a_term_that_divides_by_zero_ends_the_trace() -> None:
+    """A failing law is told by a rebound that is not a number, not by zeros."""
+    model = model_named("kv+stress_relaxation")
+    local = local_of(model)
+    steps = model.steps(local, FRAME)
+    local[model.names.index("stress_relaxation.relaxation_time_s")] = -199.0
+    assert math.isfinite(model.predict(local_of(model), FRAME).rebound_ratio)
+    assert math.isnan(model.predict(local, FRAME, steps=steps).rebound_ratio)
