@@ -15,6 +15,7 @@ from impactd.console.tables import measured, print_json, progress, table
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""
+_UNITS = {"voltage": "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 
 def offline(path: Path, base: str, *, json_out: Path | None, report: Path | None) -> None:
@@ -80,7 +81,7 @@ def by_the_daemon(
             raise Failure(f"diagnosis {made['id']} {made['state']}: {made['reason']}")
         if report is not None:
             client.download(f"{at}/report.html", report)
-    _deliver(made["result"], json_out, report)
+    _deliver(made["result"], json_out, report, number=made["id"])
 
 
 def _watch(client: Client, at: str, number: int) -> dict[str, Any]:
@@ -102,25 +103,33 @@ def _all_shots(client: Client) -> list[int]:
     return sorted(int(item["number"]) for item in client.pages("/v1/shots", MOST_SHOTS))
 
 
-def _deliver(document: dict[str, Any], json_out: Path | None, report: Path | None) -> None:
+def _deliver(
+    document: dict[str, Any],
+    json_out: Path | None,
+    report: Path | None,
+    *,
+    number: int | None = None,
+) -> None:
     if json_out == Path("-"):
         print_json(document)
         return
     if json_out is not None:
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         json_out.write_text(text + "\n", encoding="utf-8")
-    print(summary(document))
+    print(summary(document, number=number))
     if report is not None:
         print(f"\nReport: {report}")
 
 
-def summary(document: dict[str, Any]) -> str:
+def summary(document: dict[str, Any], *, number: int | None = None) -> str:
     """Return a diagnosis as a person reads it on a terminal.
 
     Parameters
     ----------
     document : dict
         ``impactd-diagnosis/1``.
+    number : int, optional
+        Under which the daemon keeps it.
 
     Returns
     -------
@@ -140,12 +149,14 @@ def summary(document: dict[str, Any]) -> str:
     if document["verdict"] != "adequate":
         blocks.append(document["after"])
     keys = ("rms_V", "heldout_rms_V", "nrmse", "r2", "chi2_per_dof")
+    unit = _unit(document)
+    shown = (f"rms / {unit}", f"held out / {unit}", *keys[2:])
     parts.append(
         table(
-            ("model", *keys),
+            ("model", *shown),
             [(block["model"], *(block.get(key) for key in keys)) for block in blocks],
         )
-        + f"\nnoise before the trigger: {document['noise_rms_V']:.4g} V rms"
+        + f"\nnoise before the trigger: {document['noise_rms_V']:.4g} {unit} rms"
     )
     parts += [
         f"Moduli under {block['model']}:\n{moduli_table(block['moduli'])}"
@@ -155,11 +166,29 @@ def summary(document: dict[str, Any]) -> str:
     tried = [c for c in document["candidates"] if c["delta_log_likelihood"] is not None]
     if tried:
         lines = [(c["id"], c["heldout_rms_V"], c["why_not"] or "taken") for c in tried]
-        parts.append(table(("candidate", "held-out rms", ""), lines))
+        parts.append(table(("candidate", f"held out / {unit}", ""), lines))
     if document["next_drop"]:
-        parts.append(f"Drop next: {json.dumps(document['next_drop'])}")
+        parts.append(_drop_next(document["next_drop"], number))
     parts += [
         f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
         for item in document["rejected"]
     ]
     return "\n\n".join(parts)
+
+
+def _unit(document: dict[str, Any]) -> str:
+    """Return what the recordings were made in; the JSON's ``_V`` stands for it."""
+    units = {_UNITS[quantity] for quantity in document["campaign"].get("quantities", ["voltage"])}
+    return units.pop() if len(units) == 1 else "of each record"
+
+
+def _drop_next(wanted: dict[str, Any], number: int | None) -> str:
+    times = "once" if wanted["repeats"] == 1 else f"{wanted['repeats']} times"
+    said = (
+        f"Drop next, {times}: {wanted['sphere']} on {wanted['surface']} from "
+        f"{1e3 * wanted['drop_height_m']:.1f} mm; it tells {' from '.join(wanted['separates'])} "
+        f"(one drop moves them {wanted['expected_distance']:.1f} noise units apart)."
+    )
+    if number is None:
+        return said
+    return f"{said}\nThe daemon makes it: impactd drop --proposed-by {number}"

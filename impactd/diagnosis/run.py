@@ -41,6 +41,8 @@ def diagnose(
     if progress is not None:
         progress("writing down what was found", 0.99)
     document = diagnosis_json(found, software=software())
+    # what "_V" stands for where another instrument recorded something else
+    document["campaign"]["quantities"] = sorted({shot.quantity for shot in campaign.shots})
     rejected = [
         {"name": one.name, "path": one.path, "reason": one.reason} for one in campaign.rejected
     ]

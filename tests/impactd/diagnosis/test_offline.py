@@ -6,6 +6,8 @@ import json
 import subprocess
 import sys
 
+from impactd.console.diagnoses import summary
+
 
 def test_a_campaign_is_diagnosed_offline(leaky_campaign, tmp_path):
     """JSON and page are written, the summary is printed, a pipe sees no progress."""
@@ -25,3 +27,29 @@ def test_a_campaign_is_diagnosed_offline(leaky_campaign, tmp_path):
     assert found["format"] == "impactd-diagnosis/1"
     assert found["effects"][0]["id"] == "coupler_highpass"
     assert report.read_text().startswith("<!doctype html>")
+
+
+def test_the_next_drop_is_told_in_words_with_the_command_that_makes_it(document):
+    """A proposal names the drop and how far it separates whom; the daemon's has its number."""
+    wanted = {
+        "sphere": "acetal",
+        "surface": "specimen",
+        "drop_height_m": 0.0412,
+        "separates": ["echo", "second_mode"],
+        "expected_distance": 7.13,
+        "repeats": 1,
+    }
+    told = summary({**document, "next_drop": wanted}, number=12)
+    assert "Drop next, once: acetal on specimen from 41.2 mm" in told
+    assert "it tells echo from second_mode" in told
+    assert told.endswith("impactd drop --proposed-by 12")
+    assert "--proposed-by" not in summary({**document, "next_drop": {**wanted, "repeats": 3}})
+
+
+def test_a_record_in_other_units_is_not_told_in_volts(document):
+    """An accelerometer's residual is in m/s^2."""
+    assert document["campaign"]["quantities"] == ["voltage"]
+    other = {**document["campaign"], "quantities": ["acceleration_m_per_s2"]}
+    told = summary({**document, "campaign": other})
+    assert "m/s^2 rms" in told
+    assert " V rms" not in told.partition("noise before the trigger")[2]
