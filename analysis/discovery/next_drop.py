@@ -273,10 +273,13 @@ def _separation(one: _Side, other: _Side, drop: _Drop) -> tuple[float, int] | No
         return None
     difference = first.white - second.white
     yielding = [(first, one), (second, other)]
-    parts = [_parts(p, side.information, difference) for p, side in yielding]
-    for repeats in range(1, MOST_REPEATS + 1):
-        if all(_squared(p, repeats) >= WANTED_DISTANCE**2 for p in parts):
-            return math.sqrt(max(min(_squared(p, 1) for p in parts), 0.0)), repeats
+    try:
+        parts = [_parts(p, side.information, difference) for p, side in yielding]
+        for repeats in range(1, MOST_REPEATS + 1):
+            if all(_squared(p, repeats) >= WANTED_DISTANCE**2 for p in parts):
+                return math.sqrt(max(min(_squared(p, 1) for p in parts), 0.0)), repeats
+    except np.linalg.LinAlgError:  # a number that nothing fixes: such a fit foretells nothing
+        return None
     return None
 
 
