@@ -61,11 +61,12 @@ the diagnosis</a>.</p>
 the bottom, on its own scale: what KV leaves of this sphere, coupon and height, mean over the
 repeats, and what is left with what was found.</figcaption></figure>
 
-<h2>Reduced modulus E* of each pair</h2>
-<p>The one number that a contact knows.</p>
+<h2>Reduced modulus E* of each pair / GPa</h2>
+<p>The one number that a contact knows. ± is the standard uncertainty. All pairs share the error of
+one load cell: they are inside or outside together more often than not.</p>
 <div class="wide">$pairs</div>
 
-<h2>Young's modulus of each material</h2>
+<h2>Young's modulus of each material / GPa</h2>
 <p>From the network of all pairs and what was stated before. Poisson's ratio is never seen by a
 normal impact; its uncertainty is inside.</p>
 <div class="wide">$materials</div>

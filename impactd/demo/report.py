@@ -13,7 +13,7 @@ from impactd import __version__
 from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import Outcome, Row
 from impactd.demo.page import PAGE
-from impactd.demo.words import gigapascals, inside, interval, off_by, true_gigapascals
+from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 
 _KNOWN = ' <span class="soft">(known before)</span>'
 
@@ -103,17 +103,16 @@ def _table(what: str, rows: list[Row], outcome: Outcome) -> str:
             html.escape(row.name) + (_KNOWN if row.known else ""),
             str(row.shots),
             *(gigapascals(row.estimates[rung.key]) for rung in outcome.rungs),
-            interval(row.estimates[last]),
             true_gigapascals(row),
             inside(row.estimates[last], row.truth_pa),
         ]
         body.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
     rungs = "".join(
-        f'<th class="{rung.key}">{html.escape(rung.name)} ± u / GPa</th>' for rung in outcome.rungs
+        f'<th class="{rung.key}">{html.escape(rung.name)}</th>' for rung in outcome.rungs
     )
     return (
         f"<table><thead><tr><th>{what}</th><th>drops</th>{rungs}"
-        f'<th class="{last}">its 95 % / GPa</th><th>truth / GPa</th><th>inside?</th></tr>'
+        f'<th>truth</th><th class="{last}">inside its 95 %?</th></tr>'
         f"</thead><tbody>{''.join(body)}</tbody></table>"
     )
 

@@ -24,25 +24,6 @@ def gigapascals(estimate: Estimate | None) -> str:
     return f"{estimate.value_pa / 1e9:.{digits}f} ± {estimate.u_pa / 1e9:.{digits}f}"
 
 
-def interval(estimate: Estimate | None) -> str:
-    """Return the 95 % interval of an estimate.
-
-    Parameters
-    ----------
-    estimate : Estimate or None
-        ``None``: withheld.
-
-    Returns
-    -------
-    str
-        In GPa; ``-`` where nothing was stated.
-    """
-    if estimate is None:
-        return "-"
-    digits = _digits(estimate)
-    return " … ".join(f"{limit / 1e9:.{digits}f}" for limit in estimate.interval95_pa)
-
-
 def true_gigapascals(row: Row) -> str:
     """Return a row's truth, to the digits of its sharpest estimate.
 
