@@ -134,6 +134,9 @@ def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
             f"The index holds {report.shots} shots and {report.drops} drops again; "
             f"the next number is {report.last_number + 1}."
         )
+        taken = report.kept["calibration files"], report.kept["diagnosis files"]
+        if any(taken):
+            print(f"Taken from their files: {taken[0]} calibrations, {taken[1]} diagnoses.")
         for line in report.damaged:
             print(f"Damaged: {line}")
         if report.lost:
