@@ -12,8 +12,10 @@ Source: one mode of a continuous body as an attached oscillator; Meirovitch, Fun
 Vibrations (2001) ch. 8. Validity: one mode matters, the contact excites it through the top mass's
 motion. Validation: DOP853 of the coupled equations; split of the free frequencies in the tests.
 
-Scope: the surface's, because flexure goes with the coupon's thickness and sound speed; a rocking
-cap would be the rig's.
+Scope: frequency and damping are the rig's as the smallest hypothesis: one cap, coupons of one kind.
+The mass that takes part goes with the place that the sphere hits, none at a node and most at an
+edge. It is the surface's here, and the shot's (scope ``shot``) where the sphere does not hit the
+same place each time.
 """
 
 import math
@@ -67,7 +69,7 @@ EFFECT = Effect(
         EffectParameter(
             "frequency_hz",
             "Hz",
-            "surface",
+            "rig",
             "log",
             1e4,
             1e3,
@@ -76,7 +78,7 @@ EFFECT = Effect(
             "natural frequency",
         ),
         EffectParameter(
-            "damping_ratio", "1", "surface", "log", 0.03, 1e-4, 1.0, (0.03,), "of the mode"
+            "damping_ratio", "1", "rig", "log", 0.03, 1e-4, 1.0, (0.03,), "of the mode"
         ),
     ),
     structure=_structure,

@@ -115,7 +115,8 @@ class EffectParameter:
     unit : str
         In words for people, SI.
     scope : str
-        What it belongs to: rig, surface, sphere or pair.
+        What it belongs to: rig, surface, sphere, pair, or shot; a shot's own number is eliminated
+        with the shot's speed and touch-down, and nothing is known of it before.
     form : str
         The coordinate it is fitted in: ``log`` (ln of the value), ``linear`` (value / scale;
         neutral at 0) or ``inverse`` (scale / value; neutral at infinity, coordinate 0).

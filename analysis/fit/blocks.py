@@ -8,13 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.fit.nuisances import prior_of
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
-from analysis.model.impact_model import NUISANCE, SHARED, ImpactModel
+from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
-
-LARGEST_LOG = 200.0
-"""No quantity of a rig is e^200 of its unit; beyond, exponentials overflow."""
 
 
 @dataclass(frozen=True)
@@ -23,9 +21,9 @@ class ShotBlock:
 
     Attributes
     ----------
-    matrix : ndarray, shape (s + 4, s + 4)
+    matrix : ndarray, shape (s + q, s + q)
         Whitened J^T J, knowledge of the nuisances included.
-    vector : ndarray, shape (s + 4,)
+    vector : ndarray, shape (s + q,)
         Whitened -J^T r.
     chain : ndarray, shape (s, g)
         Shared local parameters by the globals.
@@ -48,7 +46,7 @@ def _speed_shift_gradient(model: ImpactModel, item: FitShot, local: Array) -> Ar
     if not any(e.speed is not None for e in model.effects):
         return row
     step = 1e-5
-    for j in range(len(SHARED[model.kind]), len(model.shared)):
+    for j in (at for e in model.effects if e.speed is not None for at in model.places[e.id]):
         moved = local.copy()
         moved[j] += step
         above = model.speed_shift(moved, item.frame)
@@ -116,19 +114,19 @@ def prior_rows(
         row[at_e] = 1 / UNKNOWN_LOG_U
         residuals.append(local[at_e] / UNKNOWN_LOG_U)
         rows.append(row)
-    for j in range(at_speed + len(NUISANCE), local.size):
+    for j, parameter in model.of_shot:
+        known_of_it = prior_of(parameter)
+        row = np.zeros(local.size)
+        row[j] = 1 / known_of_it.u
+        residuals.append((local[j] - known_of_it.mean) / known_of_it.u)
+        rows.append(row)
+    for j in range(model.first_size, local.size):
         # a free size as wide as the whole pulse only keeps an unused one finite
         row = np.zeros(local.size)
         row[j] = 1 / item.window.peak
         residuals.append(local[j] / item.window.peak)
         rows.append(row)
     return residuals, rows
-
-
-def _is_absurd(model: ImpactModel, local: Array) -> bool:
-    """Tell whether a step left everything a float can hold; such a step is refused, not clamped."""
-    logs = local[: len(model.shared) + 2]
-    return not bool(np.abs(logs).max() < LARGEST_LOG)
 
 
 def linearise_shot(
@@ -144,8 +142,8 @@ def linearise_shot(
         The shot.
     theta : ndarray, shape (g,)
         Globals.
-    nuisance : ndarray, shape (4,)
-        The shot's own.
+    nuisance : ndarray, shape (q,)
+        The shot's own, in the order of ``model.nuisances``.
 
     Returns
     -------
@@ -154,7 +152,7 @@ def linearise_shot(
     """
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
-    if _is_absurd(problem.model, local):
+    if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
         return None
     found, jacobian, gradient = problem.model.linearise(local, item.frame)
     if not (math.isfinite(found.rebound_ratio) and np.isfinite(gradient).all()):
@@ -177,7 +175,7 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
     """Return one shot's whitened squares with its priors; infinite where there is no trace."""
     shared, _ = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
-    if _is_absurd(problem.model, local):
+    if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
         return math.inf
     found = problem.model.predict(local, item.frame)
     if not math.isfinite(found.rebound_ratio):

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.campaign import Sensor
+from analysis.fit.nuisances import fresh
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
 from analysis.fit.ring import FREQUENCY_STEP, ring_in_tails
 from analysis.fit.scan import best_contact_time, stiffness_for
@@ -109,7 +110,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
     """
     kind = problem.model.kind
     omega0, zeta = _ring_start(problem) if kind == solver.KV else (1.0, 0.1)
-    nuisances = np.zeros((len(problem.shots), len(problem.model.nuisances)))
+    nuisances = fresh(problem.model, len(problem.shots))
     stiffness = np.empty(len(problem.shots))
     log_gain = np.empty(len(problem.shots))
     known_gain = _known_gain(problem)

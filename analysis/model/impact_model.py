@@ -18,9 +18,10 @@ t0_us      touch-down, in microseconds  after the window's first sample (nuisanc
 baseline   offset                       unit of the signal (nuisance)
 ========== ============================ ======================================================
 
-The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline. Effects add shared
-local parameters named ``<effect>.<parameter>``, in the coordinate that the effect states; what has
-no effect runs through the base solver alone.
+The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline. Effects add local
+parameters named ``<effect>.<parameter>``, in the coordinate that the effect states: shared ones,
+or, where a number belongs to the shot, nuisances behind the four. Sizes of free signals come last.
+What has no effect runs through the base solver alone.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.effects.effect import Effect, ShotContext
+from analysis.effects.effect import Effect, EffectParameter, ShotContext
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
 from analysis.model import neighbours, solver
@@ -158,6 +159,16 @@ class ImpactModel:
         return {e.id: tuple(at[f"{e.id}.{p.name}"] for p in e.parameters) for e in self.effects}
 
     @cached_property
+    def of_shot(self) -> tuple[tuple[int, EffectParameter], ...]:
+        """Return the effects' numbers that each shot has for itself, with their places."""
+        return tuple(
+            (at, p)
+            for e in self.effects
+            for at, p in zip(self.places[e.id], e.parameters, strict=True)
+            if p.scope == "shot"
+        )
+
+    @cached_property
     def first_size(self) -> int:
         """Return where the free sizes begin among the local parameters."""
         return len(self.names) - sum(e.basis_size for e in self.effects)
@@ -210,7 +221,7 @@ class ImpactModel:
 
     def _column(self, local: Array, frame: ShotFrame) -> Column:
         """Return the local parameters with what the effects make of them, or OverflowError."""
-        if not np.abs(local[: len(self.shared) + 2]).max() < _LARGEST_COORDINATE:
+        if not self.is_thinkable(local):
             raise OverflowError
         return Column(0, local, self.effect_values(local), self.context(local, frame))
 
@@ -241,6 +252,13 @@ class ImpactModel:
         except OverflowError:  # an effect's numbers that no float can hold
             return _nothing(frame)
         return self._prediction(signal, found, column)
+
+    def is_thinkable(self, local: Array) -> bool:
+        """Tell whether floats can hold what these coordinates stand for."""
+        at = len(self.shared)
+        largest = np.abs(local[: at + 2]).max()
+        own = local[at + len(NUISANCE) : self.first_size]
+        return bool(max(largest, np.abs(own).max(initial=0.0)) < _LARGEST_COORDINATE)
 
     def _prediction(self, read: Array, found: Array, column: Column) -> Prediction:
         """Return the trace with baseline and signals of free size."""

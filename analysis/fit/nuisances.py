@@ -1,0 +1,86 @@
+"""A shot's own parameters: what is known of those that effects bring, and carrying them over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.effects.effect import EffectParameter
+from analysis.fit.priors import UNKNOWN_LOG_U, Prior
+from analysis.model.impact_model import ImpactModel
+
+Array = NDArray[np.float64]
+
+COORDINATE_U = 20.0
+"""Width, in coordinates, that only keeps a shot's own number finite."""
+
+
+def prior_of(parameter: EffectParameter) -> Prior:
+    """Return what is known of a shot's own number before the shot: next to nothing.
+
+    Parameters
+    ----------
+    parameter : EffectParameter
+        Of scope ``shot``.
+
+    Returns
+    -------
+    Prior
+        In its coordinate: about neutral, or about the first start of a logarithm.
+    """
+    if parameter.form == "log":
+        return Prior(parameter.coordinate(parameter.starts[0]), UNKNOWN_LOG_U)
+    return Prior(0.0, COORDINATE_U)
+
+
+def fresh(model: ImpactModel, shots: int, starts: Mapping[str, float] | None = None) -> Array:
+    """Return nuisances to start from: effects' numbers at their starts, all else zero.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Base and effects.
+    shots : int
+        How many shots.
+    starts : Mapping, optional
+        Coordinate by name, ``<effect>.<parameter>``, where the effect's own start is not wanted.
+
+    Returns
+    -------
+    ndarray, shape (shots, q)
+        In the order of ``model.nuisances``.
+    """
+    found = np.zeros((shots, len(model.nuisances)))
+    for at, parameter in model.of_shot:
+        name = model.names[at]
+        start = parameter.coordinate(parameter.starts[0])
+        found[:, at - len(model.shared)] = (starts or {}).get(name, start)
+    return found
+
+
+def carried_over(
+    old: ImpactModel, new: ImpactModel, nuisances: Array, starts: Mapping[str, float] | None = None
+) -> Array:
+    """Return one model's nuisances as another's, which has more effects or fewer.
+
+    Parameters
+    ----------
+    old, new : ImpactModel
+        The models; what both have keeps its values, whatever its place.
+    nuisances : ndarray, shape (shots, q)
+        In the order of ``old.nuisances``.
+    starts : Mapping, optional
+        As in `fresh`, for what is new.
+
+    Returns
+    -------
+    ndarray, shape (shots, r)
+        In the order of ``new.nuisances``.
+    """
+    found = fresh(new, nuisances.shape[0], starts)
+    for at, name in enumerate(new.nuisances):
+        if name in old.nuisances:
+            found[:, at] = nuisances[:, old.nuisances.index(name)]
+    return found
