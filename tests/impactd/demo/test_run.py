@@ -12,7 +12,7 @@ import pytest
 
 from impactd.console.failure import Failure
 from impactd.demo import run_demo
-from impactd.demo.drops import plan
+from impactd.demo.drops import overloaded, plan
 
 
 def test_a_folder_with_other_things_is_left_alone(tmp_path: Path) -> None:
@@ -29,6 +29,13 @@ def test_the_campaign_has_enough_drops_to_tell_materials_apart() -> None:
     assert (len(spheres), len(surfaces), len(heights)) == (3, 2, 3)
     assert {"specimen", "acetal", "acetal_small"} <= spheres | surfaces
     assert all(plan().count(drop) == 2 for drop in plan())
+
+
+def test_only_the_converter_overloads() -> None:
+    """A shot cut at the converter's range belongs into no campaign; one cut below it does."""
+    assert overloaded({"clipped": True, "peak": 10.01}, 10.0)
+    assert not overloaded({"clipped": True, "peak": 6.2}, 10.0)
+    assert not overloaded({"clipped": False, "peak": 9.95}, 10.0)
 
 
 def demo(out: Path, *words: str) -> tuple[str, dict[str, Any]]:

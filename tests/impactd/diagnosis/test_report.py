@@ -93,3 +93,45 @@ def test_what_people_typed_is_escaped(document):
     made = page(nasty)
     assert "<script>" not in made
     assert "a &amp; b" in made
+
+
+def test_the_next_drop_is_told_as_a_drop(document):
+    """Sphere, surface, height, how often, and which rivals it tells apart."""
+    asking = copy.deepcopy(document)
+    asking["next_drop"] = {
+        "sphere": "acetal_small",
+        "surface": "specimen",
+        "drop_height_m": 0.0465,
+        "repeats": 3,
+        "separates": ["echo", "second_mode"],
+        "expected_distance": 7.31,
+    }
+    text = " ".join(read(page(asking)).text)
+    for said in ("acetal_small on specimen from 46.5 mm", "3 times", "echo", "second_mode", "7.31"):
+        assert said in text
+
+
+def test_a_closure_is_drawn_over_time_and_its_formula_told(document):
+    """Coefficients that belong to moments become a curve; a formula stands in the page."""
+    unknown = copy.deepcopy(document)
+    moments = {f"{at} us after touch-down": 1e-3 * at for at in (0, 30, 60, 150, 400)}
+    unknown.update(verdict="unknown", effects=[])
+    unknown["closure"] = {
+        "family": "locked",
+        "scope": "rig",
+        "numbers": 5,
+        "coefficients": moments,
+        "formula": "0.3 * delta**2 < 1",
+    }
+    made = page(unknown)
+    assert "The closure over time." in made
+    assert "0.3 * delta**2 &lt; 1" in made
+    unknown["closure"].update(coefficients={"square": 1.0}, formula=None)
+    assert "The closure over time." not in page(unknown)
+
+
+def test_where_in_time_the_residual_lives_is_told(document):
+    """Before touch-down, in contact, in the ring and later, for both models."""
+    text = " ".join(read(page(document)).text)
+    for phase in ("before touch-down", "contact", "ring after lift-off", "later"):
+        assert phase in text
