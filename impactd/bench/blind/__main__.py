@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import sys
 from pathlib import Path
 
@@ -61,6 +62,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
 
 
 def _run(options: argparse.Namespace) -> int:
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # else workers would be orphaned
     seeds = range(options.seed_from, options.seed_from + options.campaigns)
     tasks = [Task(kind, seed) for seed in seeds for kind in options.kind]
     for done, trial in enumerate(run_into(options.out, tasks, workers=options.workers), 1):

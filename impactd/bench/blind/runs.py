@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import signal
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -45,13 +47,22 @@ def run(tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
         for task in tasks:
             yield run_trial(*task)
         return
-    with ProcessPoolExecutor(workers) as pool:
+    with ProcessPoolExecutor(workers, initializer=_leave_stopping_to_parent) as pool:
         waiting = {pool.submit(run_trial, *task) for task in tasks}
         try:
             for done in as_completed(waiting):
                 yield done.result()
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+        except BaseException:  # stopped, or whoever asked has gone
+            # the pool would wait for minutes of trials that nobody writes down any more
+            for child in multiprocessing.active_children():
+                child.terminate()
+            raise
+
+
+def _leave_stopping_to_parent() -> None:
+    """Have Ctrl-C reach the parent only, which then ends its workers itself."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:

@@ -71,6 +71,7 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
         return Visibility(_cost(bare_twin, campaign, "hsd") - bare, [])
 
     def added(effects: Sequence[Effect]) -> float:
+        """Return what some effects add to the cost."""
         twin = _twin(plan, effects)
         try:
             return _cost(twin, campaign, "kv") - bare

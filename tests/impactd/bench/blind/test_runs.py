@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -78,6 +82,22 @@ def test_an_effect_shows_as_far_as_its_size() -> None:
     assert seen.together > VISIBLE
     clean = draw_plan("clean", 1)
     assert visibility(clean, simulated_campaign(clean.settings, clean.campaign_seed)) is None
+
+
+@pytest.mark.slow
+def test_a_run_that_is_told_to_stop_leaves_no_workers(tmp_path: Path) -> None:
+    """It ends within seconds, although trials take longer, and says how to go on."""
+    command = "-m impactd.bench.blind --kind outside --seed-from 70 --campaigns 4 --workers 2"
+    path = tmp_path / "t.jsonl"
+    arguments = [sys.executable, *command.split(), "--out", str(path)]
+    process = subprocess.Popen(arguments, stderr=subprocess.PIPE, text=True)
+    while not path.exists():  # opened when the run begins
+        time.sleep(0.1)
+    time.sleep(1.0)
+    process.send_signal(signal.SIGTERM)
+    _, said = process.communicate(timeout=30)  # also waits for workers: they hold the pipe
+    assert process.returncode == 130
+    assert "Stopped" in said
 
 
 @pytest.mark.slow
