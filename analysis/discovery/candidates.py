@@ -76,6 +76,8 @@ class Refit:
         A number left its physical range.
     linear_gain : float
         What the cheap look had promised.
+    on_all_shots : bool
+        False where only a part of the shots was fitted, the gain scaled to all.
     """
 
     effect: Effect
@@ -87,13 +89,15 @@ class Refit:
     parameters: int
     at_bound: bool
     linear_gain: float
+    on_all_shots: bool = True
 
     def score(self, penalty: float) -> float:
         """Return the gain less a price for each number."""
         return self.gain - penalty * self.parameters
 
 
-def _amplitude(effect: Effect) -> int | None:
+def amplitude_of(effect: Effect) -> int | None:
+    """Return which parameter of an effect is its size; None where none is neutral at a point."""
     for at, parameter in enumerate(effect.parameters):
         if parameter.form in ("linear", "inverse") and not parameter.peak_starts:
             return at
@@ -104,6 +108,28 @@ def _starts(parameter: EffectParameter, top: float) -> tuple[float, ...]:
     if parameter.peak_starts:
         return tuple(top * s for s in parameter.peak_starts)
     return parameter.starts
+
+
+def default_starts(effect: Effect, top: float) -> list[tuple[float, ...]]:
+    """Return an effect's usual numbers as coordinates, every combination of its starts.
+
+    Parameters
+    ----------
+    effect : Effect
+        Any.
+    top : float
+        Largest excursion of the campaign, for sizes in the signal's own unit.
+
+    Returns
+    -------
+    list of tuple of float
+        At most `STARTS_TRIED`.
+    """
+    lists = [_starts(p, top) for p in effect.parameters]
+    return [
+        tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
+        for values in itertools.islice(itertools.product(*lists), STARTS_TRIED)
+    ]
 
 
 def can_be_tried(effect: Effect, problem: JointProblem) -> str | None:
@@ -146,7 +172,7 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
             refused[listed.id] = why
             continue
         for effect in (listed, *listed.variants):
-            amplitude = _amplitude(effect)
+            amplitude = amplitude_of(effect)
             lists = [
                 _starts(p, top)[:1] if at == amplitude else _starts(p, top)
                 for at, p in enumerate(effect.parameters)
@@ -216,7 +242,7 @@ def rescoped(effect: Effect, scope: str) -> Effect:
     Effect
         With every number that is no amplitude owned by the rig.
     """
-    amplitude = _amplitude(effect)
+    amplitude = amplitude_of(effect)
     parameters = tuple(
         dataclasses.replace(p, scope=scope if amplitude is None or at == amplitude else "rig")
         for at, p in enumerate(effect.parameters)
@@ -231,7 +257,7 @@ def scopes_of(effect: Effect) -> tuple[str, ...]:
     if effect.slot == "contact":
         return SCOPES_TRIED
     if effect.slot == "mounting":
-        return ("rig",) if _amplitude(effect) is None else ("rig", "surface")
+        return ("rig",) if amplitude_of(effect) is None else ("rig", "surface")
     return ("rig",)
 
 
@@ -315,6 +341,7 @@ def refit(
     coefficients: dict[str, float],
     linear_gain: float,
     max_iterations: int = 25,
+    begin: joint.Fitted | None = None,
 ) -> Refit:
     """Return the model with one more effect, all parameters fitted again.
 
@@ -332,6 +359,9 @@ def refit(
         What the cheap look promised.
     max_iterations : int
         Steps allowed.
+    begin : Fitted, optional
+        Where the present model's own parameters start; by default at its best. An effect that
+        changes everything has drawn that best far from where it belongs.
 
     Returns
     -------
@@ -355,13 +385,78 @@ def refit(
                 # an outlandish first-order size only says "large": start from the usual one
                 value = found if abs(found) < 30 * abs(coordinate) else coordinate
             start[f"{effect.id}.{parameter.name}{owner}"] = value
-    larger, theta, nuisances = extended(problem, fitted, effect, start)
+    larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
+    if begin is not None:
+        nuisances = joint.settle(larger, theta, nuisances)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     gain = fitted.cost - result.cost if math.isfinite(result.cost) else -math.inf
     count = len(larger.names) - len(problem.names)
     count += effect.basis_size * len(problem.shots)
     bad = not result.blocks or left_its_range(larger, result, effect)
     return Refit(effect, proposal.owner, scope, larger, result, gain, count, bad, linear_gain)
+
+
+def refit_elsewhere(
+    found: Refit,
+    *,
+    few: list[int],
+    few_base: joint.Fitted,
+    many: list[int],
+    problem: JointProblem,
+    base: joint.Fitted,
+    max_iterations: int,
+) -> Refit:
+    """Return a refit carried on on more shots.
+
+    Parameters
+    ----------
+    found : Refit
+        Of an effect on few shots.
+    few, many : list of int
+        Places of the shots in the whole campaign, before and now.
+    few_base, base : Fitted
+        The model without the effect, fitted to the few and to the many.
+    problem : JointProblem
+        The model without the effect, with the many shots.
+    max_iterations : int
+        Steps allowed.
+
+    Returns
+    -------
+    Refit
+        With the gain on the many. A shot that was not among the few starts where the effect moved
+        the one most like it.
+    """
+    if not found.fitted.blocks:
+        return found
+    wide = dataclasses.replace(found.problem, shots=problem.shots)
+    old = few_base.nuisances.shape[1]
+    nuisances = np.zeros((len(many), found.fitted.nuisances.shape[1]))
+    nuisances[:, :old] = base.nuisances
+    for row, place in enumerate(many):
+        near = _most_alike(problem.shots[row], place, found.problem.shots, few)
+        nuisances[row] += found.fitted.nuisances[near]
+        nuisances[row, :old] -= few_base.nuisances[near]
+    nuisances = joint.settle(wide, found.fitted.theta, nuisances)
+    result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
+    gain = base.cost - result.cost if math.isfinite(result.cost) else -math.inf
+    bad = not result.blocks or left_its_range(wide, result, found.effect)
+    count = len(wide.names) - len(problem.names) + found.effect.basis_size * len(many)
+    return dataclasses.replace(
+        found, problem=wide, fitted=result, gain=gain, at_bound=bad, parameters=count
+    )
+
+
+def _most_alike(target: FitShot, place: int, shots: list[FitShot], places: list[int]) -> int:
+    """Return which of some shots is most like another: same pair, near height, near in time."""
+    height = target.shot.drop_height_m or 0.0
+
+    def distance(at: int) -> tuple[bool, float, int]:
+        own = shots[at]
+        off = abs((own.shot.drop_height_m or 0.0) - height)
+        return own.pair != target.pair, off, abs(places[at] - place)
+
+    return min(range(len(places)), key=distance)
 
 
 def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> Refit:
@@ -387,6 +482,3 @@ def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> 
     )  # fmt: skip
     bad = not result.blocks or left_its_range(found.problem, result, found.effect)
     return dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
-
-
-__all__ = ["Proposal", "Refit", "column", "continued", "proposals", "refit"]

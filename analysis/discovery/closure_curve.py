@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.columns import CONTACT_POWERS
-from analysis.discovery.diagnosis import Step
 from analysis.discovery.evidence import Explained, family_columns, scale_of
 from analysis.discovery.stack import Grid, binned, grid_for
+from analysis.discovery.trail import Step
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import ShotFit

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from analysis.discovery.candidates import Refit, scopes_of
-from analysis.discovery.diagnosis import MIN_GAIN, PENALTY, Diagnosis, Step
+from analysis.discovery.diagnosis import Diagnosis
+from analysis.discovery.ranking import PENALTY
+from analysis.discovery.trail import MIN_GAIN, Step
 from analysis.effects.library import effect_named
 
 

@@ -79,7 +79,7 @@ EFFECT = Effect(
             3e8,
             1e7,
             1e11,
-            (1e8, 4e8, 1.5e9, 4e9),
+            (6e7, 1.2e8, 2.5e8, 6e8, 1.5e9, 4e9),
             "contact pressure at which flow begins, p_y",
         ),
     ),

@@ -31,6 +31,9 @@ LEAST_DAMPING = 1e-9
 SUM_ROUNDING = 1e-12
 """Sums in different orders differ by less."""
 STALLED_DAMPING = 1e10
+SETTLE_STEPS = 8
+SETTLED_SHARE = 1e-3
+"""A shot's own parameters are good enough to start from when a step gains less than this share."""
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
 
@@ -311,6 +314,45 @@ def fit(
     matrix, _, _ = _gather(problem, blocks, theta, 0.0)
     covariance = np.asarray(np.linalg.inv(matrix))
     return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
+
+
+def settle(problem: JointProblem, theta: Array, nuisances: Array) -> Array:
+    """Return the shots' own parameters at their best for given globals, each shot by itself.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    theta : ndarray, shape (g,)
+        Globals, kept.
+    nuisances : ndarray, shape (shots, p)
+        Where to start.
+
+    Returns
+    -------
+    ndarray, shape (shots, p)
+        Never worse; a shot that starts far off does not hold the others up.
+    """
+    settled = nuisances.copy()
+    for row, item in enumerate(problem.shots):
+        damping = 1e-3
+        block = linearise_shot(problem, item, theta, settled[row])
+        for _ in range(SETTLE_STEPS):
+            if block is None:
+                break
+            s = block.chain.shape[0]
+            inner = block.matrix[s:, s:].copy()
+            inner[np.diag_indices_from(inner)] *= 1 + damping
+            moved = settled[row] + np.linalg.solve(inner, block.vector[s:])
+            ahead = linearise_shot(problem, item, theta, moved)
+            if ahead is None or not ahead.cost < block.cost:
+                damping *= 30
+                continue
+            small = block.cost - ahead.cost < SETTLED_SHARE * block.cost
+            settled[row], block, damping = moved, ahead, damping / 10
+            if small:
+                break
+    return settled
 
 
 def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:

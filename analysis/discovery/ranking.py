@@ -1,0 +1,379 @@
+"""Which effect first? A tournament of honest refits: many starts on few shots, the best on all.
+
+Repeats of a drop say the same about a model's form, so early rounds look at few shots, chosen so
+that every pair and, as far as it goes, every height takes part. Scores are compared only within one
+set of shots. What a linear look promises puts the starts in order; it is a promise only, and where
+the residual is many times the noise the usual sizes of every effect are tried beside it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.discovery.candidates import (
+    Proposal,
+    Refit,
+    continued,
+    default_starts,
+    refit,
+    refit_elsewhere,
+    scopes_of,
+)
+from analysis.discovery.evidence import Evidence, gather
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem
+
+PENALTY = 12.0
+"""Price of one number in whitened squares, about ln of the number of samples."""
+FEW, MORE = 9, 18
+"""Shots of the first two rounds."""
+FIRST_STEPS, SECOND_STEPS = 4, 10
+STARTS_PER_OWNER = 2
+STRUCTURE_STARTS = 4
+SHORTLIST = 7
+INTO_SECOND, INTO_LAST = 7, 3
+FAR = 1.5
+"""Whitened squares a sample from which no slope shows how far an effect can go."""
+KNOWN_U = 0.3
+"""A global whose prior is narrower than this is known before any record."""
+USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
+"""Where an unknown plastic begins when the records themselves mislead."""
+HOPELESS = 0.25
+"""Share of the leader's score below which a candidate is not carried on."""
+STARTS_WHEN_FAR = 6
+STARTS_KEPT = 2
+
+Array = NDArray[np.float64]
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Start:
+    """One way to begin fitting one effect.
+
+    Attributes
+    ----------
+    proposal : Proposal
+        Effect, form and coordinates.
+    scope : str
+        Owner of its amplitude.
+    coefficients : dict
+        Amplitude by owner; empty for the proposal's own.
+    promised : float
+        Linear gain less its price.
+    from_afar : bool
+        Begin where the model was before it was fitted.
+    """
+
+    proposal: Proposal
+    scope: str
+    coefficients: dict[str, float]
+    promised: float
+    from_afar: bool = False
+
+
+def thinned(problem: JointProblem, count: int) -> list[int]:
+    """Return the places of shots that stand for all.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Whole campaign.
+    count : int
+        How many are wanted at least, where there are so many.
+
+    Returns
+    -------
+    list of int
+        In order of time; all pairs take part, then all heights, then repeats spread over time.
+    """
+    groups: dict[tuple[str, float], list[int]] = {}
+    for place, item in enumerate(problem.shots):
+        groups.setdefault((item.pair, item.shot.drop_height_m or 0.0), []).append(place)
+    by_pair: dict[str, list[list[int]]] = {}
+    for (pair, _), places in sorted(groups.items()):
+        by_pair.setdefault(pair, []).append(places)
+    pairs = [by_pair[p] for p in sorted(by_pair)]
+    chosen: list[int] = []
+    for turn in range(max(len(p) for p in groups.values()) * max(len(p) for p in pairs)):
+        for at, heights in enumerate(pairs):
+            # a staircase: neighbouring pairs begin at different heights
+            group = heights[(turn + at) % len(heights)]
+            free = [i for i in group if i not in chosen]
+            if free and (len(chosen) < count or turn == 0):
+                chosen.append(free[(turn + at) % len(free)])
+        if len(chosen) >= count:
+            break
+    return sorted(chosen)
+
+
+def part_of(
+    problem: JointProblem, fitted: joint.Fitted, places: list[int]
+) -> tuple[JointProblem, joint.Fitted]:
+    """Return a campaign of some of the shots, the same model fitted to them."""
+    if len(places) == len(problem.shots):
+        return problem, fitted
+    few = dataclasses.replace(problem, shots=[problem.shots[i] for i in places])
+    return few, joint.fit(few, fitted.nuisances[places], theta=fitted.theta)
+
+
+def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
+    """Return for each library entry where to begin, the most promising first.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Of the present model, with the proposals' columns.
+    tried : list of Proposal
+        What may be tried.
+
+    Returns
+    -------
+    dict
+        Owner to starts; owners in order of their best promise.
+    """
+    found: dict[str, list[Start]] = {}
+    for proposal in tried:
+        for scope in scopes_of(proposal.effect):
+            seen = evidence.explain(proposal.key, scope, heldout=False)
+            sizes = {_owner(label): value for label, value in seen.coefficients.items()}
+            promised = seen.gain - PENALTY * seen.dof
+            found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
+    for own in found.values():
+        own.sort(key=lambda s: -s.promised)
+    return dict(sorted(found.items(), key=lambda item: -item[1][0].promised))
+
+
+def _owner(label: str) -> str:
+    return label.rpartition("[")[2].rstrip("]") if label.endswith("]") else ""
+
+
+def _distinct(own: list[Start], top: float, *, far: bool) -> list[Start]:
+    """Return the best few that differ in form or start, one for the whole rig among them."""
+    structure = own[0].proposal.effect.structure is not None
+    wanted = STRUCTURE_STARTS if structure or far else STARTS_PER_OWNER
+    found: list[Start] = []
+    for entry in own:
+        if all(entry.proposal.key != f.proposal.key for f in found):
+            found.append(entry)
+        if len(found) == wanted:
+            break
+    if all(f.scope != "rig" for f in found):
+        found += [s for s in own if s.scope == "rig"][:1]
+    return found + (_usual(own, top) if far else [])
+
+
+def _usual(own: list[Start], top: float) -> list[Start]:
+    """Return starts at an effect's usual sizes, whatever the linear look says of them."""
+    found = []
+    for effect in {s.proposal.effect.id: s.proposal.effect for s in own}.values():
+        if effect.basis is not None:
+            continue
+        likely = next(s for s in own if s.proposal.effect.id == effect.id)
+        for coordinates in default_starts(effect, top)[:STARTS_WHEN_FAR]:
+            proposal = dataclasses.replace(likely.proposal, coordinates=coordinates)
+            usual = Start(proposal, likely.scope, {}, likely.promised)
+            if effect.in_solver:
+                found.append(dataclasses.replace(usual, from_afar=True))
+            if not effect.in_solver or effect.structure is None:
+                found.append(usual)
+    return found
+
+
+def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
+    """Return a model at what was known before any record: where a large effect's fit may begin.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Prepared.
+    nuisances : ndarray, shape (shots, p)
+        Where the shots' own parameters begin.
+
+    Returns
+    -------
+    Fitted
+        Not fitted at all: the means of what is known well, the prepared start for the rest.
+    """
+    known = np.diag(problem.prior_precision) > KNOWN_U**-2
+    theta = np.where(known, problem.prior_mean, problem.start)
+    for at, name in enumerate(problem.names):
+        if not known[at] and name.startswith(("sphere.", "surface.")):
+            theta[at] = math.log(USUAL_MODULUS_PA)
+    nuisances = nuisances.copy()
+    for row, item in enumerate(problem.shots):
+        if item.speed_prior is not None:
+            nuisances[row, 0] = item.speed_prior.mean
+        nuisances[row, 1] = math.log(USUAL_RESTITUTION)
+    nothing = np.zeros((theta.size, theta.size))
+    return joint.Fitted(theta, nuisances, [], nothing, math.inf, 0, False)
+
+
+@dataclass(frozen=True)
+class Ground:
+    """What a turn stands on.
+
+    Attributes
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The present model at its best on all shots.
+    usual : Fitted
+        The base model at what was known before, for all shots.
+    """
+
+    problem: JointProblem
+    fitted: joint.Fitted
+    usual: joint.Fitted
+
+    def begin(self, places: list[int], base: joint.Fitted) -> joint.Fitted:
+        """Return where a far start begins on some shots: usual place, present effects as fitted."""
+        theta = base.theta.copy()
+        theta[: self.usual.theta.size] = self.usual.theta
+        nuisances = base.nuisances.copy()
+        nuisances[:, : self.usual.nuisances.shape[1]] = self.usual.nuisances[places]
+        return dataclasses.replace(base, theta=theta, nuisances=nuisances)
+
+
+def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Refit]:
+    """Return library effects refitted on top of a model, best first.
+
+    Parameters
+    ----------
+    ground : Ground
+        The present model, and where it would be without a record.
+    tried : list of Proposal
+        What may be tried.
+    progress : callable
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    list of Refit
+        The first few fitted to all shots; the rest, behind them, to a part of the shots, their
+        gain scaled to all.
+    """
+    places = thinned(ground.problem, FEW)
+    few, base = part_of(ground.problem, ground.fitted, places)
+    evidence = gather(few, base, tried)
+    entries = starts(evidence, tried)
+    samples = sum(s.white.size for s in evidence.shots)
+    far = evidence.chi2 > FAR * samples
+    begin = ground.begin(places, base)
+    top = max(s.window.peak for s in few.shots)
+    order = list(entries) if far else _short(entries)
+    best: list[Refit] = []
+    for at, owner in enumerate(order):
+        progress(f"trying {owner}", 0.6 * at / len(order))
+        tries = [
+            refit(
+                few,
+                base,
+                start.proposal,
+                scope=start.scope,
+                coefficients=start.coefficients,
+                linear_gain=start.promised,
+                max_iterations=FIRST_STEPS,
+                begin=begin if start.from_afar else None,
+            )
+            for start in _distinct(entries[owner], top, far=far)
+        ]
+        best += _best_forms(tries, base, far=far)
+    return _later_rounds(ground, best, Part(places, base), progress)
+
+
+def _best_forms(tries: list[Refit], base: joint.Fitted, *, far: bool) -> list[Refit]:
+    """Return the best start of each form of an effect, some steps further where all is far."""
+    found = []
+    for form in {r.effect.id for r in tries}:
+        own = sorted((r for r in tries if r.effect.id == form), key=_order)
+        if far:
+            own = [
+                r if r.fitted.converged else continued(base, r, max_iterations=SECOND_STEPS)
+                for r in own[:STARTS_KEPT]
+            ]
+        found.append(min(own, key=_order))
+    return found
+
+
+def _short(entries: dict[str, list[Start]]) -> list[str]:
+    """Return the owners worth a refit where slopes can be trusted."""
+    order = list(entries)
+    # a structure below the sphere changes everything at once: its slope promises little
+    far = [o for o in order[SHORTLIST:] if entries[o][0].proposal.effect.structure is not None]
+    return order[:SHORTLIST] + far
+
+
+def _order(found: Refit) -> tuple[bool, float]:
+    return found.at_bound, -found.score(PENALTY)
+
+
+@dataclass(frozen=True)
+class Part:
+    """Some of the shots, and the present model fitted to them."""
+
+    places: list[int]
+    base: joint.Fitted
+
+
+def _later_rounds(
+    ground: Ground, best: list[Refit], part: Part, progress: Progress
+) -> list[Refit]:
+    """Carry the best on: some steps on more shots, then to the end on all."""
+    problem, fitted = ground.problem, ground.fitted
+    first = _seeded(best)
+    whole = len(problem.shots)
+    behind = [_scaled(r, whole / len(part.places)) for r in first[INTO_SECOND:]]
+    second: list[Refit] = []
+    more = thinned(problem, MORE)
+    large, base_large = part_of(problem, fitted, more)
+    for at, one in enumerate(first[:INTO_SECOND]):
+        progress(f"refining {one.owner}", 0.6 + 0.2 * at / INTO_SECOND)
+        moved = refit_elsewhere(
+            one, few_base=part.base, few=part.places, many=more, problem=large, base=base_large,
+            max_iterations=SECOND_STEPS,
+        )  # fmt: skip
+        second.append(moved)
+    second.sort(key=_order)
+    lead = max((r.score(PENALTY) for r in second), default=0.0)
+    last: list[Refit] = []
+    everything = list(range(whole))
+    for at, one in enumerate(second):
+        if at < INTO_LAST and one.score(PENALTY) >= HOPELESS * lead:
+            progress(f"refining {one.owner} on all shots", 0.8 + 0.2 * at / INTO_LAST)
+            moved = refit_elsewhere(
+                one, few_base=base_large, few=more, many=everything, problem=problem, base=fitted,
+                max_iterations=25,
+            )  # fmt: skip
+            last.append(moved if moved.fitted.converged else continued(fitted, moved))
+        else:
+            behind.append(_scaled(one, whole / len(more)))
+    return _one_form_each([*sorted(last, key=_order), *sorted(behind, key=_order)])
+
+
+def _seeded(best: list[Refit]) -> list[Refit]:
+    """Return the first round's results, best first; what left its range loses half its score."""
+
+    def merit(found: Refit) -> float:
+        score = found.score(PENALTY)
+        return 0.5 * score if found.at_bound and score > 0 else score
+
+    return sorted(best, key=lambda r: -merit(r))
+
+
+def _one_form_each(refits: list[Refit]) -> list[Refit]:
+    """Return the refits without an effect's lesser forms."""
+    found: dict[str, Refit] = {}
+    for one in refits:
+        found.setdefault(one.owner, one)
+    return list(found.values())
+
+
+def _scaled(found: Refit, factor: float) -> Refit:
+    """Return a refit on a part of the shots with the gain that all would give."""
+    return dataclasses.replace(found, gain=found.gain * factor, on_all_shots=factor == 1.0)

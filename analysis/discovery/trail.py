@@ -1,0 +1,251 @@
+"""The trail: which effects, one on top of the other, until the residual is noise or nothing helps.
+
+A first effect that takes up most is usually right where one effect acts. Where two act, each large,
+the one that takes up most may be neither; so a few first effects get a second one each before
+the search gives up.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from analysis.discovery.candidates import Proposal, Refit, proposals
+from analysis.discovery.evidence import Evidence, gather
+from analysis.discovery.omnibus import Omnibus, ask
+from analysis.discovery.ranking import PENALTY, Ground, ranked
+from analysis.effects.effect import Effect
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem
+from analysis.model.impact_model import ImpactModel
+
+MIN_GAIN = 30.0
+"""An effect that brings less than this beyond its price is not there."""
+CONFUSED_WITHIN = 10.0
+"""Candidates whose whitened squares differ by less than this cannot be told apart."""
+MAX_EFFECTS = 3
+FIRSTS_TRIED = 3
+"""First effects that get a second one before the search gives up."""
+FIRST_SHARE = 0.15
+"""Share of the best first effect's gain below which another is no first."""
+THIRD_BELOW = 0.1
+"""What two effects may leave of the whole for a third to be looked for."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass
+class Step:
+    """One turn of the loop.
+
+    Attributes
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model of this turn, at its best.
+    evidence : Evidence
+        Its residual.
+    omnibus : Omnibus
+        Whether there is structure.
+    refits : list of Refit
+        What was tried on top, best first.
+    refused : dict
+        Why other effects could not be tried.
+    """
+
+    problem: JointProblem
+    fitted: joint.Fitted
+    evidence: Evidence
+    omnibus: Omnibus
+    refits: list[Refit] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+
+
+@dataclass
+class Trail:
+    """Steps, and the effects that lead from each to the next.
+
+    Attributes
+    ----------
+    steps : list of Step
+        One more than effects.
+    chosen : list of Refit
+        In order.
+    """
+
+    steps: list[Step]
+    chosen: list[Refit]
+
+    @property
+    def last(self) -> Step:
+        """Return the step that the trail has reached."""
+        return self.steps[-1]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether the trail has ended in noise."""
+        return not self.last.omnibus.structured
+
+    @property
+    def score(self) -> float:
+        """Return the whitened squares left, numbers paid for."""
+        paid = sum(r.parameters for r in self.chosen) * PENALTY
+        return self.last.fitted.cost + paid
+
+    def on(self, found: Refit) -> Trail:
+        """Return the trail one effect further."""
+        return Trail([*self.steps, look(found.problem, found.fitted)], [*self.chosen, found])
+
+
+def look(problem: JointProblem, fitted: joint.Fitted) -> Step:
+    """Return a fitted model with the answer to whether its residual is noise.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model at its best.
+
+    Returns
+    -------
+    Step
+        Nothing tried on top yet.
+    """
+    evidence = gather(problem, fitted)
+    return Step(problem, fitted, evidence, ask(evidence))
+
+
+def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
+    """Fill in what library effects bring on top of a step."""
+    tried: list[Proposal]
+    tried, step.refused = proposals(step.problem)
+    step.refits += ranked(Ground(step.problem, step.fitted, usual), tried, progress)
+
+
+def useful(step: Step) -> list[Refit]:
+    """Return the refits of a step that may be taken, best first."""
+    return [
+        r
+        for r in step.refits
+        if r.on_all_shots and not r.at_bound and r.score(PENALTY) >= MIN_GAIN
+    ]
+
+
+def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
+    """Search for effects on top of where a trail stands.
+
+    Parameters
+    ----------
+    start : Trail
+        Structured at its end.
+    usual : Fitted
+        The base model at what was known before any record.
+    progress : callable
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    Trail
+        The first that ends in noise, fewest effects first; else the best that was found.
+    """
+    try_effects(start.last, usual, progress)
+    firsts = useful(start.last)
+    if not firsts:
+        return start
+    room = MAX_EFFECTS - len(start.chosen)
+    best = start.on(firsts[0])
+    if best.adequate or room < 2:
+        return best
+    seconds = []
+    for place, first in enumerate(firsts[:FIRSTS_TRIED]):
+        if first.gain < FIRST_SHARE * firsts[0].gain:
+            break
+        one = best if place == 0 else start.on(first)
+        if one.adequate:
+            return one
+        try_effects(one.last, usual, progress)
+        found = useful(one.last)
+        if found:
+            two = one.on(found[0])
+            if two.adequate:
+                return two
+            seconds.append(two)
+    if not seconds:
+        return best
+    two = min(seconds, key=lambda t: t.score)
+    before, after = start.last.fitted.cost, two.last.fitted.cost
+    samples = float(sum(s.white.size for s in two.last.evidence.shots))
+    if room > 2 and after - samples < THIRD_BELOW * (before - samples):
+        try_effects(two.last, usual, progress)
+        found = useful(two.last)
+        if found:
+            three = two.on(found[0])
+            if three.adequate:
+                return three
+    return two
+
+
+def without_needless(trail: Trail) -> Trail:
+    """Return a trail without an effect that a later one has made needless."""
+    if len(trail.chosen) < 2 or not trail.adequate:
+        return trail
+    for place, old in enumerate(trail.chosen[:-1]):
+        if old.effect.replaces_base:
+            continue
+        kept = tuple(e for e in trail.last.problem.model.effects if e.id != old.effect.id)
+        shorter = _reduced(trail.last, kept)
+        if shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
+            others = [c for at, c in enumerate(trail.chosen) if at != place]
+            return Trail([*trail.steps[: len(others)], shorter], others)
+    return trail
+
+
+def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step:
+    """Return a step's model with fewer effects, fitted again."""
+    model = dataclasses.replace(step.problem.model, effects=effects)
+    keep = [
+        j
+        for j, name in enumerate(step.problem.names)
+        if not _is_effect(name, step.problem.model) or _is_effect(name, model)
+    ]
+    problem = dataclasses.replace(
+        step.problem,
+        model=model,
+        names=[step.problem.names[j] for j in keep],
+        start=step.fitted.theta[keep],
+        prior_mean=step.problem.prior_mean[keep],
+        prior_precision=step.problem.prior_precision[keep][:, keep],
+    )
+    nuisances = step.fitted.nuisances[:, : len(model.nuisances)]
+    return look(problem, joint.fit(problem, nuisances, theta=problem.start))
+
+
+def _is_effect(name: str, model: ImpactModel) -> bool:
+    return any(name.startswith(f"{e.id}.") for e in model.effects)
+
+
+def rivals(trail: Trail) -> dict[str, list[Refit]]:
+    """Return for each effect of a trail the others that the data cannot tell from it.
+
+    Parameters
+    ----------
+    trail : Trail
+        Ending in noise.
+
+    Returns
+    -------
+    dict
+        Id to refits, without those that have none.
+    """
+    found = {}
+    for step, taken in zip(trail.steps, trail.chosen, strict=False):
+        near = [
+            r
+            for r in step.refits
+            if r.owner != taken.owner
+            and r.on_all_shots
+            and not r.at_bound
+            and taken.score(PENALTY) - r.score(PENALTY) < CONFUSED_WITHIN
+        ]
+        if near:
+            found[taken.owner] = near
+    return found
