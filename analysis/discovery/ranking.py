@@ -33,21 +33,25 @@ PENALTY = 12.0
 """Price of one number in whitened squares, about ln of the number of samples."""
 FEW, MORE = 9, 18
 """Shots of the first two rounds."""
-FIRST_STEPS, SECOND_STEPS = 4, 10
+FIRST_STEPS, SECOND_STEPS = 4, 8
 STARTS_PER_OWNER = 2
 STRUCTURE_STARTS = 4
 SHORTLIST = 7
 INTO_SECOND, INTO_LAST = 7, 3
-FAR = 1.5
-"""Whitened squares a sample from which no slope shows how far an effect can go."""
+BENT = 300.0
+"""Whitened squares beyond the noise, on the few shots, from which a slope is only a promise."""
+FAR = 3.0
+"""Whitened squares a sample from which the present fit is no place to begin."""
 KNOWN_U = 0.3
 """A global whose prior is narrower than this is known before any record."""
 USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
 """Where an unknown plastic begins when the records themselves mislead."""
 HOPELESS = 0.25
 """Share of the leader's score below which a candidate is not carried on."""
-STARTS_WHEN_FAR = 6
-STARTS_KEPT = 2
+USUAL_STARTS = 4
+ALWAYS_TRIED = 6
+ENOUGH = 0.97
+"""Share of the structure in the residual at which no further effect is looked for."""
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -154,10 +158,10 @@ def _owner(label: str) -> str:
     return label.rpartition("[")[2].rstrip("]") if label.endswith("]") else ""
 
 
-def _distinct(own: list[Start], top: float, *, far: bool) -> list[Start]:
+def _distinct(own: list[Start], top: float, *, bent: bool, far: bool) -> list[Start]:
     """Return the best few that differ in form or start, one for the whole rig among them."""
     structure = own[0].proposal.effect.structure is not None
-    wanted = STRUCTURE_STARTS if structure or far else STARTS_PER_OWNER
+    wanted = STRUCTURE_STARTS if structure else STARTS_PER_OWNER
     found: list[Start] = []
     for entry in own:
         if all(entry.proposal.key != f.proposal.key for f in found):
@@ -166,24 +170,39 @@ def _distinct(own: list[Start], top: float, *, far: bool) -> list[Start]:
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    return found + (_usual(own, top) if far else [])
+    return found + (_usual(own, top, far=far) if bent else [])
 
 
-def _usual(own: list[Start], top: float) -> list[Start]:
+def _usual(own: list[Start], top: float, *, far: bool) -> list[Start]:
     """Return starts at an effect's usual sizes, whatever the linear look says of them."""
     found = []
     for effect in {s.proposal.effect.id: s.proposal.effect for s in own}.values():
         if effect.basis is not None:
             continue
-        likely = next(s for s in own if s.proposal.effect.id == effect.id)
-        for coordinates in default_starts(effect, top)[:STARTS_WHEN_FAR]:
-            proposal = dataclasses.replace(likely.proposal, coordinates=coordinates)
-            usual = Start(proposal, likely.scope, {}, likely.promised)
-            if effect.in_solver:
+        likely = [s for s in own if s.proposal.effect.id == effect.id]
+        for coordinates in _likely_first(default_starts(effect, top), likely)[:USUAL_STARTS]:
+            proposal = dataclasses.replace(likely[0].proposal, coordinates=coordinates)
+            usual = Start(proposal, likely[0].scope, {}, likely[0].promised)
+            if far and effect.in_solver:
                 found.append(dataclasses.replace(usual, from_afar=True))
-            if not effect.in_solver or effect.structure is None:
+            if not (far and effect.structure is not None):
                 found.append(usual)
     return found
+
+
+def _likely_first(
+    coordinates: list[tuple[float, ...]], likely: list[Start]
+) -> list[tuple[float, ...]]:
+    """Return usual sizes in the order of what the linear look says of their other numbers."""
+    amplitude = likely[0].proposal.amplitude
+    if amplitude is None:
+        return coordinates
+
+    def rest(at: tuple[float, ...]) -> tuple[float, ...]:
+        return at[:amplitude] + at[amplitude + 1 :]
+
+    order = {rest(s.proposal.coordinates): -s.promised for s in reversed(likely)}
+    return sorted(coordinates, key=lambda c: order.get(rest(c), 0.0))
 
 
 def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
@@ -263,12 +282,16 @@ def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Re
     evidence = gather(few, base, tried)
     entries = starts(evidence, tried)
     samples = sum(s.white.size for s in evidence.shots)
+    bent = evidence.chi2 - samples > BENT
     far = evidence.chi2 > FAR * samples
     begin = ground.begin(places, base)
     top = max(s.window.peak for s in few.shots)
-    order = list(entries) if far else _short(entries)
+    order = list(entries) if bent else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
+        lead = max((r.score(PENALTY) for r in best if not r.at_bound), default=0.0)
+        if at >= ALWAYS_TRIED and lead > ENOUGH * (evidence.chi2 - samples):
+            break  # nothing is left for another to explain
         progress(f"trying {owner}", 0.6 * at / len(order))
         tries = [
             refit(
@@ -281,23 +304,20 @@ def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Re
                 max_iterations=FIRST_STEPS,
                 begin=begin if start.from_afar else None,
             )
-            for start in _distinct(entries[owner], top, far=far)
+            for start in _distinct(entries[owner], top, bent=bent, far=far)
         ]
-        best += _best_forms(tries, base, far=far)
+        best += _best_forms(tries, base, bent=bent)
     return _later_rounds(ground, best, Part(places, base), progress)
 
 
-def _best_forms(tries: list[Refit], base: joint.Fitted, *, far: bool) -> list[Refit]:
-    """Return the best start of each form of an effect, some steps further where all is far."""
+def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool) -> list[Refit]:
+    """Return the best start of each form of an effect, some steps further where slopes mislead."""
     found = []
-    for form in {r.effect.id for r in tries}:
-        own = sorted((r for r in tries if r.effect.id == form), key=_order)
-        if far:
-            own = [
-                r if r.fitted.converged else continued(base, r, max_iterations=SECOND_STEPS)
-                for r in own[:STARTS_KEPT]
-            ]
-        found.append(min(own, key=_order))
+    for form in sorted({r.effect.id for r in tries}):
+        best = min((r for r in tries if r.effect.id == form), key=_order)
+        if bent and not best.fitted.converged:
+            best = continued(base, best, max_iterations=SECOND_STEPS)
+        found.append(best)
     return found
 
 

@@ -25,7 +25,7 @@ MIN_GAIN = 30.0
 CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
 MAX_EFFECTS = 3
-FIRSTS_TRIED = 3
+FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
 FIRST_SHARE = 0.15
 """Share of the best first effect's gain below which another is no first."""
