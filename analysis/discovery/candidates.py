@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.effects.library import library
 from analysis.fit import joint
+from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import SHARED, ImpactModel
 
@@ -235,7 +236,7 @@ def rescoped(effect: Effect, scope: str) -> Effect:
     effect : Effect
         Any.
     scope : str
-        rig, surface or sphere; without an amplitude all numbers go to that owner.
+        rig, surface, sphere or shot; without an amplitude all numbers go to that owner.
 
     Returns
     -------
@@ -257,8 +258,13 @@ def scopes_of(effect: Effect) -> tuple[str, ...]:
     if effect.slot == "contact":
         return SCOPES_TRIED
     if effect.slot == "mounting":
-        return ("rig",) if amplitude_of(effect) is None else ("rig", "surface")
+        return ("rig",) if amplitude_of(effect) is None else ("rig", "surface", "shot")
     return ("rig",)
+
+
+def own_numbers(effect: Effect) -> int:
+    """Return how many numbers of an effect every shot has for itself."""
+    return effect.basis_size + sum(p.scope == "shot" for p in effect.parameters)
 
 
 def extended(
@@ -273,7 +279,7 @@ def extended(
     effect : Effect
         To be added, scopes set.
     coordinates : dict
-        Start of each new global, by its name.
+        Start of each new global or number of a shot, by its name.
 
     Returns
     -------
@@ -297,8 +303,7 @@ def extended(
     larger.prior_mean = np.concatenate([problem.prior_mean, start])
     theta = np.concatenate([fitted.theta, start])
     larger.start = theta
-    extra = len(model.nuisances) - fitted.nuisances.shape[1]
-    nuisances = np.hstack([fitted.nuisances, np.zeros((fitted.nuisances.shape[0], extra))])
+    nuisances = carried_over(problem.model, model, fitted.nuisances, coordinates)
     return larger, theta, nuisances
 
 
@@ -368,7 +373,8 @@ def refit(
     Refit
         Whether it helped or not.
     """
-    effect = proposal.effect if scope == "shot" else rescoped(proposal.effect, scope)
+    free = proposal.effect.basis is not None
+    effect = proposal.effect if free else rescoped(proposal.effect, scope)
     start: dict[str, float] = {}
     owners = {
         "rig": [""],
@@ -391,7 +397,7 @@ def refit(
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     gain = fitted.cost - result.cost if math.isfinite(result.cost) else -math.inf
     count = len(larger.names) - len(problem.names)
-    count += effect.basis_size * len(problem.shots)
+    count += own_numbers(effect) * len(problem.shots)
     bad = not result.blocks or left_its_range(larger, result, effect)
     return Refit(effect, proposal.owner, scope, larger, result, gain, count, bad, linear_gain)
 
@@ -430,18 +436,18 @@ def refit_elsewhere(
     if not found.fitted.blocks:
         return found
     wide = dataclasses.replace(found.problem, shots=problem.shots)
-    old = few_base.nuisances.shape[1]
     nuisances = np.zeros((len(many), found.fitted.nuisances.shape[1]))
-    nuisances[:, :old] = base.nuisances
+    shared = [found.problem.model.nuisances.index(n) for n in problem.model.nuisances]
+    nuisances[:, shared] = base.nuisances
     for row, place in enumerate(many):
         near = _most_alike(problem.shots[row], place, found.problem.shots, few)
         nuisances[row] += found.fitted.nuisances[near]
-        nuisances[row, :old] -= few_base.nuisances[near]
+        nuisances[row, shared] -= few_base.nuisances[near]
     nuisances = joint.settle(wide, found.fitted.theta, nuisances)
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
     gain = base.cost - result.cost if math.isfinite(result.cost) else -math.inf
     bad = not result.blocks or left_its_range(wide, result, found.effect)
-    count = len(wide.names) - len(problem.names) + found.effect.basis_size * len(many)
+    count = len(wide.names) - len(problem.names) + own_numbers(found.effect) * len(many)
     return dataclasses.replace(
         found, problem=wide, fitted=result, gain=gain, at_bound=bad, parameters=count
     )

@@ -11,12 +11,13 @@ import numpy as np
 from analysis.discovery.candidates import Refit
 from analysis.discovery.closure_curve import closure_curves
 from analysis.discovery.description import describe
-from analysis.discovery.diagnosis import Diagnosis, Step
+from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.evidence import Explained
 from analysis.discovery.named_model import definition_of
 from analysis.discovery.omnibus import ask
 from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, why_not
+from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
 from analysis.fit.measurand import Json

@@ -17,6 +17,7 @@ from analysis.discovery.omnibus import Omnibus, ask
 from analysis.discovery.ranking import PENALTY, Ground, ranked
 from analysis.effects.effect import Effect
 from analysis.fit import joint
+from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 from analysis.model.impact_model import ImpactModel
 
@@ -151,37 +152,37 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     firsts = useful(start.last)
     if not firsts:
         return start
-    room = MAX_EFFECTS - len(start.chosen)
-    best = start.on(firsts[0])
-    if best.adequate or room < 2:
-        return best
-    seconds = []
+    found = [start.on(firsts[0])]
+    if found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS:
+        return found[0]
     for place, first in enumerate(firsts[:FIRSTS_TRIED]):
         if first.gain < FIRST_SHARE * firsts[0].gain:
             break
-        one = best if place == 0 else start.on(first)
-        if one.adequate:
-            return one
-        try_effects(one.last, usual, progress)
-        found = useful(one.last)
+        found.append(_with_second(found[0] if place == 0 else start.on(first), usual, progress))
+        if found[-1].adequate:
+            return found[-1]
+    best = min(found, key=lambda t: t.score)
+    if len(best.chosen) < MAX_EFFECTS and _nearly(start, best):
+        third = _with_second(best, usual, progress)
+        return third if third.adequate else best
+    return best
+
+
+def _with_second(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
+    """Return a trail with what helps most on top; the trail itself where nothing does."""
+    if not trail.adequate:
+        try_effects(trail.last, usual, progress)
+        found = useful(trail.last)
         if found:
-            two = one.on(found[0])
-            if two.adequate:
-                return two
-            seconds.append(two)
-    if not seconds:
-        return best
-    two = min(seconds, key=lambda t: t.score)
-    before, after = start.last.fitted.cost, two.last.fitted.cost
-    samples = float(sum(s.white.size for s in two.last.evidence.shots))
-    if room > 2 and after - samples < THIRD_BELOW * (before - samples):
-        try_effects(two.last, usual, progress)
-        found = useful(two.last)
-        if found:
-            three = two.on(found[0])
-            if three.adequate:
-                return three
-    return two
+            return trail.on(found[0])
+    return trail
+
+
+def _nearly(start: Trail, end: Trail) -> bool:
+    """Tell whether a trail has taken up so much that one more effect could be the rest."""
+    samples = sum(s.white.size for s in start.last.evidence.shots)
+    had, left = start.last.evidence.chi2 - samples, end.last.evidence.chi2 - samples
+    return left < THIRD_BELOW * had
 
 
 def without_needless(trail: Trail) -> Trail:
@@ -215,7 +216,7 @@ def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step:
         prior_mean=step.problem.prior_mean[keep],
         prior_precision=step.problem.prior_precision[keep][:, keep],
     )
-    nuisances = step.fitted.nuisances[:, : len(model.nuisances)]
+    nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
     return look(problem, joint.fit(problem, nuisances, theta=problem.start))
 
 
