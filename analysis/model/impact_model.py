@@ -256,9 +256,11 @@ class ImpactModel:
     def is_thinkable(self, local: Array) -> bool:
         """Tell whether floats can hold what these coordinates stand for."""
         at = len(self.shared)
-        largest = np.abs(local[: at + 2]).max()
-        own = local[at + len(NUISANCE) : self.first_size]
-        return bool(max(largest, np.abs(own).max(initial=0.0)) < _LARGEST_COORDINATE)
+        held = bool(np.abs(local[: at + 2]).max() < _LARGEST_COORDINATE)
+        if held and self.of_shot:
+            own = local[at + len(NUISANCE) : self.first_size]
+            held = bool(np.abs(own).max() < _LARGEST_COORDINATE)
+        return held
 
     def _prediction(self, read: Array, found: Array, column: Column) -> Prediction:
         """Return the trace with baseline and signals of free size."""
