@@ -9,7 +9,8 @@
     ├── DeviceBusyError             somebody else holds it
     ├── DeviceTimeoutError          it is there and did not answer in time
     ├── ProtocolError               it answered something the protocol does not allow
-    │   └── SelfTestError           a written pattern did not read back
+    │   ├── SelfTestError           a written pattern did not read back
+    │   └── DisobeyedError          it reads back another state than it was told to take
     ├── FirmwareError               an image is missing, wrong or was not accepted
     ├── RecordError                 a record must not be used
     │   ├── OverrunError            samples were lost
@@ -36,12 +37,18 @@ class DriverError(Exception):
         The likeliest cause.
     remedy : str, optional
         What the person at the rig should do.
+
+    Attributes
+    ----------
+    record : Record or None
+        What was captured nevertheless: evidence to keep apart, never a shot.
     """
 
     def __init__(self, what: str, *, why: str = "", remedy: str = "") -> None:
         self.what = what
         self.why = why
         self.remedy = remedy
+        self.record: Record | None = None
         super().__init__(" ".join(part for part in (what, why, remedy) if part))
 
 
@@ -71,6 +78,10 @@ class ProtocolError(DriverError):
 
 class SelfTestError(ProtocolError):
     """A pattern written to the device did not read back."""
+
+
+class DisobeyedError(ProtocolError):
+    """The device reads back another state than it was told to take."""
 
 
 class FirmwareError(DriverError):

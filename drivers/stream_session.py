@@ -24,6 +24,7 @@ from drivers.errors import (
     ProtocolError,
     TriggerTimeoutError,
 )
+from drivers.pace import Pace
 from drivers.ring_buffer import RingBuffer
 from drivers.triggered_capture import Collector, TriggeredCapture
 from drivers.usb_stream import BulkSource, Observer, SampleStream, StreamingBoard
@@ -46,6 +47,15 @@ class StreamSession:
         Size of one read. [B]
     observe : callable, optional
         Sees each block inside the ring: ``(ring, first, count)``.
+    make_pace : callable, optional
+        Makes what holds the count of a record's samples against the clock.
+
+    Attributes
+    ----------
+    last_capture : TriggeredCapture or None
+        Of the run that ended last or is on: what came of it before it broke is in the ring.
+    last_pace : Pace or None
+        Of the same run.
     """
 
     def __init__(
@@ -55,11 +65,15 @@ class StreamSession:
         sample_rate_hz: float,
         transfer_bytes: int,
         observe: Observer | None = None,
+        make_pace: Callable[[], Pace] | None = None,
     ) -> None:
         self._ring = ring
         self._sample_rate_hz = sample_rate_hz
         self._transfer_bytes = transfer_bytes
         self._observe = observe
+        self._make_pace = make_pace
+        self.last_capture: TriggeredCapture | None = None
+        self.last_pace: Pace | None = None
         self._switching = threading.Lock()
         self._run: SampleStream | None = None
         self._capture: TriggeredCapture | None = None
@@ -224,6 +238,8 @@ class StreamSession:
                     remedy="Wait for its end or abort it.",
                 )
             self._broken = False
+            self.last_capture = capture
+            self.last_pace = self._make_pace() if capture and self._make_pace else None
             self._run = SampleStream(
                 source,
                 board,
@@ -231,6 +247,7 @@ class StreamSession:
                 consumer,
                 transfer_bytes=self._transfer_bytes,
                 observe=self._observe,
+                pace=self.last_pace,
             )
             self._capture = capture
             self._run.start()

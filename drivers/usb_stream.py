@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import AbortedError, DeviceTimeoutError, ProtocolError
+from drivers.pace import PATIENCE_S, Pace
 from drivers.ring_buffer import RingBuffer
 
 SILENCE_LIMIT_S = 0.2
@@ -90,6 +91,9 @@ class SampleStream:
         Size of one read, a multiple of 512. [B]
     observe : callable, optional
         Sees each block inside the ring; for counting and live displays.
+    pace : Pace, optional
+        Holds the count of samples against the clock; the run then goes on behind its last sample
+        until a transfer arrives on time, at most `drivers.pace.PATIENCE_S`.
     """
 
     def __init__(
@@ -101,6 +105,7 @@ class SampleStream:
         *,
         transfer_bytes: int,
         observe: Observer | None = None,
+        pace: Pace | None = None,
     ) -> None:
         self._source = source
         self._board = board
@@ -109,6 +114,7 @@ class SampleStream:
         self._buffer = array.array("B", bytes(transfer_bytes))
         self._samples: NDArray[np.uint16] = np.frombuffer(self._buffer, dtype="<u2")
         self._observe = observe
+        self._pace = pace
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sample-stream", daemon=True)
         self._error: Exception | None = None
@@ -251,8 +257,26 @@ class SampleStream:
                     why="Bytes were lost; every later sample would be wrong.",
                     remedy="Check the cable, then repeat the drop.",
                 )
-            if self._take(self._samples[: received // 2]):
+            block = self._samples[: received // 2]
+            done = self._take(block)
+            if self._pace is not None:
+                self._pace.arrived(self._ring.written, last_data_s)
+            if done:
+                self._wait_on_time(last_data_s)
                 return
+
+    def _wait_on_time(self, done_s: float) -> None:
+        """Read on until a transfer arrives on time: then nothing was lost before it."""
+        received = self._samples.size
+        count = self._ring.written
+        while self._pace is not None and not self._pace.on_time and received:
+            now_s = time.monotonic()
+            if self._stop.is_set() or now_s - done_s >= PATIENCE_S:
+                return
+            received = self._source.read_into(self._buffer)
+            count += received // 2
+            if received:
+                self._pace.arrived(count, time.monotonic())
 
     def _take(self, block: NDArray[np.uint16]) -> bool:
         first = self._ring.append(block)

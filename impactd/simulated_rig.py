@@ -115,7 +115,8 @@ def build_simulated_rig(settings: Settings, materials: Materials) -> Rig:
     terminal = RelayTerminal(world, kind=settings.valve.driver)
     rig = Rig(
         digitizer=Daq3500(
-            digitizer_settings(settings),
+            # The count of samples can be held against the clock only where the rig keeps its pace.
+            replace(digitizer_settings(settings), pace_checked=section.clock_speed == 1.0),
             backend=SimulatedDaq3500(world, serial_number=f"SIM-{section.seed:04d}"),
         ),
         valve=build_valve(settings, terminal.port),

@@ -15,7 +15,8 @@ from drivers.daq3500.sequences import Daq3500Converter
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.daq3500.status import check_status
 from drivers.digitizer import DigitizerIdentity, Record, TriggerSettings
-from drivers.errors import DriverError
+from drivers.errors import AbortedError, DriverError
+from drivers.pace import Pace, check_pace, check_repeats
 from drivers.ring_buffer import RingBuffer
 from drivers.stream_session import StreamSession
 from drivers.triggered_capture import TriggeredCapture
@@ -60,6 +61,7 @@ class Daq3500:
             sample_rate_hz=settings.sample_rate_hz,
             transfer_bytes=settings.transfer_bytes,
             observe=observe,
+            make_pace=self._pace if settings.pace_checked else None,
         )
         self._opening = threading.Lock()
         self._board: OpenedBoard | None = None
@@ -192,9 +194,19 @@ class Daq3500:
         TriggerTimeoutError, OverrunError, RecordError, AbortedError, DriverError
             The converter is stopped then. An `OverrunError` carries the damaged record.
         """
-        capture, status_words = self._session.wait_capture(timeout_s, abort)
-        record = self._record(capture, status_words)
+        try:
+            capture, status_words = self._session.wait_capture(timeout_s, abort)
+        except AbortedError:
+            raise  # whoever asked for the end wants no evidence
+        except DriverError as error:
+            error.record = error.record or self._partial_record()
+            raise
+        assert capture.codes is not None
+        record = self._record(capture, capture.codes, status_words)
         check_status(status_words, record)
+        check_repeats(record, self._settings.transfer_bytes // 2)
+        if self._session.last_pace is not None:
+            check_pace(self._session.last_pace, record)
         return record
 
     def ensure_stopped(self) -> None:
@@ -251,13 +263,28 @@ class Daq3500:
             with suppress(DriverError):  # it may be gone, which is as good as closed
                 board.link.dispose()
 
-    def _record(self, capture: TriggeredCapture, status_words: tuple[int, ...]) -> Record:
-        assert capture.codes is not None
+    def _pace(self) -> Pace:
+        return Pace(self._settings.sample_rate_hz, self._settings.sample_rate_u_hz)
+
+    def _partial_record(self) -> Record | None:
+        """Return what came of a triggered record before its run broke."""
+        capture, board = self._session.last_capture, self._board
+        if capture is None or board is None or not capture.triggered:
+            return None
+        first = capture.first_position
+        count = min(capture.record_samples, self._ring.written - first)
+        with suppress(DriverError):  # the run's own error is the one to tell
+            return self._record(capture, self._ring.copy(first, count), ())
+        return None
+
+    def _record(
+        self, capture: TriggeredCapture, codes: NDArray[np.uint16], status_words: tuple[int, ...]
+    ) -> Record:
         assert capture.trigger_position is not None
         assert capture.trigger_monotonic_ns is not None
         calibration = self._ready_board().calibration
         return Record(
-            codes=_signed(capture.codes),
+            codes=_signed(codes),
             volts_per_code=calibration.volts_per_code,
             offset_v=calibration.offset_v,
             calibrated=calibration.calibrated,

@@ -44,6 +44,9 @@ class Daq3500Settings:
     transfer_bytes : int
         Size of one read, a multiple of 512. A read ends when it is full, so a stop takes up to
         one of them: 8 ms at 1 MS/s and 16384 bytes. [B]
+    pace_checked : bool
+        Whether the count of samples is held against the host's clock, which shows lost blocks.
+        Off only where the transport does not run in real time: an accelerated simulation, a replay.
     wire_log_file : Path or None
         Where to write every transfer, for the first run with a new board.
     wire_log_data : bool
@@ -70,6 +73,7 @@ class Daq3500Settings:
     pacer_divisor: int = 47
     ring_seconds: float = 2.0
     transfer_bytes: int = 16384
+    pace_checked: bool = True
     wire_log_file: Path | None = None
     wire_log_data: bool = False
 

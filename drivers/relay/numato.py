@@ -13,7 +13,13 @@ import threading
 import time
 from dataclasses import dataclass
 
-from drivers.errors import AbortedError, ConfigurationError, DriverError, ProtocolError
+from drivers.errors import (
+    AbortedError,
+    ConfigurationError,
+    DisobeyedError,
+    DriverError,
+    ProtocolError,
+)
 from drivers.relay.serial_port import SerialPort
 from drivers.valve import VacuumReading, ValveReport
 
@@ -216,7 +222,7 @@ class NumatoValve:
         sent_ns = self._sent_ns
         state, more = self._ask(f"relay read {relay}", rb"(on|off)")
         if state != word:
-            raise ProtocolError(
+            raise DisobeyedError(
                 f"Relay {relay} was told {word!r} and reads back {state!r}.",
                 why="It is stuck, or another program talks to the board.",
                 remedy="Take the sphere off by hand, switch the board off and check the relay.",

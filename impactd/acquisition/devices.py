@@ -55,9 +55,11 @@ def connect(rig: Rig) -> None:
         The valve's trouble first: it is the part that can drop something.
     """
     troubles: list[DriverError] = []
-    for device in (rig.valve, rig.digitizer):
+    for device, prove in ((rig.valve, lambda: hold(rig)), (rig.digitizer, lambda: None)):
         try:
             device.ensure_ready()
+            # An open port proves nothing: what was not confirmed before a fault is asked again.
+            prove()
         except DriverError as error:
             troubles.append(error)
             with suppress(DriverError):

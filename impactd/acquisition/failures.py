@@ -17,6 +17,7 @@ from drivers.errors import (
     DeviceLostError,
     DeviceNotFoundError,
     DeviceTimeoutError,
+    DisobeyedError,
     DriverError,
     FirmwareError,
     OverrunError,
@@ -99,9 +100,13 @@ _KINDS: dict[type[Exception], _Kind] = {
         "device-timeout", "A device did not answer in time", 504, Doubt.RETRY
     ),
     SelfTestError: _Kind("self-test", "A device failed its self-test", 500, Doubt.RETRY),
-    # A relay that reads back another state than was commanded answers so.
-    ProtocolError: _Kind(
+    # A relay that does not follow may hold nothing or let go of nothing: somebody must look.
+    DisobeyedError: _Kind(
         "device-protocol", "A device did not do what it was told", 500, Doubt.PERSON
+    ),
+    # A stalled endpoint or a garbled reply mends itself by opening and asking again.
+    ProtocolError: _Kind(
+        "device-protocol", "A device did not do what it was told", 500, Doubt.RETRY
     ),
     FirmwareError: _Kind("firmware", "The firmware cannot be loaded", 500, Doubt.RETRY),
     ConfigurationError: _Kind(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers import errors as driver_errors
-from drivers.errors import AbortedError, DeviceLostError, DriverError, ProtocolError
+from drivers.errors import AbortedError, DeviceLostError, DisobeyedError, DriverError, ProtocolError
 from impactd.acquisition.failures import Doubt, failure_of
 from impactd.storage.errors import StorageFullError
 
@@ -29,7 +29,8 @@ def test_every_driver_error_has_a_type_of_its_own(kind: type[DriverError]) -> No
 def test_the_rig_is_doubted_for_devices_not_for_aborts() -> None:
     """A lost device is tried again, a disobedient one waits for a person, an abort is nothing."""
     assert failure_of(DeviceLostError("gone")).doubt is Doubt.RETRY
-    assert failure_of(ProtocolError("no")).doubt is Doubt.PERSON
+    assert failure_of(DisobeyedError("no")).doubt is Doubt.PERSON
+    assert failure_of(ProtocolError("stalled")).doubt is Doubt.RETRY
     assert failure_of(AbortedError("end")).doubt is Doubt.NONE
     assert failure_of(StorageFullError("d", free_bytes=1, needed_bytes=2)).problem.status == 507
 
