@@ -6,25 +6,20 @@ command is not known, so words that are no reply are an error and never taken fo
 
 from __future__ import annotations
 
-import atexit
-import contextlib
 import re
 import threading
 import time
 from dataclasses import dataclass
 
-from drivers.errors import (
-    AbortedError,
-    ConfigurationError,
-    DisobeyedError,
-    DriverError,
-    ProtocolError,
-)
+from drivers.errors import AbortedError, ConfigurationError, DisobeyedError, ProtocolError
+from drivers.relay.board import RelayBoard
 from drivers.relay.serial_port import SerialPort
 from drivers.valve import VacuumReading, ValveReport
 
 _POLL_S = 0.01
 _SAFE_WAIT_S = 0.3
+# A reply has some twenty characters; a board that babbles must not fill the memory.
+_HEARD_LIMIT_BYTES = 4096
 
 
 @dataclass(frozen=True)
@@ -68,7 +63,7 @@ class NumatoSettings:
             )
 
 
-class NumatoValve:
+class NumatoValve(RelayBoard):
     """The valve of `drivers.valve.Valve` on a Numato board.
 
     Parameters
@@ -78,10 +73,11 @@ class NumatoValve:
     """
 
     def __init__(self, settings: NumatoSettings) -> None:
+        off_words = f"\rrelay off {settings.relay}\r".encode("ascii")
+        super().__init__(SerialPort(settings.port, settings.timeout_s), off_words)
         self._settings = settings
-        self._port = SerialPort(settings.port, settings.timeout_s)
-        self._lock = threading.RLock()
         self._hurry = threading.Event()
+        self._out_of_step = False
         self._identity = ""
         self._sent_ns = 0
 
@@ -95,55 +91,6 @@ class NumatoValve:
         """Return True: commands are read back."""
         return True
 
-    def ensure_ready(self) -> None:
-        """Open the port exclusively, clear its line, and switch the vacuum on.
-
-        Raises
-        ------
-        DeviceNotFoundError, DeviceBusyError
-            If the port cannot be opened.
-        DriverError
-            If the board does not answer as a Numato board does.
-        """
-        with self._lock:
-            if self._port.is_open:
-                return
-            self._port.open()
-            atexit.register(self._at_exit)
-            self._hurry.clear()
-            try:
-                # A bare CR ends whatever half a command the last user left behind.
-                self._port.write(b"\r")
-                self._port.discard(_POLL_S)
-                version, _ = self._ask("ver", rb"([0-9A-Za-z.]+)")
-                name, _ = self._ask("id get", rb"([0-9A-Za-z]+)")
-                self._identity = f"Numato relay board, version {version}, id {name}"
-                self._command(vacuum_on=True)
-            except BaseException:
-                self._last_words()
-                self._close_port()
-                raise
-
-    def hold(self) -> ValveReport:
-        """Switch the vacuum on.
-
-        Returns
-        -------
-        ValveReport
-            Confirmed by reading the relay back.
-        """
-        return self._switch(vacuum_on=True)
-
-    def release(self) -> ValveReport:
-        """Break the vacuum: the sphere falls.
-
-        Returns
-        -------
-        ValveReport
-            Confirmed by reading the relay back.
-        """
-        return self._switch(vacuum_on=False)
-
     def vacuum(self) -> VacuumReading | None:
         """Return the gauge, ``None`` where none is configured."""
         s = self._settings
@@ -151,6 +98,7 @@ class NumatoValve:
             return None
         with self._lock:
             self._require_open()
+            self._catch_up()
             text, _ = self._ask(f"adc read {s.adc_channel}", rb"(\d{1,4})")
         code = int(text)
         if code > 1023:
@@ -158,32 +106,28 @@ class NumatoValve:
         volts = code * s.adc_volts_per_code
         return VacuumReading(code, volts, (volts > s.held_threshold_v) == s.held_above)
 
-    def ensure_safe(self) -> None:
-        """Switch the vacuum on by whatever still works; do nothing on a port never opened.
+    def _greet(self) -> None:
+        self._hurry.clear()
+        self._out_of_step = True
+        # A bare CR ends whatever half a command the last user left behind.
+        self._port.write(b"\r")
+        self._port.discard(_POLL_S)
+        self._catch_up()
+        self._command(vacuum_on=True)
 
-        A conversation another thread is having is cut short: that thread gets an AbortedError.
-        A port that went away is opened again.
-
-        Raises
-        ------
-        DriverError
-            If it could not be confirmed: somebody must look at the valve.
-        """
-        if self._port.was_lost:
-            self.ensure_ready()  # plugged in again, perhaps
-            return
-        if not self._port.is_open:
-            return
+    def _make_safe(self) -> None:
+        """Switch the vacuum on; a conversation of another thread ends with an AbortedError."""
         self._hurry.set()
         if not self._lock.acquire(timeout=_SAFE_WAIT_S):
             # Whoever holds the line does not let go; shout over him.
-            self._port.write(self._off_words())
+            self._port.write(self._off_words)
             return
         try:
             self._hurry.clear()
             if self._port.is_open:
-                self._port.write(b"\r")
-                self._port.discard(_POLL_S)
+                # First the deed, then the proof: the board may take its time to answer.
+                self._port.write(self._off_words)
+                self._out_of_step = True
                 self._command(vacuum_on=True)
         except BaseException:
             self._last_words()
@@ -191,37 +135,16 @@ class NumatoValve:
         finally:
             self._lock.release()
 
-    def close(self) -> None:
-        """Make safe, then give the port back; safe to call twice.
-
-        Raises
-        ------
-        DriverError
-            If the safe state could not be confirmed; the port is given back nevertheless.
-        """
-        try:
-            self.ensure_safe()
-        finally:
-            with self._lock:
-                self._close_port()
-
-    def _switch(self, *, vacuum_on: bool) -> ValveReport:
-        with self._lock:
-            self._require_open()
-            try:
-                return self._command(vacuum_on=vacuum_on)
-            except BaseException:
-                self._last_words()
-                raise
-
     def _command(self, *, vacuum_on: bool) -> ValveReport:
         """Send one command and read the relay back."""
+        self._catch_up()
         relay = self._settings.relay
         word = "off" if vacuum_on else "on"
         _, garbage = self._ask(f"relay {word} {relay}", b"()")
         sent_ns = self._sent_ns
         state, more = self._ask(f"relay read {relay}", rb"(on|off)")
         if state != word:
+            self._out_of_step = True
             raise DisobeyedError(
                 f"Relay {relay} was told {word!r} and reads back {state!r}.",
                 why="It is stuck, or another program talks to the board.",
@@ -229,16 +152,26 @@ class NumatoValve:
             )
         return ValveReport(vacuum_on, True, sent_ns, garbage + more)
 
+    def _catch_up(self) -> None:
+        """Hear out late replies: one to an older question must never answer the next.
+
+        The board answers in order, so whatever was asked before comes before these two. Two,
+        because the first of them may itself be answered by a late reply of its own kind.
+        """
+        if not self._out_of_step:
+            return
+        version, _ = self._ask("ver", rb"([0-9A-Za-z.]+)")
+        name, _ = self._ask("id get", rb"([0-9A-Za-z]+)")
+        self._identity = f"Numato relay board, version {version}, id {name}"
+        self._out_of_step = False
+
     def _ask(self, command: str, reply: bytes) -> tuple[str, bytes]:
         """Send a command; return the word its reply must be, and the bytes that belong to none."""
         stale = self._port.discard(0.0)
+        # Until the answer is here, every later question may hear this one's.
+        in_step, self._out_of_step = not self._out_of_step, True
         self._port.write(command.encode("ascii") + b"\r")
         self._sent_ns = time.monotonic_ns()
-        whole = re.compile(
-            rb"(?P<before>.*?)" + re.escape(command.encode("ascii")) + rb"(?P<middle>.*?)>",
-            re.DOTALL | re.IGNORECASE,
-        )
-        exact = re.compile(reply, re.IGNORECASE)
         heard = b""
         deadline = time.monotonic() + self._settings.timeout_s
         while True:
@@ -246,42 +179,54 @@ class NumatoValve:
                 raise AbortedError(
                     f"The command {command!r} was cut short: the valve is made safe."
                 )
-            heard += self._port.read(min(_POLL_S, self._settings.timeout_s))
-            found = whole.search(heard)
-            if found:
-                said = bytes(b for b in found["middle"] if 32 <= b < 127).strip()
-                noise = bytes(b for b in found["middle"] if not 32 <= b < 127 and b not in b"\r\n")
-                answer = exact.fullmatch(said)
-                if answer:
-                    return answer[1].decode("ascii").lower(), stale + found["before"].strip(
-                        b"\r\n>"
-                    ) + noise
-                if said:
-                    raise ProtocolError(
-                        f"The relay board answered {said[:60]!r} to {command!r}.",
-                        why="It does not know the command, or it is no Numato board.",
-                        remedy="Check the port in the settings and the board's model.",
-                    )
+            heard = (heard + self._port.read(min(_POLL_S, self._settings.timeout_s)))[
+                -_HEARD_LIMIT_BYTES:
+            ]
+            answer = _answer_in(heard, command, reply)
+            if answer is not None:
+                self._out_of_step = not in_step
+                return answer[0], stale + answer[1]
             if time.monotonic() > deadline:
                 raise self._port.silence(command, heard)
 
-    def _require_open(self) -> None:
-        if not self._port.is_open:
-            raise DriverError(
-                "The relay board's port is not open.", remedy="Call ensure_ready first."
-            )
 
-    def _off_words(self) -> bytes:
-        return f"\rrelay off {self._settings.relay}\r".encode("ascii")
+def _answer_in(heard: bytes, command: str, reply: bytes) -> tuple[str, bytes] | None:
+    """Return the answer to a command and what belongs to none; ``None`` while it is not there.
 
-    def _last_words(self) -> None:
-        """Send the safe command without waiting for anything; the error that led here counts."""
-        with contextlib.suppress(DriverError):
-            self._port.write(self._off_words())
+    Parameters
+    ----------
+    heard : bytes
+        Everything since the command was sent.
+    command : str
+        Whose echo begins the answer.
+    reply : bytes
+        Pattern of the one word it must be.
 
-    def _close_port(self) -> None:
-        self._port.close()
-        atexit.unregister(self._at_exit)
+    Returns
+    -------
+    tuple of str and bytes, or None
+        The word in small letters, and stray bytes.
 
-    def _at_exit(self) -> None:
-        self._last_words()
+    Raises
+    ------
+    ProtocolError
+        If the board said something else.
+    """
+    echo = command.encode("ascii")
+    at = heard.lower().find(echo.lower())
+    ends = heard.find(b">", at + len(echo)) if at >= 0 else -1
+    if ends < 0:
+        return None
+    middle = heard[at + len(echo) : ends]
+    said = bytes(b for b in middle if 32 <= b < 127).strip()
+    noise = bytes(b for b in middle if not 32 <= b < 127 and b not in b"\r\n")
+    answer = re.fullmatch(reply, said, re.IGNORECASE)
+    if answer:
+        return answer[1].decode("ascii").lower(), heard[:at].strip(b"\r\n>") + noise
+    if said:
+        raise ProtocolError(
+            f"The relay board answered {said[:60]!r} to {command!r}.",
+            why="It does not know the command, or it is no Numato board.",
+            remedy="Check the port in the settings and the board's model.",
+        )
+    return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import time
 
 import serial
 
@@ -15,6 +16,9 @@ from drivers.errors import (
     DriverError,
 )
 
+_DRAIN_POLL_S = 0.001
+# A board that babbles without end must not keep us listening.
+_DISCARD_LIMIT_S = 0.1
 _BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 
 
@@ -108,13 +112,21 @@ class SerialPort:
         port = self._ours()
         try:
             port.write(data)
-            port.flush()
+            self._drain(port)
         except serial.SerialTimeoutException as error:
             raise DeviceTimeoutError(
                 f"The relay board at {self._path} took no command within {self._timeout_s} s."
             ) from error
         except (serial.SerialException, OSError, TypeError, ValueError) as error:
             raise self._lost(error) from error
+
+    def _drain(self, port: serial.Serial) -> None:
+        """Wait until the bytes are out, but not for ever as tcdrain(3) does on a hung board."""
+        deadline_s = time.monotonic() + self._timeout_s
+        while port.out_waiting:
+            if time.monotonic() > deadline_s:
+                raise serial.SerialTimeoutException("the output queue does not empty")
+            time.sleep(_DRAIN_POLL_S)
 
     def read(self, timeout_s: float) -> bytes:
         """Return what arrives within a time, at once when something is there.
@@ -143,7 +155,7 @@ class SerialPort:
             raise self._lost(error) from error
 
     def discard(self, timeout_s: float) -> bytes:
-        """Return and forget everything that is waiting.
+        """Return and forget everything that is waiting, for a tenth of a second at most.
 
         Parameters
         ----------
@@ -156,8 +168,11 @@ class SerialPort:
             What was there.
         """
         heard = b""
+        ends_s = time.monotonic() + _DISCARD_LIMIT_S
         while more := self.read(timeout_s):
             heard += more
+            if time.monotonic() > ends_s:
+                break
         return heard
 
     def close(self) -> None:

@@ -37,13 +37,13 @@ def test_release_moves_the_relay_and_is_never_called_confirmed() -> None:
 
 
 def test_the_four_bytes_are_those_of_the_board() -> None:
-    """A0 01 01 A2 and A0 01 00 A1, and a wrong check sum moves nothing."""
+    """A0 01 01 A2 and A0 01 00 A1, this one twice, and a wrong check sum moves nothing."""
     master, slave = os.openpty()
     os.set_blocking(master, False)
     valve = LcusValve(LcusSettings(os.ttyname(slave)))
     valve.ensure_ready()
     valve.release()
-    assert os.read(master, 100) == bytes.fromhex("a00100a1a00101a2")
+    assert os.read(master, 100) == bytes.fromhex("a00100a1a00100a1a00101a2")
     valve.close()
     os.close(master)
     os.close(slave)
