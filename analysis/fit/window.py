@@ -24,6 +24,9 @@ _EDGE = 0.05
 _NOISE_SAMPLES = 200
 _NOISE_MULTIPLE = 8.0
 """Thousands of samples of noise alone reach 4.5 times their standard deviation, never this."""
+_SWING, _SWING_NOISE, _REACH = 0.25, 5.0, 2
+"""A swing counts from this share of the largest and this multiple of the noise; it is looked for
+so many of its follower's widths before that."""
 
 
 @dataclass(frozen=True)
@@ -37,15 +40,16 @@ class Window:
     signal : ndarray, shape (n,)
         The samples. [unit of the signal]
     peak_index : int
-        Largest sample, counted within the window.
+        Top of the pulse that the contact made, counted within the window; a later swing may be
+        larger.
     rise_index : int
-        Where the pulse first exceeds 5 % of its peak, within the window.
+        Where that pulse first exceeds 5 % of its top, within the window.
     width_s : float
-        Time above 5 % of the peak. [s]
+        Time above 5 % of that top. [s]
     baseline : float
         Median before the pulse. [unit of the signal]
     peak : float
-        Largest excursion from the baseline, > 0. [unit of the signal]
+        Largest excursion from the baseline towards compression, > 0. [unit of the signal]
     polarity : int
         +1, or -1 where compression was recorded as negative; ``signal``, ``baseline`` and ``peak``
         are already turned round.
@@ -73,6 +77,32 @@ class _Pulse:
     polarity: int
 
 
+def _edges(above: NDArray[np.bool_], at: int) -> tuple[int, int]:
+    """Return the first and the last index of the run that ``at`` lies in."""
+    before, after = np.flatnonzero(~above[:at]), np.flatnonzero(~above[at:])
+    first = int(before[-1]) + 1 if before.size else 0
+    last = at + int(after[0]) - 1 if after.size else above.size - 1
+    return first, last
+
+
+def _first_swing(x: NDArray[np.float64], largest: int, noise: float) -> int:
+    """Return a sample of the swing that began what the largest excursion belongs to.
+
+    A structure that rings, or a cut top, can swing back further than the contact pushed it; taken
+    for the contact, that swing is late by half a period and the wrong way up.
+    """
+    height = abs(float(x[largest]))
+    level = max(_SWING * height, _SWING_NOISE * noise)
+    at = largest
+    while True:
+        first, last = _edges(np.sign(x[at]) * x > _EDGE * height, at)
+        low = max(0, first - _REACH * (last - first + 1))
+        earlier = np.flatnonzero(np.abs(x[low:first]) > level)
+        if not earlier.size:
+            return at
+        at = low + int(earlier[-1])
+
+
 def _first_pulse(shot: Shot) -> _Pulse:
     """Return the pulse nearest after the trigger."""
     x = shot.signal
@@ -81,11 +111,9 @@ def _first_pulse(shot: Shot) -> _Pulse:
     high = min(x.size, shot.trigger_index + search)
     quiet = x[max(0, low - 2000) : max(1, shot.trigger_index - 8)]
     baseline = float(np.median(quiet)) if quiet.size >= 8 else float(np.median(x))
-    near = x[low:high] - baseline
-    polarity = 1 if near.max() >= -near.min() else -1
-    near = polarity * near
-    peak = low + int(np.argmax(near))
-    height = float(near.max())
+    rest = x - baseline
+    largest = low + int(np.argmax(np.abs(rest[low:high])))
+    height = abs(float(rest[largest]))
     if not height > 0:
         raise ShotRejectedError(
             f"{shot.name}: nothing leaves the baseline within {search} samples of the trigger; "
@@ -98,14 +126,14 @@ def _first_pulse(shot: Shot) -> _Pulse:
             f"{height:.3g}, no more than noise of {noise:.3g} does by itself; the sphere may not "
             "have fallen, or the cell is not connected."
         )
-    above = polarity * (x - baseline) > _EDGE * height
-    rise = peak
-    while rise > 0 and above[rise - 1]:
-        rise -= 1
-    fall = peak
-    while fall + 1 < x.size and above[fall + 1]:
-        fall += 1
-    return _Pulse(rise, peak, fall, polarity * baseline, height, polarity)
+    at = _first_swing(rest, largest, noise)
+    polarity = 1 if rest[at] > 0 else -1
+    pushed = polarity * rest
+    whole = _edges(pushed > 0.0, at)
+    top = whole[0] + int(np.argmax(pushed[whole[0] : whole[1] + 1]))
+    rise, fall = _edges(pushed > _EDGE * pushed[top], top)
+    tallest = float(pushed[min(low, top) : max(high, top + 1)].max())
+    return _Pulse(rise, top, fall, polarity * baseline, tallest, polarity)
 
 
 def cut(shot: Shot) -> Window:

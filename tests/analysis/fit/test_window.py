@@ -41,6 +41,35 @@ def test_inverted_records_are_turned_round(shot: Shot) -> None:
     assert inverted.baseline == upright.baseline
 
 
+def swinging(first: float, sign: float) -> Shot:
+    """Return a push of that height at sample 1500, 50 samples wide, before larger swings."""
+    x = np.zeros(4000)
+    for i, size in enumerate((first, -1.1, 1.0, -0.9, 0.8)):
+        x[1500 + 50 * i : 1550 + 50 * i] = size * np.sin(np.pi * np.arange(50) / 50)
+    noise = 1e-3 * np.random.default_rng(8).standard_normal(x.size)
+    return Shot("shot 19", sign * 5.0 * x + noise, 1e6, 1510)
+
+
+@pytest.mark.parametrize("first", [0.4, 1.0])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_swing_back_larger_than_the_push_is_not_the_contact(first: float, sign: float) -> None:
+    """What a ringing structure does later moves neither touch-down nor polarity."""
+    window = cut(swinging(first, sign))
+    assert window.polarity == sign
+    assert window.first + window.rise_index == pytest.approx(1501, abs=1)
+    assert window.first + window.peak_index == pytest.approx(1525, abs=2)
+    assert window.width_s == pytest.approx(48e-6, abs=2e-6)
+    assert window.peak == pytest.approx(5.0, rel=1e-3)
+    assert quiet_part(swinging(first, sign)).size < 1500
+
+
+def test_a_swing_cut_at_both_ends_of_the_range_keeps_its_sign() -> None:
+    """Codes reach one further down than up, which must not turn a record round."""
+    cut_off = swinging(1.0, 1.0)
+    rails = np.clip(cut_off.signal, -2.0 - 1 / 16384, 2.0)
+    assert cut(dataclasses.replace(cut_off, signal=rails)).polarity == 1
+
+
 def test_pulse_at_the_start_of_a_record(shot: Shot) -> None:
     """A record that starts inside the rise is cut at its first sample."""
     late = dataclasses.replace(shot, signal=shot.signal[915:], trigger_index=0)
