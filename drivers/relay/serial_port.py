@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import termios
 import time
 
 import serial
@@ -19,6 +20,8 @@ from drivers.errors import (
 _DRAIN_POLL_S = 0.001
 # A board that babbles without end must not keep us listening.
 _DISCARD_LIMIT_S = 0.1
+# pySerial lets termios.error through, which is no OSError: a board unplugged while it is opened.
+_PORT_ERRORS = (serial.SerialException, OSError, termios.error)
 _BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 
 
@@ -70,7 +73,7 @@ class SerialPort:
                 write_timeout=self._timeout_s,
                 exclusive=True,
             )
-        except (serial.SerialException, OSError) as error:
+        except _PORT_ERRORS as error:
             raise self._cannot_open(error) from error
         self._was_lost = False
 
@@ -117,7 +120,7 @@ class SerialPort:
             raise DeviceTimeoutError(
                 f"The relay board at {self._path} took no command within {self._timeout_s} s."
             ) from error
-        except (serial.SerialException, OSError, TypeError, ValueError) as error:
+        except (*_PORT_ERRORS, TypeError, ValueError) as error:
             raise self._lost(error) from error
 
     def _drain(self, port: serial.Serial) -> None:
@@ -151,7 +154,7 @@ class SerialPort:
             port.timeout = timeout_s
             first: bytes = port.read(1)
             return first + (port.read(port.in_waiting) if first and port.in_waiting else b"")
-        except (serial.SerialException, OSError, TypeError, ValueError) as error:
+        except (*_PORT_ERRORS, TypeError, ValueError) as error:
             raise self._lost(error) from error
 
     def discard(self, timeout_s: float) -> bytes:
@@ -180,7 +183,7 @@ class SerialPort:
         self._was_lost = False
         port, self._serial = self._serial, None
         if port is not None:
-            with contextlib.suppress(serial.SerialException, OSError):
+            with contextlib.suppress(*_PORT_ERRORS):
                 port.close()
 
     def silence(self, command: str, heard: bytes) -> DeviceTimeoutError:

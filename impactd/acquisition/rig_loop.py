@@ -27,6 +27,7 @@ from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Drop, Shot
+from impactd.storage.problem import Problem
 
 _log = structlog.get_logger("impactd.acquisition")
 _LOOP_S = 0.1
@@ -116,8 +117,20 @@ class RigLoop:
         thread = self._thread
         return thread is not None and thread.is_alive()
 
-    def begin(self, drop: Drop) -> None:
-        """Take a drop whose row is durable; the machine must be idle."""
+    def begin(self, drop: Drop) -> bool:
+        """Take a drop whose row is durable.
+
+        Parameters
+        ----------
+        drop : Drop
+            Admitted a moment ago.
+
+        Returns
+        -------
+        bool
+            ``False`` when a look found the rig in doubt in that very moment: the row is closed
+            with that reason and nothing moves.
+        """
         run = DropRun(
             drop,
             rig=self._rig,
@@ -129,10 +142,16 @@ class RigLoop:
             beat=self._beat,
         )
         with self.present:
-            self.machine.apply(Event.REQUESTED)
-            self.run = run
+            idle = self.machine.state is State.IDLE
+            if idle:
+                self.machine.apply(Event.REQUESTED)
+                self.run = run
+        if not idle:
+            self._refuse(drop)
+            return False
         self._queue.put(run)
         self._wake.set()
+        return True
 
     def look_again(self) -> None:
         """Let the next look be now, because a person may have mended something."""
@@ -268,6 +287,25 @@ class RigLoop:
         self._tell_fault(fault)
 
     # Ends of a drop
+
+    def _refuse(self, drop: Drop) -> None:
+        """Close the row of a drop that came in the moment in which the rig fell into doubt."""
+        fault = self.fault
+        detail = fault.problem.detail if fault else "The rig was lost as the drop was asked for."
+        remedy = fault.problem.remedy if fault else "See `impactd status`, then ask again."
+        problem = Problem("not-ready", "The rig is not ready", 409, detail, remedy)
+        self._rows.close(drop.number, "failed", problem)
+        self._publish(
+            "drop.failed",
+            {
+                "number": drop.number,
+                "type": problem.type,
+                "detail": problem.detail,
+                "remedy": problem.remedy,
+                "evidence": None,
+            },
+        )
+        self._notify()
 
     def _stored(self, run: DropRun, shot: Shot) -> None:
         number = run.drop.number

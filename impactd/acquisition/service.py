@@ -130,7 +130,8 @@ class AcquisitionService:
         Returns
         -------
         Drop
-            ``requested``, or however far the drop of the same key has come.
+            ``requested``, or however far the drop of the same key has come; ``failed`` when the
+            rig fell into doubt in this very moment.
 
         Raises
         ------
@@ -154,9 +155,9 @@ class AcquisitionService:
             drop, _ = self._archive.begin_drop(
                 request, owner=owner, idempotency_key=idempotency_key, calibration=calibration
             )
-            self._loop.begin(drop)
+            begun = self._loop.begin(drop)
         self.publish("drop.requested", about_drop(drop))
-        return drop
+        return drop if begun else self._archive.drop(drop.number)
 
     def reserve(self, owner: str, calibration: int | None = None) -> Reservation:
         """Hold the rig for a series of drops.

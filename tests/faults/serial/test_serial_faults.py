@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import termios
 import threading
 import time
 
@@ -11,7 +12,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from drivers.errors import DisobeyedError, DriverError
+from drivers.errors import DeviceNotFoundError, DisobeyedError, DriverError
 from drivers.relay.lcus import LcusSettings, LcusValve
 from drivers.relay.numato import NumatoSettings, NumatoValve
 from drivers.simulated.relay_terminal import RelayTerminal
@@ -186,6 +187,23 @@ def test_a_board_that_babbles_without_end_is_left_in_time(noise: bytes) -> None:
         thread.join()
         with contextlib.suppress(DriverError):
             valve.close()
+        board.close()
+
+
+def test_a_board_unplugged_while_it_is_opened_is_not_found(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The port's own kind of error is translated like the others."""
+
+    def gone(*_arguments: object) -> None:
+        raise termios.error(5, "Input/output error")
+
+    board = HostileBoard([])
+    monkeypatch.setattr(termios, "tcflush", gone)
+    try:
+        with pytest.raises(DeviceNotFoundError):
+            NumatoValve(NumatoSettings(board.port)).ensure_ready()
+    finally:
         board.close()
 
 

