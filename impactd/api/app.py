@@ -24,10 +24,12 @@ from impactd.api.routes import (
     health,
     models,
     moduli,
+    session,
     shots,
     status,
 )
 from impactd.api.security import Limits, authorize
+from impactd.api.sessions import Sessions
 from impactd.api.translation import TRANSLATIONS, as_problem
 from impactd.daemon import Daemon
 
@@ -42,6 +44,7 @@ _ROUTERS = (
     models.router,
     status.router,
     events.router,
+    session.router,
     health.router,
 )
 _DESCRIPTION = """\
@@ -82,6 +85,7 @@ def create_app(daemon: Daemon) -> FastAPI:
     metrics = Metrics(daemon)
     app.state.daemon = daemon
     app.state.limits = Limits()
+    app.state.sessions = Sessions()
     app.state.metrics = metrics
     app.add_middleware(
         Gate,

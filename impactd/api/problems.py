@@ -77,6 +77,12 @@ _TYPES = (
         "The token does not allow this",
         "Use a token with the named scope; `impactd token create --scope SCOPE` makes one.",
     ),
+    ProblemType(
+        "csrf",
+        403,
+        "The request may come from another site",
+        "Send the `csrf` of `GET /v1/session` in the header X-CSRF-Token, or use a bearer token.",
+    ),
     ProblemType("not-found", 404, "There is no such thing", "List what exists, then ask again."),
     ProblemType(
         "method-not-allowed",

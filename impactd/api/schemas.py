@@ -50,6 +50,16 @@ class Answer(BaseModel):
     model_config = ConfigDict(extra="allow")
 
 
+class SessionAnswer(Answer):
+    """Whose token or session this is."""
+
+    name: str = Field(description="Of the token.")
+    scope: str = Field(description="`read`, `operate` or `admin`.")
+    csrf: str | None = Field(
+        description="For `X-CSRF-Token` on all that writes with a cookie; null without one."
+    )
+
+
 class DropBody(Request):
     """A drop somebody asks for."""
 

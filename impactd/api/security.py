@@ -1,8 +1,9 @@
 """Who may do what: one table of every route and the scope it needs.
 
-A token is an opaque random string, stored hashed, with one of three scopes. A larger scope holds
-the smaller ones: ``read`` < ``operate`` < ``admin``. A route that is missing in `ROUTE_SCOPES` is
-refused to everybody, so that forgetting one is noticed and never open.
+Who is asking is told by a bearer token, or by the cookie of a session that was begun with one (see
+`impactd.api.sessions`). A token is an opaque random string, stored hashed, with one of three
+scopes. A larger scope holds the smaller ones: ``read`` < ``operate`` < ``admin``. A route that is
+missing in `ROUTE_SCOPES` is refused to everybody, so that forgetting one is noticed and never open.
 """
 
 from __future__ import annotations
@@ -14,10 +15,12 @@ from typing import Annotated
 
 import anyio
 from fastapi import Depends, Request, Security
-from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
 
 from impactd.api.problems import ProblemError
+from impactd.api.sessions import COOKIE, CSRF_HEADER, Session, Sessions, csrf_holds
 from impactd.daemon import Daemon
+from impactd.storage.tokens import Token
 
 
 class Scope(IntEnum):
@@ -64,6 +67,9 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("POST", "/v1/abort"): Scope.OPERATE,
     ("POST", "/v1/acknowledge"): Scope.OPERATE,
     ("GET", "/v1/events"): Scope.READ,
+    ("POST", "/v1/session"): Scope.READ,
+    ("GET", "/v1/session"): Scope.READ,
+    ("DELETE", "/v1/session"): Scope.READ,
     ("GET", "/healthz"): PUBLIC,
     ("GET", "/readyz"): PUBLIC,
     ("GET", "/metrics"): LOOPBACK,
@@ -83,10 +89,16 @@ class Caller:
         The token's name, or ``"anonymous"``.
     scope : Scope or None
         ``None`` without a token.
+    token_id : int or None
+        Of the token behind it all.
+    session : Session or None
+        Of the cookie, where a cookie told who it is.
     """
 
     name: str
     scope: Scope | None
+    token_id: int | None = None
+    session: Session | None = None
 
 
 class Limits:
@@ -97,7 +109,13 @@ class Limits:
         self.token = anyio.CapacityLimiter(8)
 
 
+_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 _bearer = HTTPBearer(auto_error=False, description="A token of `impactd token create`.")
+_cookie = APIKeyCookie(
+    name=COOKIE,
+    auto_error=False,
+    description=f"Of `POST /v1/session`; writes also need the header `{CSRF_HEADER}`.",
+)
 
 
 async def the_daemon(request: Request) -> Daemon:
@@ -120,6 +138,7 @@ async def the_daemon(request: Request) -> Daemon:
 async def authorize(
     request: Request,
     credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
+    cookie: Annotated[str | None, Security(_cookie)],
 ) -> Caller:
     """Return who is asking, or refuse.
 
@@ -128,7 +147,9 @@ async def authorize(
     request : Request
         The request; its matched route is looked up in `ROUTE_SCOPES`.
     credentials : HTTPAuthorizationCredentials or None
-        The bearer token.
+        The bearer token; it counts before a cookie.
+    cookie : str or None
+        Of a session.
 
     Returns
     -------
@@ -138,8 +159,8 @@ async def authorize(
     Raises
     ------
     ProblemError
-        401 without a valid token where one is needed, 403 when its scope is too small or the
-        route is missing in the table.
+        401 without a valid token or session where one is needed, 403 when its scope is too small,
+        a write with a cookie lacks its second secret, or the route is missing in the table.
     """
     route = (request.method, request.scope["route"].path)
     needed = ROUTE_SCOPES.get(route)
@@ -148,7 +169,12 @@ async def authorize(
     if needed == PUBLIC or (needed == LOOPBACK and credentials is None and _is_local(request)):
         return Caller("anonymous", None)
     scope = needed if isinstance(needed, Scope) else Scope.READ
-    caller = await _caller(request, credentials, in_a_hurry=route in ABORT_ROUTES)
+    limits: Limits = request.app.state.limits
+    limiter = limits.abort if route in ABORT_ROUTES else limits.token
+    if credentials is None and cookie is not None:
+        caller = await _caller_of_cookie(request, cookie, limiter)
+    else:
+        caller = await _caller(request, credentials, limiter)
     if caller.scope is None or caller.scope < scope:
         held = caller.scope.name.lower() if caller.scope else "no"
         name = scope.name.lower()
@@ -162,7 +188,9 @@ async def authorize(
 
 
 async def _caller(
-    request: Request, credentials: HTTPAuthorizationCredentials | None, *, in_a_hurry: bool
+    request: Request,
+    credentials: HTTPAuthorizationCredentials | None,
+    limiter: anyio.CapacityLimiter,
 ) -> Caller:
     if credentials is None:
         raise ProblemError(
@@ -171,8 +199,6 @@ async def _caller(
             headers={"WWW-Authenticate": 'Bearer realm="impactd"'},
         )
     daemon: Daemon = request.app.state.daemon
-    limits: Limits = request.app.state.limits
-    limiter = limits.abort if in_a_hurry else limits.token
     token = await anyio.to_thread.run_sync(
         daemon.archive.tokens.check, credentials.credentials, limiter=limiter
     )
@@ -182,7 +208,33 @@ async def _caller(
             "The token is unknown, expired or revoked.",
             headers={"WWW-Authenticate": 'Bearer error="invalid_token"'},
         )
-    return Caller(token.name, Scope[token.scope.upper()])
+    return Caller(token.name, Scope[token.scope.upper()], token.id)
+
+
+async def _caller_of_cookie(
+    request: Request, cookie: str, limiter: anyio.CapacityLimiter
+) -> Caller:
+    daemon: Daemon = request.app.state.daemon
+    sessions: Sessions = request.app.state.sessions
+    session = sessions.find(cookie)
+    token: Token | None = None
+    if session is not None:
+        # Asked each time, so that revoking a token ends its sessions, too.
+        token = await anyio.to_thread.run_sync(
+            daemon.archive.tokens.valid, session.token_id, limiter=limiter
+        )
+    if session is None or token is None:
+        raise ProblemError(
+            "token-invalid",
+            "The session is unknown or over, or its token was revoked.",
+            remedy="Log in again with a token of `impactd token create`.",
+            headers={"WWW-Authenticate": 'Bearer error="invalid_token"'},
+        )
+    if request.method not in _SAFE_METHODS and not csrf_holds(
+        session, request.headers.get(CSRF_HEADER)
+    ):
+        raise ProblemError("csrf", f"A write with a cookie lacks its header {CSRF_HEADER}.")
+    return Caller(token.name, Scope[token.scope.upper()], token.id, session)
 
 
 def _is_local(request: Request) -> bool:

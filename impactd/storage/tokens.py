@@ -103,6 +103,15 @@ class TokenTable:
         )
         return None if row is None else _token_of(row)
 
+    def valid(self, number: int) -> Token | None:
+        """Return a token by its number, ``None`` when it is unknown, expired or revoked."""
+        row = self._index.row(
+            "SELECT * FROM tokens WHERE id=? AND revoked_utc IS NULL "
+            "AND (expires_utc IS NULL OR expires_utc > ?)",
+            (number, utc_now()),
+        )
+        return None if row is None else _token_of(row)
+
     def list(self) -> list[Token]:
         """Return all tokens, oldest first."""
         return [_token_of(row) for row in self._index.rows("SELECT * FROM tokens ORDER BY id")]
