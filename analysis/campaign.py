@@ -103,6 +103,8 @@ class Shot:
         As measured, e.g. from the flight before a bounce; counts instead of the drop height. [m/s]
     clipped : bool
         The record sits on a limit of converter or amplifier; kept, and flagged.
+    code_zero : float
+        What the converter's code 0 stands for, in the unit of ``signal``.
     """
 
     name: str
@@ -117,6 +119,7 @@ class Shot:
     quantum: float | None = None
     clipped: bool = False
     impact_speed_m_per_s: Quantity | None = None
+    code_zero: float = 0.0
 
 
 @dataclass(frozen=True)

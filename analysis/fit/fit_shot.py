@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from analysis.campaign import Campaign, Rejected, Shot
 from analysis.errors import ShotRejectedError
 from analysis.fit.priors import Prior
-from analysis.fit.window import Window, campaign_noise, cut
+from analysis.fit.window import Window, campaign_noise, cut, rail
 from analysis.model.impact_model import ShotFrame
 from analysis.noise import NoiseModel
 
@@ -74,6 +74,7 @@ def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
         drop_height_m=shot.drop_height_m,
         coupon_mass_kg=surface.coupon_mass_kg if surface else None,
         coupon_thickness_m=surface.coupon_thickness_m if surface else None,
+        rail=rail(shot, window),
     )
 
 

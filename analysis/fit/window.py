@@ -19,6 +19,8 @@ MIN_PRE_S = 0.4e-3
 MIN_POST_S = 2.5e-3
 """And at least so far, so that the crystal has rung out."""
 MAX_SAMPLES = 6000
+FULL_SCALE = (-32768, 32767)
+"""First and last code of the converter."""
 
 _EDGE = 0.05
 _NOISE_SAMPLES = 200
@@ -171,6 +173,39 @@ def cut(shot: Shot) -> Window:
         peak=pulse.height,
         polarity=pulse.polarity,
     )
+
+
+def rail(shot: Shot, window: Window) -> tuple[float, float] | None:
+    """Return the ends of the converter's range where a window reaches one of them.
+
+    Parameters
+    ----------
+    shot : Shot
+        The recording.
+    window : Window
+        Its fitted part.
+
+    Returns
+    -------
+    tuple of float or None
+        Lowest and highest value that the converter gives, turned round as the window is; None
+        where it was never full, or its step is not known. [unit of the signal]
+
+    Notes
+    -----
+    A 16-bit converter. An amplifier's limit lies below this and is an effect, not a known thing.
+    """
+    if shot.quantum is None:
+        return None
+    low, high = (code * shot.quantum + shot.code_zero for code in FULL_SCALE)
+    recorded = window.polarity * window.signal
+    least, most = float(recorded.min()), float(recorded.max())
+    half = 0.5 * shot.quantum
+    if least < low - half or most > high + half:
+        return None  # codes beyond 16 bits: this is another converter
+    if least >= low + half and most <= high - half:
+        return None
+    return (low, high) if window.polarity > 0 else (-high, -low)
 
 
 def quiet_part(shot: Shot) -> NDArray[np.float64]:

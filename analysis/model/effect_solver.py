@@ -12,6 +12,12 @@ recession is taken from the indentation rate.
 
 A call integrates a whole set of columns: a trace and its neighbours, each with its own numbers.
 
+The sphere touches once: what swings after lift-off is taken never to catch it up again. A coupon
+of mass m_c that takes the whole push before its tape answers returns at (1 + e) m v / (m + m_c) at
+most, the sphere leaves at (e m_c - m) v / (m + m_c): it is safe from m_c = (2 + e) / e m, some four
+times the sphere's mass, and lighter ones are on all but the softest tapes
+(``tests/analysis/model/test_one_contact.py``).
+
 The work array is what makes it fast. The states lie in blocks of eight, each block with all its
 Runge-Kutta stages behind one another at fixed distances, so that a stage's combination is a few
 vector instructions whatever the number of states.

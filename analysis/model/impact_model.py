@@ -70,6 +70,8 @@ class ShotFrame:
         First sample of the window after the record's first. [s]
     radius_m, drop_height_m, coupon_mass_kg, coupon_thickness_m : float or None
         For effects that need them; None where unknown.
+    rail : tuple of float or None
+        Ends of the converter's range, where the record reaches one. [unit of the signal]
     """
 
     sample_rate_hz: float
@@ -81,6 +83,24 @@ class ShotFrame:
     drop_height_m: float | None = None
     coupon_mass_kg: float | None = None
     coupon_thickness_m: float | None = None
+    rail: tuple[float, float] | None = None
+
+    def cut(self, signal: Array, jacobian: Array | None = None) -> None:
+        """Hold a signal within the converter's range; beyond it nothing moves it.
+
+        Parameters
+        ----------
+        signal : ndarray, shape (n,)
+            Overwritten. [unit of the signal]
+        jacobian : ndarray, shape (n, p), optional
+            Its derivatives; overwritten.
+        """
+        if self.rail is None:
+            return
+        low, high = self.rail
+        if jacobian is not None:
+            jacobian[(signal > high) | (signal < low)] = 0.0
+        np.clip(signal, low, high, out=signal)
 
 
 @dataclass(frozen=True)
@@ -251,7 +271,9 @@ class ImpactModel:
             signal = neighbours.read(table[0], self.chain, column)[-1]
         except OverflowError:  # an effect's numbers that no float can hold
             return _nothing(frame)
-        return self._prediction(signal, found, column)
+        prediction = self._prediction(signal, found, column)
+        frame.cut(prediction.signal)
+        return prediction
 
     def is_thinkable(self, local: Array) -> bool:
         """Tell whether floats can hold what these coordinates stand for."""
@@ -359,7 +381,9 @@ class ImpactModel:
                 columns = effect.basis(frame.samples, centre.context)
                 jacobian[:, at : at + effect.basis_size] = columns
                 at += effect.basis_size
-        return self._prediction(table[0], found, centre), jacobian, gradient
+        prediction = self._prediction(table[0], found, centre)
+        frame.cut(prediction.signal, jacobian)
+        return prediction, jacobian, gradient
 
 
 BASES = {"hsd": solver.HSD, "kv": solver.KV}

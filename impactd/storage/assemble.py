@@ -114,4 +114,5 @@ def campaign_shot(stored: StoredShot) -> Shot:
         restitution=about.restitution,
         quantum=recording.quantum,
         clipped=recording.clipped,
+        code_zero=recording.offset,
     )

@@ -122,6 +122,7 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         restitution=fields.quantity("restitution", at_most=1.0),
         quantum=per_code,
         clipped=recording.clipped,
+        code_zero=recording.offset,
     )
     return CampaignShot(shot, recording)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -104,3 +105,30 @@ def test_a_term_that_divides_by_zero_ends_the_trace() -> None:
     local[model.names.index("stress_relaxation.relaxation_time_s")] = -199.0
     assert math.isfinite(model.predict(local_of(model), FRAME).rebound_ratio)
     assert math.isnan(model.predict(local, FRAME, steps=steps).rebound_ratio)
+
+
+def test_beyond_the_converters_range_nothing_moves_the_trace() -> None:
+    """Trace and derivatives are those without a range, held at its ends and zero there."""
+    model = model_named("kv+adhesive_layer")
+    local = local_of(model)
+    free, slopes, gradient = model.linearise(local, FRAME)
+    low, high = 0.3 * free.signal.min(), 0.8 * free.signal.max()
+    frame = dataclasses.replace(FRAME, rail=(low, high))
+    found, jacobian, same = model.linearise(local, frame)
+    beyond = (free.signal > high) | (free.signal < low)
+    assert 10 < beyond.sum() < 0.5 * beyond.size
+    np.testing.assert_array_equal(found.signal, np.clip(free.signal, low, high))
+    np.testing.assert_array_equal(model.predict(local, frame).signal, found.signal)
+    np.testing.assert_array_equal(jacobian, np.where(beyond[:, None], 0.0, slopes))
+    np.testing.assert_array_equal(same, gradient)
+
+
+def test_a_range_above_an_amplifiers_ceiling_changes_nothing() -> None:
+    """Where the ceiling is an effect of the model, the converter's range lies beyond it."""
+    model = model_named("kv+clipping")
+    local = local_of(model)
+    plain, slopes, _ = model.linearise(local, FRAME)
+    railed, held, _ = model.linearise(local, dataclasses.replace(FRAME, rail=(-10.0, 10.0)))
+    assert plain.signal.max() == pytest.approx(5.0, abs=0.02)
+    np.testing.assert_array_equal(railed.signal, plain.signal)
+    np.testing.assert_array_equal(held, slopes)

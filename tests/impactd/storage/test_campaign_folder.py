@@ -316,6 +316,7 @@ def test_what_is_written_reads_back(campaign_folder: Make, tmp_path: Path) -> No
         assert np.array_equal(before.shot.signal, after.shot.signal)
         assert after.recording.samples.dtype == before.recording.samples.dtype
         assert after.shot.quantum == before.shot.quantum
+        assert after.shot.code_zero == before.shot.code_zero
         assert after.shot.restitution == before.shot.restitution
     with pytest.raises(ArchiveError, match="already"):
         write_campaign(tmp_path / "copy", first.campaign)
