@@ -52,7 +52,9 @@ def _break_mid_record(
     time.sleep(float(rng.uniform(0.0, 0.2)))
     began_s = time.monotonic()
     setattr(faults, fault, True)
-    noticed_s = _ended_s(laboratory, drop.number) - began_s
+    laboratory.wait_for(lambda: laboratory.state is not State.CAPTURING)
+    noticed_s = time.monotonic() - began_s
+    _ended_s(laboratory, drop.number)
     ended = laboratory.archive.drop(drop.number)
     if ended.state == "stored":
         setattr(faults, fault, False)
