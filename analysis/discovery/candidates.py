@@ -15,7 +15,7 @@ from analysis.effects.library import library
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
-from analysis.model.impact_model import SHARED, ImpactModel
+from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
 
@@ -219,7 +219,7 @@ def column(
     if proposal.amplitude is not None:
         step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
         coordinates[proposal.amplitude] = step
-    tried = model.with_effect(effect)
+    tried = model.with_effect(rescoped(effect, "rig"))
     moved = np.concatenate([local[:at], coordinates, local[at:]])
     signal = tried.predict(moved, item.frame).signal
     shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
@@ -290,7 +290,7 @@ def extended(
     """
     model = problem.model.with_effect(effect)
     larger = dataclasses.replace(problem, model=model, names=list(problem.names))
-    first = len(SHARED[model.kind]) + sum(len(e.parameters) for e in problem.model.effects)
+    first = len(problem.model.shared)
     for row in range(first, len(model.shared)):
         larger.names.extend(sorted({larger.effect_key(row, s) for s in problem.shots}))
     new = larger.names[len(problem.names) :]
@@ -325,6 +325,12 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
     """
     u = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     for parameter in effect.parameters:
+        if parameter.scope == "shot":
+            own = problem.model.nuisances.index(f"{effect.id}.{parameter.name}")
+            typical = parameter.value(float(np.median(fitted.nuisances[:, own])))
+            if not parameter.low <= typical <= parameter.high:
+                return True
+            continue
         for j, name in enumerate(problem.names):
             if name.split("[", 1)[0] != f"{effect.id}.{parameter.name}":
                 continue

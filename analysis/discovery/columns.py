@@ -14,12 +14,15 @@ family          what it can take up
 ``cell``        the cell's own four numbers, where they change with surface, shot or time
 ``speed``       the impact speed that a drop height promises
 ``locked``      anything additive that comes at a fixed time after touch-down
+``template``    the same, sample by sample; only learned, never asked about
+``shape``       anything additive that follows the contact's own time; only learned
 ==============  ====================================================================================
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,6 +61,8 @@ BUMPS_US = (
     1400,
     1900,
 )
+TEMPLATE_KNOTS = 160
+SHAPE_KNOTS = (*(round(0.05 * i, 2) for i in range(25)), 1.3, 1.4, 1.55, 1.7, 1.9, 2.2, 2.6)
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
 
@@ -147,17 +152,63 @@ def dynamic_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str]
     )
 
 
+def _hats(t: Array, knots: Array, size: float) -> Array:
+    """Return piecewise linear bumps over knots, the outer two of which only end the last bumps."""
+    triples = zip(knots[:-2], knots[1:-1], knots[2:], strict=True)
+    columns = [size * np.interp(t, three, [0.0, 1.0, 0.0]) for three in triples]
+    return np.column_stack(columns)
+
+
 def locked_columns(
-    samples: int, rate: float, touch_down_us: float, size: float
+    samples: int,
+    rate: float,
+    touch_down_us: float,
+    size: float,
+    knots_us: Sequence[float] = BUMPS_US,
 ) -> tuple[list[str], Array]:
     """Return hat functions of the time after touch-down. Labels and shape (n, q)."""
     t = np.arange(samples) / rate * 1e6 - touch_down_us
-    labels, columns = [], []
-    knots = (*BUMPS_US, 2600)
-    for before, at, after in zip((-15, *knots[:-2]), knots[:-1], knots[1:], strict=True):
-        labels.append(f"{at} us after touch-down")
-        columns.append(size * np.interp(t, [before, at, after], [0.0, 1.0, 0.0]))
-    return labels, np.column_stack(columns)
+    before, after = 2 * knots_us[0] - knots_us[1] - 1.0, 2 * knots_us[-1] - knots_us[-2]
+    labels = [f"{at:g} us after touch-down" for at in knots_us]
+    return labels, _hats(t, np.array([before, *knots_us, after]), size)
+
+
+def template_knots_us(item: FitShot, rate: float) -> tuple[float, ...]:
+    """Return knots that follow a pulse sample by sample, then the ring more and more coarsely.
+
+    Parameters
+    ----------
+    item : FitShot
+        Any of a campaign of one instrument and like pulses; a step is a fraction of the width.
+    rate : float
+        Samples per second. [Hz]
+
+    Returns
+    -------
+    tuple of float
+        After touch-down, at most `TEMPLATE_KNOTS`. [us]
+    """
+    # sizes are rounded so that shots of a campaign share their knots
+    width_us = 2.0 ** round(math.log2(max(item.window.width_s * 1e6, 4.0)))
+    step = max(1e6 / rate, width_us / 24)
+    end = (item.frame.samples - 1) / rate * 1e6
+    knots, at = [0.0], 0.0
+    while at < end and len(knots) < TEMPLATE_KNOTS:
+        if at > 3 * width_us:
+            step *= 1.04
+        at += step
+        knots.append(at)
+    return tuple(knots)
+
+
+def shape_columns(
+    samples: int, rate: float, touch_down_us: float, size: float, contact_s: float
+) -> tuple[list[str], Array]:
+    """Return hat functions of the time in units of the contact's. Labels and shape (n, q)."""
+    t = (np.arange(samples) / rate * 1e6 - touch_down_us) / (contact_s * 1e6)
+    labels = [f"{at:g} contact times after touch-down" for at in SHAPE_KNOTS]
+    last = 2 * SHAPE_KNOTS[-1] - SHAPE_KNOTS[-2]
+    return labels, _hats(t, np.array([-0.05, *SHAPE_KNOTS, last]), size)
 
 
 def contact_labels(*, sphere_only: bool) -> list[str]:

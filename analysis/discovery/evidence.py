@@ -22,6 +22,7 @@ from scipy.stats import chi2 as chi2_distribution
 
 from analysis.discovery.candidates import Proposal, column
 from analysis.discovery.columns import (
+    BUMPS_US,
     Scale,
     cell_names,
     contact_columns,
@@ -29,14 +30,19 @@ from analysis.discovery.columns import (
     dynamic_columns,
     locked_columns,
     response_columns,
+    shape_columns,
     static_columns,
+    template_knots_us,
 )
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.hertz import contact_time
 
 Array = NDArray[np.float64]
 
+GENERIC = ("response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed")
+"""Families that every residual is asked along."""
 RIDGE = 0.5
 """A closure's coefficients are of order one where it changes the signal by its own size."""
 RANK_TOLERANCE = 1e-9
@@ -64,6 +70,8 @@ class ShotEvidence:
         The same, whitened. [1]
     touch_down : float
         Sample of the window at which the contact begins.
+    columns : ndarray, shape (n, q)
+        Of all families. [unit of the signal]
     """
 
     item: FitShot
@@ -73,6 +81,7 @@ class ShotEvidence:
     residual: Array
     white: Array
     touch_down: float
+    columns: Array
 
 
 @dataclass(frozen=True)
@@ -103,6 +112,33 @@ class Explained:
     p_value: float
     heldout_gain: float
     coefficients: dict[str, float]
+
+
+@dataclass(frozen=True)
+class System:
+    """Normal equations of globals and of coefficients with their owners, nuisances eliminated.
+
+    Attributes
+    ----------
+    matrices, vectors : list of ndarray, shapes (g + w, g + w), (g + w,)
+        One a shot.
+    whole, load : ndarray
+        Their sums with the globals' priors.
+    chains : list of ndarray, shape (s + q, g + w)
+        From globals and coefficients to one shot's parameters and columns.
+    labels : list of str
+        Of the w coefficients, with their owners.
+    globals_ : int
+        How many globals come first.
+    """
+
+    matrices: list[Array]
+    vectors: list[Array]
+    whole: Array
+    load: Array
+    chains: list[Array]
+    labels: list[str]
+    globals_: int
 
 
 @dataclass(frozen=True)
@@ -199,45 +235,52 @@ class Evidence:
     def _solve(
         self, at: list[int], labels: list[str], family: str, scope: str, *, heldout: bool
     ) -> Explained:
-        owners = self.owners(scope)
-        names = sorted({o for shot in owners for o, _ in shot})
+        system = self.system([(family, scope)])
+        gain, dof, coefficients = _project(system.whole, system.load, system.globals_)
+        held = _heldout_gain(self._folds(), system) if heldout else math.nan
+        p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
+        named = dict(zip(system.labels, map(float, coefficients), strict=True))
+        return Explained(family, scope, gain, dof, p, held, named)
+
+    def system(self, parts: Sequence[tuple[str, str]]) -> System:
+        """Return the normal equations of the globals and of families with their owners.
+
+        Parameters
+        ----------
+        parts : sequence of tuple
+            (family, scope) each.
+
+        Returns
+        -------
+        System
+            Priors of the globals included; none on coefficients.
+        """
         globals_ = len(self.problem.names)
-        width = len(at) * len(names)
-        size = globals_ + width
-        matrices, vectors = [], []
-        for shot, own in zip(self.shots, owners, strict=True):
-            chain = np.zeros((shot.vector.size, size))
-            chain[: shot.chain.shape[0], :globals_] = shot.chain
-            for owner, weight in own:
-                first = globals_ + names.index(owner) * len(at)
-                chain[at, range(first, first + len(at))] = weight
-            matrices.append(chain.T @ shot.matrix @ chain)
-            vectors.append(chain.T @ shot.vector)
+        labels: list[str] = []
+        chains = [_wide(shot, globals_) for shot in self.shots]
+        for family, scope in parts:
+            at, own_labels = self.families[family]
+            owners = self.owners(scope)
+            names = sorted({o for shot in owners for o, _ in shot})
+            for row, own in enumerate(owners):
+                wider = np.zeros((chains[row].shape[0], len(names) * len(at)))
+                for owner, weight in own:
+                    first = names.index(owner) * len(at)
+                    wider[at, range(first, first + len(at))] = weight
+                chains[row] = np.hstack([chains[row], wider])
+            labels += [f"{lab}{f' [{o}]' if o else ''}" for o in names for lab in own_labels]
+        matrices = [c.T @ s.matrix @ c for c, s in zip(chains, self.shots, strict=True)]
+        vectors = [c.T @ s.vector for c, s in zip(chains, self.shots, strict=True)]
+        size = globals_ + len(labels)
         prior = np.zeros((size, size))
         prior[:globals_, :globals_] = self.problem.prior_precision
         pull = np.zeros(size)
         pull[:globals_] = -self.problem.prior_precision @ (
             self.fitted.theta - self.problem.prior_mean
         )
-        whole, load = sum(matrices) + prior, sum(vectors) + pull
-        gain, dof, coefficients = _project(whole, load, globals_)
-        held = math.nan
-        if heldout:
-            held = _heldout_gain(
-                self._folds(),
-                matrices=matrices,
-                vectors=vectors,
-                whole=whole,
-                load=load,
-                globals_=globals_,
-            )
-        p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
-        named = {
-            f"{label}{f' [{owner}]' if owner else ''}": float(coefficients[i * len(at) + j])
-            for i, owner in enumerate(names)
-            for j, label in enumerate(labels)
-        }
-        return Explained(family, scope, gain, dof, p, held, named)
+        return System(
+            matrices, vectors, sum(matrices) + prior, sum(vectors) + pull, chains, labels, globals_
+        )
 
     def _folds(self) -> list[list[int]]:
         """Return the shots to hold out together: each height, each sphere."""
@@ -258,6 +301,13 @@ class Evidence:
         return sum(float(s.white @ s.white) for s in self.shots)
 
 
+def _wide(shot: ShotEvidence, globals_: int) -> Array:
+    """Return the map from globals to a shot's parameters and columns, none of the columns moved."""
+    chain = np.zeros((shot.vector.size, globals_))
+    chain[: shot.chain.shape[0]] = shot.chain
+    return chain
+
+
 def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Array]:
     """Return the gain of the columns beyond the globals, their rank, and ridged coefficients."""
     inner = whole[:globals_, :globals_]
@@ -274,20 +324,14 @@ def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Arra
     return gain, int(keep.sum()), ridged
 
 
-def _heldout_gain(
-    folds: list[list[int]],
-    *,
-    matrices: list[Array],
-    vectors: list[Array],
-    whole: Array,
-    load: Array,
-    globals_: int,
-) -> float:
+def _heldout_gain(folds: list[list[int]], system: System) -> float:
     """Return the fall of held-out squares that the columns bring, averaged over ways to fold.
 
     A global that only the held-out shots know (the modulus of a sphere that is left out) is no
     shared parameter: it is fitted to the held-out shots, with the columns and without.
     """
+    matrices, vectors, globals_ = system.matrices, system.vectors, system.globals_
+    whole, load = system.whole, system.load
     total, covered = 0.0, 0
     size = whole.shape[0]
     ridge = np.zeros(size)
@@ -329,7 +373,13 @@ def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
     return Scale(max(tops), float(np.median(depths)), float(np.median(speeds)))
 
 
-def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()) -> Evidence:
+def gather(
+    problem: JointProblem,
+    fitted: Fitted,
+    tried: Sequence[Proposal] = (),
+    *,
+    wanted: Sequence[str] = GENERIC,
+) -> Evidence:
     """Linearise a fitted campaign with all generic columns and those of named effects.
 
     Parameters
@@ -340,6 +390,8 @@ def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()
         Its solution.
     tried : sequence of Proposal
         Effects to look along; each becomes a family under its key.
+    wanted : sequence of str
+        Generic families.
 
     Returns
     -------
@@ -359,6 +411,7 @@ def gather(problem: JointProblem, fitted: Fitted, tried: Sequence[Proposal] = ()
                 scale=scale,
                 families=families,
                 tried=tried,
+                wanted=wanted,
             )
         )
     return Evidence(problem, fitted, shots, families)
@@ -372,25 +425,40 @@ def family_columns(
     clean: Array,
     jacobian: Array,
     scale: Scale,
+    wanted: Sequence[str] = GENERIC,
 ) -> list[tuple[str, list[str], Array, Array | None, Array | None]]:
-    """Return (family, labels, signal, rebound, speed) of all families for one shot."""
+    """Return (family, labels, signal, rebound, speed) of families for one shot."""
     model = problem.model
     rate = item.frame.sample_rate_hz
     touch_down_us = float(local[len(model.shared) + 2])
     found: list[tuple[str, list[str], Array, Array | None, Array | None]] = []
-    found.append(("response", *response_columns(clean, rate), None, None))
-    found.append(("static", *static_columns(clean, scale), None, None))
-    found.append(("dynamic", *dynamic_columns(clean, rate, scale), None, None))
-    found.append(
-        ("locked", *locked_columns(clean.size, rate, touch_down_us, item.window.peak), None, None)
-    )
-    for family, sphere_only in (("contact", False), ("loss", True)):
-        signal, rebound = contact_columns(model, local, item, scale, sphere_only=sphere_only)
-        found.append((family, contact_labels(sphere_only=sphere_only), signal, rebound, None))
-    names = cell_names(model)
-    places = [model.shared.index(n) for n in names]
-    found.append(("cell", names, 0.1 * jacobian[:, places], None, None))
-    found.append(("speed", ["speed"], np.zeros((clean.size, 1)), None, np.array([0.1])))
+    for family in wanted:
+        if family == "response":
+            found.append((family, *response_columns(clean, rate), None, None))
+        elif family == "static":
+            found.append((family, *static_columns(clean, scale), None, None))
+        elif family == "dynamic":
+            found.append((family, *dynamic_columns(clean, rate, scale), None, None))
+        elif family in ("locked", "template"):
+            knots = BUMPS_US if family == "locked" else template_knots_us(item, rate)
+            hats = locked_columns(clean.size, rate, touch_down_us, item.window.peak, knots)
+            found.append((family, *hats, None, None))
+        elif family == "shape":
+            speed = math.exp(local[len(model.shared)])
+            lasts = contact_time(math.exp(local[0]), item.frame.mass_kg, speed)
+            hats = shape_columns(clean.size, rate, touch_down_us, item.window.peak, lasts)
+            found.append((family, *hats, None, None))
+        elif family in ("contact", "loss"):
+            only = family == "loss"
+            signal, rebound = contact_columns(model, local, item, scale, sphere_only=only)
+            found.append((family, contact_labels(sphere_only=only), signal, rebound, None))
+        elif family == "cell":
+            names = cell_names(model)
+            places = [model.shared.index(n) for n in names]
+            found.append((family, names, 0.1 * jacobian[:, places], None, None))
+        else:
+            nothing = np.zeros((clean.size, 1))
+            found.append((family, ["speed"], nothing, None, np.array([0.1])))
     return found
 
 
@@ -403,13 +471,22 @@ def _shot_evidence(
     scale: Scale,
     families: dict[str, tuple[list[int], list[str]]],
     tried: Sequence[Proposal],
+    wanted: Sequence[str],
 ) -> ShotEvidence:
     model = problem.model
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
     found, jacobian, gradient = model.linearise(local, item.frame)
     clean = found.signal - local[len(model.shared) + 3]
-    parts = family_columns(problem, item, local=local, clean=clean, jacobian=jacobian, scale=scale)
+    parts = family_columns(
+        problem,
+        item,
+        local=local,
+        clean=clean,
+        jacobian=jacobian,
+        scale=scale,
+        wanted=wanted,
+    )
     for proposal in tried:
         columns, shift = column(proposal, model, local, item, found.signal)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
@@ -445,6 +522,7 @@ def _shot_evidence(
         residual=residual,
         white=white,
         nuisance=nuisance,
+        columns=signal,
     )
 
 
@@ -458,6 +536,7 @@ def _eliminated(
     residual: Array,
     white: Array,
     nuisance: Array,
+    columns: Array,
 ) -> ShotEvidence:
     inner = np.linalg.solve(
         matrix[keep:, keep:], np.column_stack([matrix[keep:, :keep], vector[keep:]])
@@ -471,4 +550,5 @@ def _eliminated(
         residual,
         white,
         float(nuisance[2]) * 1e-6 * item.frame.sample_rate_hz,
+        columns,
     )

@@ -82,7 +82,7 @@ def solve(
     return fitted, scale
 
 
-def _folds(problem: JointProblem) -> list[list[int]]:
+def heldout_folds(problem: JointProblem) -> list[list[int]]:
     """Return shots to hold out together: by height, else every third."""
     heights = [s.shot.drop_height_m for s in problem.shots]
     distinct = sorted({h for h in heights if h is not None})
@@ -115,7 +115,7 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
     Gauss-Newton step from the full solution, which is where the other shots alone would lead to
     first order; the fold's own nuisances are then fitted anew with everything shared fixed.
     """
-    folds = _folds(problem)
+    folds = heldout_folds(problem)
     if not folds:
         return None
     matrix, _, parts = joint.normal_equations(problem, fitted)
@@ -127,13 +127,13 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
             vector -= parts[i].vector
         theta = fitted.theta + np.linalg.solve(without, vector)
         for i in fold:
-            r = _refit_nuisances(problem, i, theta, fitted.nuisances[i])
+            r = refit_nuisances(problem, i, theta, fitted.nuisances[i])
             squares += float(r @ r)
             count += r.size
     return math.sqrt(squares / count)
 
 
-def _refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array) -> Array:
+def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array) -> Array:
     """Return the residual of one shot with only its own parameters free."""
     item = problem.shots[i]
     nuisance = nuisance.copy()
