@@ -61,7 +61,7 @@ BUMPS_US = (
     1400,
     1900,
 )
-TEMPLATE_KNOTS = 160
+TEMPLATE_KNOTS, TEMPLATE_FINENESS, TEMPLATE_GROWTH = 160, 24, 1.04
 SHAPE_KNOTS = (*(round(0.05 * i, 2) for i in range(25)), 1.3, 1.4, 1.55, 1.7, 1.9, 2.2, 2.6)
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
@@ -79,11 +79,17 @@ class Scale:
         Median largest indentation. [m]
     speed_m_per_s : float
         Median impact speed. [m/s]
+    pulse_s : float
+        Median width of the pulses. [s]
+    window_s : float
+        Longest window. [s]
     """
 
     top: float
     indentation_m: float
     speed_m_per_s: float
+    pulse_s: float
+    window_s: float
 
 
 @dataclass(frozen=True)
@@ -173,13 +179,13 @@ def locked_columns(
     return labels, _hats(t, np.array([before, *knots_us, after]), size)
 
 
-def template_knots_us(item: FitShot, rate: float) -> tuple[float, ...]:
+def template_knots_us(scale: Scale, rate: float) -> tuple[float, ...]:
     """Return knots that follow a pulse sample by sample, then the ring more and more coarsely.
 
     Parameters
     ----------
-    item : FitShot
-        Any of a campaign of one instrument and like pulses; a step is a fraction of the width.
+    scale : Scale
+        Of the campaign.
     rate : float
         Samples per second. [Hz]
 
@@ -188,14 +194,11 @@ def template_knots_us(item: FitShot, rate: float) -> tuple[float, ...]:
     tuple of float
         After touch-down, at most `TEMPLATE_KNOTS`. [us]
     """
-    # sizes are rounded so that shots of a campaign share their knots
-    width_us = 2.0 ** round(math.log2(max(item.window.width_s * 1e6, 4.0)))
-    step = max(1e6 / rate, width_us / 24)
-    end = (item.frame.samples - 1) / rate * 1e6
+    step = max(1e6 / rate, scale.pulse_s * 1e6 / TEMPLATE_FINENESS)
     knots, at = [0.0], 0.0
-    while at < end and len(knots) < TEMPLATE_KNOTS:
-        if at > 3 * width_us:
-            step *= 1.04
+    while at < scale.window_s * 1e6 and len(knots) < TEMPLATE_KNOTS:
+        if at > 3e6 * scale.pulse_s:
+            step *= TEMPLATE_GROWTH
         at += step
         knots.append(at)
     return tuple(knots)

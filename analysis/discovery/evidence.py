@@ -282,6 +282,12 @@ class Evidence:
             matrices, vectors, sum(matrices) + prior, sum(vectors) + pull, chains, labels, globals_
         )
 
+    def best_width(self, system: System, widths: Sequence[float]) -> float:
+        """Return how large coefficients should be taken to be, by what holds on other shots."""
+        folds = self._folds()
+        gains = {w: _heldout_gain(folds, system, w) for w in widths}
+        return max(gains, key=lambda w: gains[w])
+
     def _folds(self) -> list[list[int]]:
         """Return the shots to hold out together: each height, each sphere."""
         folds = []
@@ -324,7 +330,7 @@ def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Arra
     return gain, int(keep.sum()), ridged
 
 
-def _heldout_gain(folds: list[list[int]], system: System) -> float:
+def _heldout_gain(folds: list[list[int]], system: System, width: float = RIDGE) -> float:
     """Return the fall of held-out squares that the columns bring, averaged over ways to fold.
 
     A global that only the held-out shots know (the modulus of a sphere that is left out) is no
@@ -335,7 +341,7 @@ def _heldout_gain(folds: list[list[int]], system: System) -> float:
     total, covered = 0.0, 0
     size = whole.shape[0]
     ridge = np.zeros(size)
-    ridge[globals_:] = RIDGE**-2
+    ridge[globals_:] = width**-2
     for fold in folds:
         inside = np.sum([matrices[i] for i in fold], axis=0)
         own = np.sum([vectors[i] for i in fold], axis=0)
@@ -363,14 +369,19 @@ def _fall(x: Array, inside: Array, own: Array, alone: list[int]) -> float:
 
 def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
     """Return the sizes that the generic columns of a fitted campaign are measured in."""
-    depths, speeds, tops = [], [], []
+    depths, speeds = [], []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
         shared, _ = problem.shared_local(item, fitted.theta)
         speed = math.exp(nuisance[0])
         depths.append((1.25 * item.frame.mass_kg * speed**2 / math.exp(shared[0])) ** 0.4)
         speeds.append(speed)
-        tops.append(item.window.peak)
-    return Scale(max(tops), float(np.median(depths)), float(np.median(speeds)))
+    return Scale(
+        top=max(s.window.peak for s in problem.shots),
+        indentation_m=float(np.median(depths)),
+        speed_m_per_s=float(np.median(speeds)),
+        pulse_s=float(np.median([s.window.width_s for s in problem.shots])),
+        window_s=max(s.frame.samples / s.frame.sample_rate_hz for s in problem.shots),
+    )
 
 
 def gather(
@@ -440,7 +451,7 @@ def family_columns(
         elif family == "dynamic":
             found.append((family, *dynamic_columns(clean, rate, scale), None, None))
         elif family in ("locked", "template"):
-            knots = BUMPS_US if family == "locked" else template_knots_us(item, rate)
+            knots = BUMPS_US if family == "locked" else template_knots_us(scale, rate)
             hats = locked_columns(clean.size, rate, touch_down_us, item.window.peak, knots)
             found.append((family, *hats, None, None))
         elif family == "shape":

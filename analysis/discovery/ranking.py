@@ -21,11 +21,14 @@ from analysis.discovery.candidates import (
     Refit,
     continued,
     default_starts,
+    extended,
     refit,
     refit_elsewhere,
+    rescoped,
     scopes_of,
 )
 from analysis.discovery.evidence import Evidence, gather
+from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 
@@ -37,7 +40,7 @@ FIRST_STEPS, SECOND_STEPS = 4, 8
 STARTS_PER_OWNER = 2
 STRUCTURE_STARTS = 4
 SHORTLIST = 7
-INTO_SECOND, INTO_LAST = 7, 3
+INTO_SECOND, INTO_LAST = 7, 4
 BENT = 300.0
 """Whitened squares beyond the noise, on the few shots, from which a slope is only a promise."""
 FAR = 3.0
@@ -46,6 +49,8 @@ KNOWN_U = 0.3
 """A global whose prior is narrower than this is known before any record."""
 USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
 """Where an unknown plastic begins when the records themselves mislead."""
+NOTHING = 1.0
+"""Whitened squares by which a start must differ from the model without the effect."""
 HOPELESS = 0.25
 """Share of the leader's score below which a candidate is not carried on."""
 USUAL_STARTS = 4
@@ -158,7 +163,9 @@ def _owner(label: str) -> str:
     return label.rpartition("[")[2].rstrip("]") if label.endswith("]") else ""
 
 
-def _distinct(own: list[Start], top: float, *, bent: bool, far: bool) -> list[Start]:
+def _distinct(
+    own: list[Start], few: JointProblem, base: joint.Fitted, *, bent: bool, far: bool
+) -> list[Start]:
     """Return the best few that differ in form or start, one for the whole rig among them."""
     structure = own[0].proposal.effect.structure is not None
     wanted = STRUCTURE_STARTS if structure else STARTS_PER_OWNER
@@ -170,18 +177,24 @@ def _distinct(own: list[Start], top: float, *, bent: bool, far: bool) -> list[St
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    return found + (_usual(own, top, far=far) if bent else [])
+    return found + (_usual(own, few, base, far=far) if bent else [])
 
 
-def _usual(own: list[Start], top: float, *, far: bool) -> list[Start]:
+def _usual(
+    own: list[Start], few: JointProblem, base: joint.Fitted, *, far: bool
+) -> list[Start]:
     """Return starts at an effect's usual sizes, whatever the linear look says of them."""
     found = []
+    top = max(s.window.peak for s in few.shots)
     for effect in {s.proposal.effect.id: s.proposal.effect for s in own}.values():
         if effect.basis is not None:
             continue
         likely = [s for s in own if s.proposal.effect.id == effect.id]
-        for coordinates in _likely_first(default_starts(effect, top), likely)[:USUAL_STARTS]:
-            proposal = dataclasses.replace(likely[0].proposal, coordinates=coordinates)
+        coordinates = default_starts(effect, top)
+        if len(coordinates) > USUAL_STARTS:
+            coordinates = _mildest(effect, coordinates, few, base)
+        for at in coordinates[:USUAL_STARTS]:
+            proposal = dataclasses.replace(likely[0].proposal, coordinates=at)
             usual = Start(proposal, likely[0].scope, {}, likely[0].promised)
             if far and effect.in_solver:
                 found.append(dataclasses.replace(usual, from_afar=True))
@@ -190,19 +203,22 @@ def _usual(own: list[Start], top: float, *, far: bool) -> list[Start]:
     return found
 
 
-def _likely_first(
-    coordinates: list[tuple[float, ...]], likely: list[Start]
+def _mildest(
+    effect: Effect, coordinates: list[tuple[float, ...]], few: JointProblem, base: joint.Fitted
 ) -> list[tuple[float, ...]]:
-    """Return usual sizes in the order of what the linear look says of their other numbers."""
-    amplitude = likely[0].proposal.amplitude
-    if amplitude is None:
-        return coordinates
+    """Return starts in order of the misfit they begin with, those that change nothing last.
 
-    def rest(at: tuple[float, ...]) -> tuple[float, ...]:
-        return at[:amplitude] + at[amplitude + 1 :]
-
-    order = {rest(s.proposal.coordinates): -s.promised for s in reversed(likely)}
-    return sorted(coordinates, key=lambda c: order.get(rest(c), 0.0))
+    A yield pressure that nothing reaches, a ceiling above all peaks: from there no slope leads on.
+    """
+    own = rescoped(effect, "rig")
+    found = []
+    for at in coordinates:
+        names = (f"{own.id}.{p.name}" for p in own.parameters)
+        larger, theta, nuisances = extended(few, base, own, dict(zip(names, at, strict=True)))
+        cost = joint.total_cost(larger, theta, nuisances)
+        nothing = not math.isfinite(cost) or abs(cost - base.cost) < NOTHING
+        found.append((nothing, cost, at))
+    return [at for _, _, at in sorted(found)]
 
 
 def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
@@ -285,7 +301,6 @@ def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Re
     bent = evidence.chi2 - samples > BENT
     far = evidence.chi2 > FAR * samples
     begin = ground.begin(places, base)
-    top = max(s.window.peak for s in few.shots)
     order = list(entries) if bent else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
@@ -304,10 +319,10 @@ def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Re
                 max_iterations=FIRST_STEPS,
                 begin=begin if start.from_afar else None,
             )
-            for start in _distinct(entries[owner], top, bent=bent, far=far)
+            for start in _distinct(entries[owner], few, base, bent=bent, far=far)
         ]
         best += _best_forms(tries, base, bent=bent)
-    return _later_rounds(ground, best, Part(places, base), progress)
+    return _later_rounds(ground, best, Part(places, base), progress, bent=bent)
 
 
 def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool) -> list[Refit]:
@@ -333,6 +348,12 @@ def _order(found: Refit) -> tuple[bool, float]:
     return found.at_bound, -found.score(PENALTY)
 
 
+def _merit(found: Refit, factor: float) -> float:
+    """Return the score that all shots would give; what left its range loses half of it."""
+    score = found.gain * factor - PENALTY * found.parameters
+    return 0.5 * score if found.at_bound and score > 0 else score
+
+
 @dataclass(frozen=True)
 class Part:
     """Some of the shots, and the present model fitted to them."""
@@ -342,15 +363,16 @@ class Part:
 
 
 def _later_rounds(
-    ground: Ground, best: list[Refit], part: Part, progress: Progress
+    ground: Ground, best: list[Refit], part: Part, progress: Progress, *, bent: bool
 ) -> list[Refit]:
     """Carry the best on: some steps on more shots, then to the end on all."""
     problem, fitted = ground.problem, ground.fitted
-    first = _seeded(best)
     whole = len(problem.shots)
-    behind = [_scaled(r, whole / len(part.places)) for r in first[INTO_SECOND:]]
+    factor = whole / len(part.places)
+    first = sorted(best, key=lambda r: -_merit(r, factor))
+    behind = [_scaled(r, factor) for r in first[INTO_SECOND:]]
     second: list[Refit] = []
-    more = thinned(problem, MORE)
+    more = thinned(problem, MORE if bent else whole)
     large, base_large = part_of(problem, fitted, more)
     for at, one in enumerate(first[:INTO_SECOND]):
         progress(f"refining {one.owner}", 0.6 + 0.2 * at / INTO_SECOND)
@@ -359,31 +381,25 @@ def _later_rounds(
             max_iterations=SECOND_STEPS,
         )  # fmt: skip
         second.append(moved)
-    second.sort(key=_order)
-    lead = max((r.score(PENALTY) for r in second), default=0.0)
+    factor = whole / len(more)
+    second.sort(key=lambda r: -_merit(r, factor))
+    lead = max((_merit(r, factor) for r in second), default=0.0)
     last: list[Refit] = []
     everything = list(range(whole))
     for at, one in enumerate(second):
-        if at < INTO_LAST and one.score(PENALTY) >= HOPELESS * lead:
-            progress(f"refining {one.owner} on all shots", 0.8 + 0.2 * at / INTO_LAST)
+        worth = at < INTO_LAST and _merit(one, factor) >= HOPELESS * lead
+        if not worth:
+            behind.append(_scaled(one, factor))
+            continue
+        progress(f"refining {one.owner} on all shots", 0.8 + 0.2 * at / INTO_LAST)
+        moved = one
+        if len(more) < whole:
             moved = refit_elsewhere(
                 one, few_base=base_large, few=more, many=everything, problem=problem, base=fitted,
                 max_iterations=25,
             )  # fmt: skip
-            last.append(moved if moved.fitted.converged else continued(fitted, moved))
-        else:
-            behind.append(_scaled(one, whole / len(more)))
+        last.append(moved if moved.fitted.converged else continued(fitted, moved))
     return _one_form_each([*sorted(last, key=_order), *sorted(behind, key=_order)])
-
-
-def _seeded(best: list[Refit]) -> list[Refit]:
-    """Return the first round's results, best first; what left its range loses half its score."""
-
-    def merit(found: Refit) -> float:
-        score = found.score(PENALTY)
-        return 0.5 * score if found.at_bound and score > 0 else score
-
-    return sorted(best, key=lambda r: -merit(r))
 
 
 def _one_form_each(refits: list[Refit]) -> list[Refit]:

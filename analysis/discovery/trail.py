@@ -21,7 +21,7 @@ from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 from analysis.model.impact_model import ImpactModel
 
-MIN_GAIN = 30.0
+MIN_GAIN = 15.0
 """An effect that brings less than this beyond its price is not there."""
 CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
@@ -245,7 +245,7 @@ def rivals(trail: Trail) -> dict[str, list[Refit]]:
             if r.owner != taken.owner
             and r.on_all_shots
             and not r.at_bound
-            and taken.score(PENALTY) - r.score(PENALTY) < CONFUSED_WITHIN
+            and min(taken.score(PENALTY) - r.score(PENALTY), taken.gain - r.gain) < CONFUSED_WITHIN
         ]
         if near:
             found[taken.owner] = near

@@ -79,7 +79,7 @@ EFFECT = Effect(
             3e8,
             1e7,
             1e11,
-            (6e7, 1.2e8, 2.5e8, 6e8, 1.5e9, 4e9),
+            (4e7, 6e7, 8.5e7, 1.2e8, 1.7e8, 2.5e8, 4e8, 6e8, 1e9, 1.8e9, 4e9),
             "contact pressure at which flow begins, p_y",
         ),
     ),

@@ -164,6 +164,24 @@ def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_abov
     return cost if len(costs) == len(problem.shots) and cost <= stop_above else math.inf
 
 
+def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
+    """Return the whitened squares with all priors; infinite where there is no trace.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    theta, nuisances : ndarray, shape (g,), (shots, p)
+        Where.
+
+    Returns
+    -------
+    float
+        [1]
+    """
+    return _total_cost(problem, theta, nuisances, math.inf)
+
+
 def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
     """Return by how much chi2 would fall if the problem were linear."""
     matrix, vector, _ = _gather(problem, blocks, theta, 0.0)

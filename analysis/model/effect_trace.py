@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.effects.effect import Effect, ShotContext
 from analysis.effects.library import term_addresses
+from analysis.model.by_address import address_of
 from analysis.model.effect_solver import integrate_columns
 from analysis.model.hertz import damping_coefficient
 from analysis.model.structure import RIGID, Assembled, Structure
@@ -177,7 +178,7 @@ def integrate_with_effects(
         table,
         np.array([c.row for c in columns]),
         np.array([_numbers(effects, *pair) for pair in zip(cells, columns, strict=True)]),
-        np.array([addresses[e.id] for e in acting], dtype=np.int64),
+        np.array([addresses.get(e.id) or address_of(e.contact) for e in acting], dtype=np.int64),
         packed,
         np.array(which),
         *matrices,

@@ -1,0 +1,102 @@
+r"""A contact force of free form, for the closure of the contact slot: nobody's law, learned as data.
+
+.. math::
+
+    F \to F + K\delta^{3/2} \sum_i c_i u^{i}, \quad i = -1/2, 1/2, 1, 2
+    \qquad\text{or}\qquad
+    F \to F + K\delta^{3/2} \frac{\dot\delta}{v} \sum_i c_i u^{i}, \quad i = -1, -1/2, 0, 1
+
+with u = delta/d; d and v are a campaign's usual indentation and speed, so that a coefficient of one
+is a force as large as Hertz's. The first loads sphere and cell, the second sphere and cell or, as
+the paper's dashpot does, the sphere alone.
+
+It defines no ``EFFECT``, so the library never lists it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit
+
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
+from analysis.model.effect_solver import TERM
+
+ELASTIC_POWERS = (-0.5, 0.5, 1.0, 2.0)
+RATE_POWERS = (-1.0, -0.5, 0.0, 1.0)
+FORMS = ("elastic", "rate", "loss")
+_LARGEST = 50.0
+
+
+@njit(TERM, cache=True)
+def _elastic(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
+    if delta <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    root = math.sqrt(delta)
+    return elastic * (p0 / root + p1 * root + delta * (p2 + p3 * delta)), 0.0, 0.0, 0.0
+
+
+@njit(TERM, cache=True)
+def _rate(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
+    if delta <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    share = p0 / delta + p1 / math.sqrt(delta) + p2 + p3 * delta
+    return elastic * rate * share, 0.0, 0.0, 0.0
+
+
+@njit(TERM, cache=True)
+def _loss(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
+    if delta <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    share = p0 / delta + p1 / math.sqrt(delta) + p2 + p3 * delta
+    return 0.0, elastic * rate * share, 0.0, 0.0
+
+
+_TERMS = {"elastic": _elastic, "rate": _rate, "loss": _loss}
+
+
+def contact_closure(
+    form: str, indentation_m: float, speed_m_per_s: float, scope: str = "rig"
+) -> Effect:
+    """Return a free contact force as an effect with four numbers.
+
+    Parameters
+    ----------
+    form : str
+        One of `FORMS`.
+    indentation_m, speed_m_per_s : float
+        Usual sizes of the campaign. [m, m/s]
+    scope : str
+        Who owns the numbers: rig, surface or sphere.
+
+    Returns
+    -------
+    Effect
+        To be added to a model; neutral at zero.
+    """
+    powers = ELASTIC_POWERS if form == "elastic" else RATE_POWERS
+    rate = 1.0 if form == "elastic" else 1.0 / speed_m_per_s
+    factors = tuple(rate * indentation_m**-p for p in powers)
+    names = tuple(f"u^{p:g}" for p in powers)
+
+    def pack(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
+        del context
+        a, b, c, d = (values[n] * f for n, f in zip(names, factors, strict=True))
+        return a, b, c, d
+
+    return Effect(
+        f"closure_{form}",
+        "contact",
+        "a contact force of free form",
+        "",
+        "four powers of the indentation",
+        "not validated: it is learned, not a law",
+        tuple(
+            EffectParameter(
+                n, "1", scope, "linear", 1.0, -_LARGEST, _LARGEST, (0.01,), "share of Hertz's force"
+            )
+            for n in names
+        ),
+        contact=_TERMS[form],
+        pack=pack,
+    )
