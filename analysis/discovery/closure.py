@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import extended
-from analysis.discovery.evidence import Evidence, System, gather, scale_of
+from analysis.discovery.evidence import PARTS, Evidence, System, gather, scale_of
 from analysis.discovery.quality import heldout_or_none
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint
@@ -31,7 +31,7 @@ WIDTHS = (0.5, 0.1, 0.02, 4e-3)
 """Sizes a coefficient may be thought of; the one that holds best on other shots is taken."""
 FORCE_WIDTH = 1.0
 """A free force is thought of as at most Hertz's own."""
-FOLD_ROUNDS = 3
+FOLD_ROUNDS = 2
 FIT_STEPS = 8
 AGREED = 1e-3
 """Relative fall of the whitened squares at which columns and model agree."""
@@ -81,6 +81,11 @@ class Learned:
     def scope(self) -> str:
         """Return the owners, joined."""
         return "+".join(s for _, s in self.parts)
+
+
+def _whole(parts: Sequence[Part]) -> list[str]:
+    """Return the families that hold the columns of some parts."""
+    return list(dict.fromkeys(PARTS[f][0] if f in PARTS else f for f, _ in parts))
 
 
 def _without(problem: JointProblem, added: Sequence[Array]) -> JointProblem:
@@ -141,14 +146,14 @@ def _look(
         fitted = joint.fit(reduced, begin.nuisances, theta=begin.theta, max_iterations=FIT_STEPS)
     if not fitted.blocks:
         return None
-    evidence = gather(reduced, fitted, wanted=list(dict.fromkeys(f for f, _ in parts)))
+    evidence = gather(reduced, fitted, wanted=_whole(parts))
     system = evidence.system(parts)
     size = np.zeros(len(system.labels)) if coefficients is None else coefficients
     if width is None:
         width = evidence.best_width(system, WIDTHS)
     whole, load = _ridged(system, size, width)
     step = np.asarray(np.linalg.solve(whole, load))[system.globals_ :]
-    found = _learned(parts, reduced, fitted, evidence, system, size, added)
+    found = dataclasses.replace(_learned(parts, evidence, system, size), added=added)
     return _Place(found, system, size, step, width)
 
 
@@ -204,28 +209,21 @@ def learn(problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part]) ->
 
 
 def _learned(
-    parts: tuple[Part, ...],
-    reduced: JointProblem,
-    fitted: joint.Fitted,
-    evidence: Evidence,
-    system: System,
-    coefficients: Array,
-    added: list[Array],
+    parts: tuple[Part, ...], evidence: Evidence, system: System, coefficients: Array
 ) -> Learned:
+    """Return a point of the search as a closure, not yet tried on held-out shots."""
     residual = [s.residual for s in evidence.shots]
     squares = sum(float(r @ r) for r in residual)
-    count = sum(r.size for r in residual)
-    named = dict(zip(system.labels, map(float, coefficients), strict=True))
     return Learned(
         parts,
-        reduced,
-        fitted,
+        evidence.problem,
+        evidence.fitted,
         evidence,
-        named,
-        added,
+        dict(zip(system.labels, map(float, coefficients), strict=True)),
+        [],
         residual,
         evidence.chi2,
-        math.sqrt(squares / count),
+        math.sqrt(squares / sum(r.size for r in residual)),
         None,
     )
 
@@ -281,7 +279,12 @@ def _learned_on(
 
 
 def learn_force(
-    problem: JointProblem, fitted: joint.Fitted, evidence: Evidence, forms: Sequence[str], scope: str
+    problem: JointProblem,
+    fitted: joint.Fitted,
+    evidence: Evidence,
+    *,
+    forms: Sequence[str],
+    scope: str,
 ) -> Learned | None:
     """Fit a contact force of free form, integrated as any contact law is.
 

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 from analysis.campaign import Campaign
 from analysis.discovery.candidates import Refit
-from analysis.discovery.evidence import Explained
-from analysis.discovery.omnibus import ask
+from analysis.discovery.localise import Located, locate
+from analysis.discovery.next_drop import NextDrop, propose
 from analysis.discovery.ranking import PENALTY, usual_place
 from analysis.discovery.trail import (
     MIN_GAIN,
@@ -52,8 +52,10 @@ class Diagnosis:
         For each effect of the trail that has some, the refits that the data cannot tell from it.
     slot : str or None
         Where the discrepancy lives.
-    closure : Explained or None
-        The learned closure, where no name was earned.
+    located : Located or None
+        Where it lives and the learned closure, where no name explains all.
+    next_drop : NextDrop or None
+        The drop that would tell the likeliest names apart.
     """
 
     verdict: str
@@ -61,7 +63,8 @@ class Diagnosis:
     chosen: list[Refit]
     rivals: dict[str, list[Refit]] = field(default_factory=dict)
     slot: str | None = None
-    closure: Explained | None = None
+    located: Located | None = None
+    next_drop: NextDrop | None = None
 
     @property
     def confusable(self) -> list[str]:
@@ -113,7 +116,20 @@ def diagnose_campaign(
             trail = trail.on(crystal)
     if not trail.adequate:
         trail = without_needless(follow(trail, usual, told))
-    return _judge(trail)
+    found = _judge(trail, told)
+    told("looking for the drop that would tell most", 0.98)
+    return dataclasses.replace(found, next_drop=_next_drop(found))
+
+
+def _next_drop(found: Diagnosis) -> NextDrop | None:
+    """Return the drop that would separate what is confused, or the two best guesses."""
+    if found.verdict == "family":
+        for taken in found.chosen:
+            if taken.owner in found.rivals:
+                return propose([taken, *found.rivals[taken.owner]])
+    if found.verdict in ("unknown", "partial"):
+        return propose([r for r in found.steps[0].refits if r.on_all_shots and not r.at_bound][:3])
+    return None
 
 
 def _crystal(campaign: Campaign, step: Step) -> tuple[Refit, joint.Fitted]:
@@ -130,28 +146,31 @@ def _crystal(campaign: Campaign, step: Step) -> tuple[Refit, joint.Fitted]:
     return found, usual_place(problem, nuisances)
 
 
-def _judge(trail: Trail) -> Diagnosis:
+def _judge(trail: Trail, progress: Progress) -> Diagnosis:
     """Return the verdict that a trail allows.
 
     A chain of effects earns its names only if it ends in noise. Where it does not, what was piled
     on top of the first effect is taken off again: it only mimicked what is missing.
     """
     steps, chosen = trail.steps, trail.chosen
-    first = steps[0]
-    if not first.omnibus.structured:
+    if trail.adequate and not chosen:
         return Diagnosis("adequate", steps, [])
     if chosen and trail.adequate:
         near = rivals(trail)
         verdict = "family" if near else "identified"
         return Diagnosis(verdict, steps, chosen, near, chosen[0].effect.slot)
-    full = ask(first.evidence, heldout=True)
-    gains = full.slot_gains()
-    slot = max(gains, key=lambda s: gains[s])
-    closure = max(full.answers.values(), key=lambda e: e.heldout_gain)
-    if chosen and _stands_alone(steps, chosen):
-        slot = chosen[0].effect.slot
-        return Diagnosis("partial", steps[:2], chosen[:1], {}, slot, closure)
-    return Diagnosis("unknown", steps[:1], [], {}, slot, closure)
+    crystal = [c for c in chosen if c.effect.replaces_base]
+    rest = chosen[len(crystal) :]
+    if rest and _stands_alone(steps[len(crystal) :], rest):
+        kept = len(crystal) + 1
+        located = locate(steps[kept], progress)
+        slot = rest[0].effect.slot
+        return Diagnosis("partial", steps[: kept + 1], chosen[:kept], {}, slot, located)
+    located = locate(steps[len(crystal)], progress)
+    if crystal:
+        slot = crystal[0].effect.slot
+        return Diagnosis("partial", steps[: len(crystal) + 1], crystal, {}, slot, located)
+    return Diagnosis("unknown", steps[:1], [], {}, located.slot, located)
 
 
 def _stands_alone(steps: list[Step], chosen: list[Refit]) -> bool:

@@ -43,6 +43,13 @@ Array = NDArray[np.float64]
 
 GENERIC = ("response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed")
 """Families that every residual is asked along."""
+PARTS = {
+    "ringing": ("response", ("ring",)),
+    "memory": ("response", ("lag", "slope", "curvature", "decay")),
+    "bend": ("static", ("square", "cube")),
+    "top": ("static", ("top",)),
+}
+"""Families made of some columns of another: its name, and how their labels begin."""
 RIDGE = 0.5
 """A closure's coefficients are of order one where it changes the signal by its own size."""
 RANK_TOLERANCE = 1e-9
@@ -425,7 +432,20 @@ def gather(
                 wanted=wanted,
             )
         )
-    return Evidence(problem, fitted, shots, families)
+    return Evidence(problem, fitted, shots, families | _parts_of(families))
+
+
+def _parts_of(
+    families: dict[str, tuple[list[int], list[str]]],
+) -> dict[str, tuple[list[int], list[str]]]:
+    """Return families that are parts of others: a chain's ring, decay and delay; a bend, a top."""
+    found = {}
+    for name, (whole, first_words) in PARTS.items():
+        if whole in families:
+            at, labels = families[whole]
+            own = [j for j, label in enumerate(labels) if label.startswith(first_words)]
+            found[name] = ([at[j] for j in own], [labels[j] for j in own])
+    return found
 
 
 def family_columns(

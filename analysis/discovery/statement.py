@@ -13,8 +13,8 @@ from analysis.discovery.closure_curve import closure_curves
 from analysis.discovery.description import describe
 from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.evidence import Explained
+from analysis.discovery.localise import Located
 from analysis.discovery.named_model import definition_of
-from analysis.discovery.omnibus import ask
 from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, why_not
 from analysis.discovery.trail import Step
@@ -46,10 +46,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     before = quality(first.problem, first.fitted)
     after = before if last is first else quality(last.problem, last.fitted)
     stated = _block(after)
-    if diagnosis.verdict == "unknown" and diagnosis.closure is not None:
-        stated = with_closure(after, last, diagnosis.closure)
-    slots = {} if diagnosis.verdict == "adequate" else _slots(first)
-    next_drop = getattr(diagnosis, "next_drop", None)
+    located = diagnosis.located
+    if diagnosis.verdict == "unknown" and located is not None:
+        stated = with_closure(after, located)
+    next_drop = diagnosis.next_drop
     document: Json = {
         "format": FORMAT,
         "verdict": diagnosis.verdict,
@@ -57,11 +57,12 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "p_value": first.omnibus.p_value,
         "noise_rms_V": before.noise_rms,
         "effects": [
-            _effect(refit, after, diagnosis.confusable if place == 0 else [])
-            for place, refit in enumerate(diagnosis.chosen)
+            _effect(refit, after, [r.owner for r in diagnosis.rivals.get(refit.owner, [])])
+            for refit in diagnosis.chosen
         ],
         "slot": diagnosis.slot,
-        "slots": slots,
+        "slots": {} if located is None else _slots(last, located),
+        "also_possible_slots": [] if located is None else located.also,
         "before": _block(before),
         "after": stated,
         "accepted_model": definition_of(after.problem, after.fitted) if diagnosis.chosen else None,
@@ -104,54 +105,60 @@ def _block(result: FitResult) -> Json:
     }
 
 
-def with_closure(result: FitResult, step: Step, closure: Explained) -> Json:
-    """Return the figures of a model with its learned closure, to first order.
+def with_closure(result: FitResult, located: Located) -> Json:
+    """Return the figures of a model with its learned closure.
 
     Parameters
     ----------
     result : FitResult
         The model without it.
-    step : Step
-        The turn whose residual the closure was learned from.
-    closure : Explained
-        What it explains.
+    located : Located
+        With the closure, where one could be learned.
 
     Returns
     -------
     dict
-        As a block; ``first_order`` is true, and moduli that were to be found are withheld, because
-        nobody knows how far something unnamed moves them.
+        As a block. Moduli that were to be found are withheld, because nobody knows how far
+        something unnamed moves them; those of references are as they were stated.
     """
-    chi2 = step.evidence.chi2
-    floor = min(result.degrees_of_freedom / chi2, 1.0)
-
-    def left(gain: float) -> float:
-        """Return the share of the residual's rms that a gain leaves."""
-        # no better than the noise, no worse than without: a closure that does harm is not used
-        return math.sqrt(min(max(1.0 - gain / chi2, floor), 1.0))
-
     block = _block(result)
-    share = left(closure.gain)
-    block.update(
-        model=f"{result.model}+closure({closure.family} by {closure.scope})",
-        first_order=True,
-        rms_V=result.rms * share,
-        nrmse=result.nrmse * share,
-        r2=1.0 - (1.0 - result.r2) * share**2,
-        chi2_per_dof=result.chi2_per_dof * share**2,
-        parameters={},
-        pairs={},
-    )
-    if result.heldout_rms is not None:
-        block["heldout_rms_V"] = result.heldout_rms * left(closure.heldout_gain)
     block["moduli"] = {
-        name: entry if entry["status"] == "reference" else _withheld(entry)
+        name: _as_stated(result, name, entry) if entry["status"] == "reference" else _held(entry)
         for name, entry in block["moduli"].items()
     }
+    block.update(parameters={}, pairs={})
+    learned = located.learned
+    if learned is None or not learned.rms < result.rms:
+        return block
+    share = learned.rms / result.rms
+    block.update(
+        model=f"{result.model}+closure({learned.family} by {learned.scope})",
+        rms_V=learned.rms,
+        nrmse=result.nrmse * share,
+        r2=1.0 - (1.0 - result.r2) * share**2,
+        chi2_per_dof=learned.chi2 / result.degrees_of_freedom,
+        heldout_rms_V=learned.heldout_rms,
+    )
     return block
 
 
-def _withheld(entry: Json) -> Json:
+def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
+    """Return a reference's modulus as the campaign states it, not as a misfit bends it."""
+    campaign = result.problem.campaign
+    material = campaign.spheres.get(name) or campaign.surfaces.get(name)
+    known = getattr(material, "youngs_modulus_pa", None)
+    if known is None:
+        return _held(entry)
+    near = [known.value - 1.96 * known.u, known.value + 1.96 * known.u]
+    return {
+        "youngs_modulus_Pa": {"value": known.value, "u": known.u, "interval95": near},
+        "plane_strain_modulus_Pa": None,
+        "side": entry["side"],
+        "status": "reference",
+    }
+
+
+def _held(entry: Json) -> Json:
     return {
         "youngs_modulus_Pa": None,
         "plane_strain_modulus_Pa": None,
@@ -260,19 +267,51 @@ def _explained(found: Explained, *, brief: bool = False) -> Json:
 
 
 def _closure(diagnosis: Diagnosis, before: FitResult) -> Json | None:
-    learned = diagnosis.closure
-    if learned is None:
+    """Return the learned closure: its figures, coefficients, curves and, where short, formula."""
+    located = diagnosis.located
+    if located is None:
         return None
-    return {**_explained(learned), "curves": closure_curves(diagnosis.steps[0], before, learned)}
-
-
-def _slots(step: Step) -> Json:
-    """Return what any effect in each slot could explain on held-out shots."""
-    chi2 = step.evidence.chi2
-    gains = ask(step.evidence, heldout=True).slot_gains()
+    step = diagnosis.steps[-1]
+    stated = _explained(located.closure)
+    stated["formula"] = _formula(located)
+    learned = located.learned
+    if learned is None:
+        return {**stated, "learned": False, "curves": {"shots": [], "force": None}}
     return {
-        slot: {"heldout_gain": gain, "share_of_residual": max(gain, 0.0) / chi2}
-        for slot, gain in gains.items()
+        **stated,
+        "learned": True,
+        "family": learned.family,
+        "scope": learned.scope,
+        "coefficients": dict(learned.coefficients),
+        "heldout_rms_V": learned.heldout_rms,
+        "curves": closure_curves(step, learned),
+    }
+
+
+def _formula(located: Located) -> Json | None:
+    """Return the few columns that do nearly all, in words and numbers."""
+    if not located.formula:
+        return None
+    terms = " ".join(f"{value:+.3g} x [{label}]" for label, value in located.formula)
+    return {
+        "text": f"{located.closure.family}: {terms}",
+        "terms": [{"label": label, "coefficient": value} for label, value in located.formula],
+    }
+
+
+def _slots(step: Step, located: Located) -> Json:
+    """Return what any effect in each slot could explain on held-out shots, and how likely each is.
+
+    Shares are of the structure, what the noise alone would leave taken off.
+    """
+    return {
+        slot: {
+            "heldout_gain": gain,
+            "share_of_structure": max(gain, 0.0) / located.structure,
+            "share_of_residual": max(gain, 0.0) / step.evidence.chi2,
+            "probability": located.probabilities[slot],
+        }
+        for slot, gain in located.gains.items()
     }
 
 

@@ -41,6 +41,22 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     if diagnosis.verdict == "unknown":
         return (
             f"The model {before.model} misses something that no effect of the library explains"
-            + (f"; it lives in the {diagnosis.slot} slot." if diagnosis.slot else ".")
+            + _place(diagnosis)
         )
     return "These data could not show whether the model is complete."
+
+
+def _place(diagnosis: Diagnosis) -> str:
+    """Return where it lives, with the slots that the data cannot rule out."""
+    if diagnosis.slot is None or diagnosis.located is None:
+        return "."
+    if diagnosis.located.hardly_anywhere:
+        share = diagnosis.located.gains[diagnosis.slot] / diagnosis.located.structure
+        return (
+            f"; no slot's closure explains much of it on other shots, {diagnosis.slot} most with "
+            f"{100 * share:.0f} %."
+        )
+    if not diagnosis.located.also:
+        return f"; it lives in the {diagnosis.slot} slot."
+    others = " or ".join([diagnosis.slot, *diagnosis.located.also])
+    return f"; the data cannot tell whether it lives in the slot {others}."

@@ -268,7 +268,8 @@ def _integrate(  # type: ignore[no-untyped-def]
     h = 13.05 * depth**0.25 / v0 / steps
     i = 0
     if start < 0.0:
-        i = math.ceil(-start / dt - 1e-12)
+        # a touch-down beyond the window, however far, leaves all of it untouched
+        i = math.ceil(min(-start / dt - 1e-12, float(n)))
     new, k1, k7 = _TRIAL * _LANES, _K * _LANES, (_K + 6) * _LANES
     begin, end, corrections, ended = 0, 1, 0, False
     length, f0, deepest = h, 0.0, 0.0

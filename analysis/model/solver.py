@@ -256,7 +256,8 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
     y, u, D, w, t = 0.0, v0, 0.0, 0.0, 0.0
     i = 0
     if start < 0.0:
-        i = math.ceil(-start / dt - 1e-12)
+        # a touch-down beyond the window, however far, leaves all of it untouched
+        i = math.ceil(min(-start / dt - 1e-12, float(out.size)))
     ended = False
     deepest = 0.0
     count = 0

@@ -7,7 +7,7 @@ import json
 
 import pytest
 
-from analysis.discovery.omnibus import ask
+from analysis.discovery.localise import locate
 from analysis.discovery.statement import diagnosis_json
 from analysis.effects.library import library
 
@@ -66,15 +66,14 @@ def test_every_library_effect_has_a_line_and_only_the_taken_one_no_reason(leaky_
 
 
 def test_an_unknown_keeps_its_closure_and_withholds_what_it_cannot_know(leaky):
-    """Without a name, `after` is the closure's repair, marked as first order."""
+    """Without a name, `after` is the repair by the closure, and each slot has a probability."""
     first = leaky.steps[0]
-    answers = ask(first.evidence, heldout=True).answers
-    closure = max(answers.values(), key=lambda one: one.heldout_gain)
+    located = locate(first, lambda stage, share: None)
     nameless = dataclasses.replace(
-        leaky, verdict="unknown", steps=[first], chosen=[], slot="electronics", closure=closure
+        leaky, verdict="unknown", steps=[first], chosen=[], slot=located.slot, located=located
     )
     found = diagnosis_json(nameless, software="impactd test")
-    assert found["after"]["first_order"] is True
+    assert sum(slot["probability"] for slot in found["slots"].values()) == pytest.approx(1.0)
     assert found["after"]["heldout_rms_V"] < found["before"]["heldout_rms_V"] / 2
     assert found["after"]["heldout_rms_V"] >= 0.99 * found["noise_rms_V"]
     assert found["after"]["moduli"]["specimen"]["status"] == "withheld"

@@ -1,0 +1,31 @@
+"""A learned closure repairs shots that it was not learned on."""
+
+from __future__ import annotations
+
+from analysis.discovery.closure import learn
+from analysis.discovery.localise import formula, locate
+from analysis.fit.campaign_fit import heldout_rms
+
+
+def test_the_error_on_held_out_shots_falls(leaky):
+    """What a leaky coupler does is a linear chain's doing, at every height."""
+    first = leaky.steps[0]
+    before = heldout_rms(first.problem, first.fitted)
+    learned = learn(first.problem, first.fitted, [("response", "rig")])
+    assert learned.heldout_rms < before / 2
+    assert learned.rms <= learned.heldout_rms
+
+
+def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
+    """Its memory explains more than anything of another slot."""
+    located = locate(leaky.steps[0], lambda stage, share: None)
+    assert located.slot == "electronics"
+    assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
+
+
+def test_a_short_formula_holds_on_held_out_shots(leaky):
+    """One slow decay, of those that the family offers, does nearly all of a high-pass."""
+    evidence = leaky.steps[0].evidence
+    found = formula(evidence, evidence.explain("memory", "rig"))
+    assert found
+    assert all("decay" in label or "lag" in label for label, _ in found)
