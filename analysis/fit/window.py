@@ -30,6 +30,9 @@ _SWING, _SWING_NOISE, _REACH = 0.25, 5.0, 2
 """A swing counts from this share of the largest and this multiple of the noise; it is looked for
 so many of its follower's widths before that."""
 
+_FAR = 4
+"""Swings are followed so many search lengths beyond the search."""
+
 
 @dataclass(frozen=True)
 class Window:
@@ -113,8 +116,10 @@ def _first_pulse(shot: Shot) -> _Pulse:
     high = min(x.size, shot.trigger_index + search)
     quiet = x[max(0, low - 2000) : max(1, shot.trigger_index - 8)]
     baseline = float(np.median(quiet)) if quiet.size >= 8 else float(np.median(x))
-    rest = x - baseline
-    largest = low + int(np.argmax(np.abs(rest[low:high])))
+    # a record can hold seconds, a swing milliseconds
+    begin = max(0, low - _FAR * search)
+    rest = x[begin : high + _FAR * search] - baseline
+    largest = low - begin + int(np.argmax(np.abs(rest[low - begin : high - begin])))
     height = abs(float(rest[largest]))
     if not height > 0:
         raise ShotRejectedError(
@@ -134,8 +139,8 @@ def _first_pulse(shot: Shot) -> _Pulse:
     whole = _edges(pushed > 0.0, at)
     top = whole[0] + int(np.argmax(pushed[whole[0] : whole[1] + 1]))
     rise, fall = _edges(pushed > _EDGE * pushed[top], top)
-    tallest = float(pushed[min(low, top) : max(high, top + 1)].max())
-    return _Pulse(rise, top, fall, polarity * baseline, tallest, polarity)
+    tallest = float(pushed[min(low - begin, top) : max(high - begin, top + 1)].max())
+    return _Pulse(begin + rise, begin + top, begin + fall, polarity * baseline, tallest, polarity)
 
 
 def cut(shot: Shot) -> Window:
