@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from drivers.digitizer import TriggerSettings
+from drivers.pace import PACKET_SAMPLES
+from drivers.triggered_capture import TriggeredCapture
 from impactd.acquisition.transitions import State
 
 from ...impactd.acquisition.conftest import REQUEST, Laboratory
@@ -114,30 +117,40 @@ def test_a_hundred_breaks_mid_record_leave_no_thread(tmp_path: Path, fault: str)
     _repeat(tmp_path, fault, 100)
 
 
-def _lose(laboratory: Laboratory, fault: str, at: int) -> None:
-    """Make one drop whose stream has a gap so many samples into its record."""
-    faults = laboratory.world.faults
-    drop = laboratory.service.request_drop(REQUEST, owner="ab")
-    laboratory.wait_for(lambda: laboratory.state is State.CAPTURING)
-    capture = laboratory.rig.digitizer._session.last_capture  # type: ignore[attr-defined]
-    setattr(faults, fault, capture.first_position + at)
-    _ended_s(laboratory, drop.number)
-    ended = laboratory.archive.drop(drop.number)
-    assert ended.state == "failed", f"{fault} at {at} of the record was not flagged"
-    assert ended.problem is not None
-    assert ended.problem.type == "overrun"
-    assert _partial(laboratory, drop.number)
+def _lose(laboratory: Laboratory, fault: str, at: int) -> bool:
+    """Make one drop whose stream has a gap; return whether that lay inside the record."""
+    digitizer, arm = laboratory.rig.digitizer, laboratory.rig.digitizer.arm
+    captures: list[TriggeredCapture] = []
+
+    def arm_with_a_gap(trigger: TriggerSettings) -> None:
+        setattr(laboratory.world.faults, fault, at)
+        arm(trigger)
+        captures.append(digitizer._session.last_capture)  # type: ignore[attr-defined]
+
+    digitizer.arm = arm_with_a_gap  # type: ignore[method-assign]
+    drop = laboratory.drop()
+    digitizer.arm = arm  # type: ignore[method-assign]
+    capture = captures[0]
+    first, ended = capture.first_position, laboratory.archive.drop(drop.number)
+    inside = bool(first < at < first + capture.record_samples - PACKET_SAMPLES)
+    if inside:
+        assert ended.state == "failed", f"{fault} at {at - first} of the record was not flagged"
+        assert ended.problem is not None
+        assert ended.problem.type == "overrun"
+        assert _partial(laboratory, drop.number)
+    laboratory.world.faults.clear()
     laboratory.wait_for(lambda: laboratory.service.status().ready)
+    return inside
 
 
 def _gaps(tmp_path: Path, fault: str, times: int) -> None:
     laboratory = _laboratory(tmp_path / "data", 1.0)
     rng = np.random.default_rng(6)
     try:
-        for _ in range(times):
-            # From well behind the trigger, where the reader is by now, to the record's end.
-            _lose(laboratory, fault, int(rng.integers(60_000, 399_000)))
-        assert laboratory.archive.shots() == []
+        flagged = 0
+        while flagged < times:
+            # The trigger comes after some 120 000 samples, the record's end 380 000 later.
+            flagged += _lose(laboratory, fault, int(rng.integers(100_000, 500_000)))
         drop = laboratory.drop()
         assert drop.state == "stored", drop.problem
     finally:
