@@ -84,6 +84,8 @@ class Admission:
             If somebody else holds the rig.
         NotReadyError
             If the rig cannot take a drop.
+        StorageFullError
+            If the disk's reserve would be touched.
         """
         self._wait_last_steps()
         with self._loop.present:
@@ -102,6 +104,8 @@ class Admission:
         for check in checks:
             if not check.ok:
                 self._loop.look_again()
+                if check.name == "disk":
+                    self._archive.check_space()  # a full disk has an error of its own
                 raise NotReadyError(f"NOT READY: {check.sentence}.", check.remedy or REMEDY)
 
     def calibration(self) -> CalibrationState:

@@ -34,9 +34,18 @@ from impactd.acquisition.witness import Witness, circumstances, trigger_settings
 from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
-from impactd.storage.archive import Archive, Drop, Shot, ShotAbout
+from impactd.storage.archive import (
+    Archive,
+    ArchiveError,
+    Drop,
+    DropStateError,
+    NotFoundError,
+    Shot,
+    ShotAbout,
+)
 
 _LOOK_EVERY_S = 0.01
+_STORE_AGAIN_S = 0.5
 # The height is known to a percent or so and the trigger comes a little late; a "fall" shorter than
 # this share of sqrt(2 h / g) was something else knocking at the cell.
 _SHORTEST_FALL_SHARE = 0.8
@@ -55,6 +64,8 @@ class DropRun:
         Told after each step: ``(drop_state or None)``.
     beat : callable
         Called while waiting, for the watchdog.
+    ending : threading.Event
+        Set once the daemon goes down: a record that cannot be stored is waited for no longer.
 
     Attributes
     ----------
@@ -85,6 +96,7 @@ class DropRun:
         machine: Machine,
         moved: Callable[[str | None], None],
         beat: Callable[[], None],
+        ending: threading.Event,
     ) -> None:
         self.drop = drop
         self.doing = "is being prepared"
@@ -101,6 +113,7 @@ class DropRun:
         self._machine = machine
         self._moved = moved
         self._beat = beat
+        self._ending = ending
 
     @property
     def fall_time_s(self) -> float:
@@ -276,7 +289,26 @@ class DropRun:
             self.seen.notes.append(
                 "the digitizer's calibration table was refused: uncalibrated volts"
             )
-        return self._archive.store_shot(self.drop.number, record, self.about())
+        while True:
+            try:
+                return self._archive.store_shot(self.drop.number, record, self.about())
+            except (DropStateError, NotFoundError):
+                raise
+            except ArchiveError as error:
+                if self._ending.is_set():
+                    raise
+                self._keep_in_memory(error)
+
+    def _keep_in_memory(self, error: ArchiveError) -> None:
+        """Say what keeps the record from being stored, and wait: a fall cannot be repeated."""
+        doing = f"keeps its record in memory until it can be stored: {error}"
+        if doing != self.doing:
+            self.doing = doing
+            self._moved(None)
+        ends_s = time.monotonic() + _STORE_AGAIN_S
+        while time.monotonic() < ends_s and not self._ending.is_set():
+            self._beat()
+            self._ending.wait(_LOOK_EVERY_S)
 
     # Inside
 

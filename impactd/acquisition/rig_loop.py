@@ -32,6 +32,7 @@ from impactd.storage.problem import Problem
 _log = structlog.get_logger("impactd.acquisition")
 _LOOP_S = 0.1
 _SILENCES = 2
+_SPHERE_AWAY = frozenset({State.RELEASED, State.CAPTURING, State.STORING})
 
 Publish = Callable[[str, dict[str, Any]], None]
 
@@ -140,6 +141,7 @@ class RigLoop:
             machine=self.machine,
             moved=self._moved,
             beat=self._beat,
+            ending=self.ending,
         )
         with self.present:
             idle = self.machine.state is State.IDLE
@@ -368,7 +370,14 @@ class RigLoop:
         with self.present:
             run = self.run
         if drop_state is not None and run is not None:
-            self._archive.set_drop_state(run.drop.number, drop_state)
+            try:
+                self._archive.set_drop_state(run.drop.number, drop_state)
+            except ArchiveError:
+                # Before the release it stops the drop. Once the sphere falls the record counts for
+                # more than its progress report, which `store_shot` overtakes anyway.
+                if self.machine.state not in _SPHERE_AWAY:
+                    raise
+                _log.exception("a step could not be written", drop=run.drop.number)
             self._publish(f"drop.{drop_state}", {"number": run.drop.number})
         self.tell_state()
 

@@ -46,7 +46,8 @@ from impactd.storage.models import ModelTable
 from impactd.storage.moment import utc_now
 from impactd.storage.numbers import LAST_NUMBER_NAME, NumberSequence
 from impactd.storage.problem import Problem
-from impactd.storage.recovery import end_interrupted
+from impactd.storage.publish import sync_directory
+from impactd.storage.recovery import end_interrupted, requeue_abandoned
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import recording_of
 from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME, ShotStore
@@ -164,7 +165,7 @@ class Archive:
             os.close(lock)
             raise
         try:
-            archive.jobs.requeue_abandoned()
+            requeue_abandoned(archive._index, archive.jobs, archive.calibrations)
         except BaseException:
             archive.close()
             raise
@@ -336,9 +337,14 @@ class Archive:
         drop = self._drops.get(number)
         if drop.state in FINAL_STATES:
             raise DropStateError(number, drop.state, "stored")
-        # The file remembers its drop as it will be once the file is there.
-        stored = replace(drop, state="stored", shot=number, updated_utc=utc_now())
-        shot = self._store.publish(number, recording_of(record), about, stored)
+        if self._store.path(number).exists():
+            # An earlier try wrote the file and then the index had no room for its row.
+            self._store.sync_names()
+            shot = self._store.find(self._store.path(number)).row
+        else:
+            # The file remembers its drop as it will be once the file is there.
+            stored = replace(drop, state="stored", shot=number, updated_utc=utc_now())
+            shot = self._store.publish(number, recording_of(record), about, stored)
         with self._index.transaction():
             self._shots.add(shot)
             self._drops.set_state(number, "stored")
@@ -436,8 +442,12 @@ class Archive:
 
 def _make_folders(directory: Path) -> None:
     try:
+        new = not (directory / SHOTS_NAME).exists()
         for name in ("", SHOTS_NAME, PARTIAL_NAME, CALIBRATIONS_NAME, DIAGNOSES_NAME):
             (directory / name).mkdir(mode=0o750, parents=True, exist_ok=True)
+        if new:  # else a power cut could take the archive itself, with the first shots in it
+            sync_directory(directory)
+            sync_directory(directory.absolute().parent)
     except OSError as error:
         raise ArchiveError(
             f"The archive {directory} cannot be made: {error.strerror}.",

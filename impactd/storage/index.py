@@ -116,9 +116,10 @@ class Index:
         self.path = path
         self._lock = threading.RLock()
         self._depth = 0
-        self._connection = sqlite3.connect(
-            path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
-        )
+        with self._translated():
+            self._connection = sqlite3.connect(
+                path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
+            )
         self._connection.row_factory = sqlite3.Row
         try:
             with self._translated():
@@ -189,7 +190,17 @@ class Index:
                 raise
             self._depth -= 1
             if self._depth == 0:
-                self._connection.execute("COMMIT")
+                self._commit()
+
+    def _commit(self) -> None:
+        try:
+            self._connection.execute("COMMIT")
+        except sqlite3.Error:
+            # A disk that is full or broken leaves the transaction open, and with it the index
+            # would refuse every later one.
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise
 
     def write(self, sql: str, values: Sequence[object] = ()) -> int:
         """Run one statement in a transaction.

@@ -15,6 +15,8 @@ from impactd.storage.index import Index, as_text
 from impactd.storage.moment import utc_now
 
 MAX_ATTEMPTS = 2
+CALIBRATE = "calibrate"
+FIT_SHOT = "fit_shot"
 DIAGNOSE = "diagnose"
 """The kind of job whose result is kept as a file."""
 

@@ -2,6 +2,9 @@
 
 Open exclusively, reserve the space, write, fsync, rename, fsync the directory: a full disk is an
 ordinary error before anything became visible, and a name never points at half a file.
+
+When the disk says EIO, everything is written once more, to another file: after a failed fsync the
+kernel takes the pages for clean, and a second fsync of the same file would succeed without them.
 """
 
 from __future__ import annotations
@@ -13,7 +16,8 @@ from pathlib import Path
 
 from impactd.storage.errors import ArchiveError, StorageFullError
 
-_FULL = (errno.ENOSPC, errno.EDQUOT)
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""Errors of the system that mean "no room"."""
 
 
 def publish(path: Path, content: bytes, *, replace: bool = False) -> None:
@@ -39,25 +43,47 @@ def publish(path: Path, content: bytes, *, replace: bool = False) -> None:
         raise ArchiveError(f"{path} exists already, and stored files are never changed.")
     draft = path.with_name(f".{path.name}.{os.getpid()}.draft")
     try:
-        _write_durably(draft, content)
-        if replace:
-            draft.rename(path)
-        else:
-            # link() refuses an existing name, rename() would replace it silently.
-            os.link(draft, path)
-            draft.unlink()
-        _sync_directory(path.parent)
+        try:
+            _publish_once(path, draft, content, replace=replace)
+        except OSError as error:
+            if error.errno != errno.EIO:
+                raise
+            _publish_once(path, draft, content, replace=replace)
     except OSError as error:
-        draft.unlink(missing_ok=True)
-        if error.errno in _FULL:
+        if error.errno in FULL:
             free = shutil.disk_usage(path.parent).free
             raise StorageFullError(
                 str(path.parent), free_bytes=free, needed_bytes=len(content)
             ) from error
         raise ArchiveError(
             f"{path} cannot be written: {error.strerror}.",
-            remedy="Check the owner and mode of the archive's directory.",
+            why=_WHY.get(error.errno or 0, ""),
+            remedy="Check the disk (`dmesg`), and the owner and mode of the archive's directory.",
         ) from error
+
+
+_WHY = {errno.EIO: "The disk failed twice; nothing was counted as stored."}
+
+
+def _publish_once(path: Path, draft: Path, content: bytes, *, replace: bool) -> None:
+    try:
+        _write_durably(draft, content)
+        if replace:
+            draft.rename(path)
+            sync_directory(path.parent)
+            return
+        # link() refuses an existing name, rename() would replace it silently.
+        os.link(draft, path)
+        draft.unlink()
+        try:
+            sync_directory(path.parent)
+        except OSError:
+            # What is not known to survive must not be found later under the name of a stored file.
+            path.unlink(missing_ok=True)
+            raise
+    except OSError:
+        draft.unlink(missing_ok=True)
+        raise
 
 
 def _write_durably(path: Path, content: bytes) -> None:
@@ -74,7 +100,14 @@ def _write_durably(path: Path, content: bytes) -> None:
         os.close(descriptor)
 
 
-def _sync_directory(directory: Path) -> None:
+def sync_directory(directory: Path) -> None:
+    """Let the names in a directory survive a power cut; raise OSError.
+
+    Parameters
+    ----------
+    directory : Path
+        Exists.
+    """
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from impactd.storage.drops import Drop
-from impactd.storage.errors import CorruptShotError
+from impactd.storage.errors import ArchiveError, CorruptShotError
 from impactd.storage.moment import utc_now
-from impactd.storage.publish import publish
+from impactd.storage.publish import publish, sync_directory
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import build_shot_file, read_shot_file
 from impactd.storage.shots import Shot
@@ -63,6 +63,16 @@ class ShotStore:
     def drafts(self) -> list[Path]:
         """Return what a killed writer left behind."""
         return sorted(self.directory.glob("**/.*.draft"))
+
+    def sync_names(self) -> None:
+        """Let the names of all shot files survive a power cut; raise ArchiveError."""
+        try:
+            sync_directory(self.directory / SHOTS_NAME)
+        except OSError as error:
+            raise ArchiveError(
+                f"The disk of {self.directory} does not write: {error.strerror}.",
+                remedy="Check the disk (`dmesg`), then start the daemon again.",
+            ) from error
 
     def highest_number(self) -> int:
         """Return the highest number any file carries, shots and evidence alike."""

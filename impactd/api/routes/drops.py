@@ -7,7 +7,6 @@ from fastapi import APIRouter, Request, Response
 
 from analysis.bounce import restitution_from_rebound_height
 from analysis.campaign import Quantity
-from impactd.acquisition.errors import NotReadyError
 from impactd.api.answers import drop_answer, next_page
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import (
@@ -106,15 +105,11 @@ def begin_drop(
     ProblemError
         400 without a key.
     """
-    try:
-        drop = daemon.service.request_drop(
-            asked,
-            owner=owner_name(asked.operator, caller),
-            idempotency_key=required_key(key, "drop a sphere"),
-        )
-    except NotReadyError:
-        daemon.archive.check_space()  # a full disk has a status of its own
-        raise
+    drop = daemon.service.request_drop(
+        asked,
+        owner=owner_name(asked.operator, caller),
+        idempotency_key=required_key(key, "drop a sphere"),
+    )
     response.headers["Location"] = f"/v1/drops/{drop.number}"
     return drop_answer(drop)
 

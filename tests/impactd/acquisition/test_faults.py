@@ -8,7 +8,7 @@ import pytest
 
 from impactd.acquisition.errors import NotReadyError
 from impactd.acquisition.transitions import State
-from impactd.storage.archive import Drop
+from impactd.storage.archive import Drop, StorageFullError
 
 from .conftest import REQUEST, Laboratory, request
 
@@ -165,8 +165,9 @@ def test_a_full_disk_refuses_before_anything_moves(build: Callable[..., Laborato
     """Inside the reserve no drop begins, and the sentence says what is missing."""
     laboratory = build().start()
     laboratory.archive.reserve_bytes = 1 << 60
-    with pytest.raises(NotReadyError, match="lacks"):
+    with pytest.raises(StorageFullError, match="are needed"):
         laboratory.service.request_drop(REQUEST, owner="ab")
+    assert "lacks" in laboratory.service.status().sentence
     assert laboratory.archive.drops() == []
     laboratory.archive.reserve_bytes = 0
     _works_again(laboratory)

@@ -1,0 +1,50 @@
+"""A small disk of its own, for tests that fill it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+DISK_BYTES = 64 * 1024 * 1024
+
+
+class Disk:
+    """A tmpfs, and a ballast file that takes its space."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._ballast = path / "ballast"
+
+    def leave(self, free_bytes: int) -> None:
+        """Let so much be free, to the page. [B]"""
+        with self._ballast.open("ab") as ballast:
+            at = ballast.tell()
+            more = self.free() - free_bytes
+            if more > 0:
+                os.posix_fallocate(ballast.fileno(), at, more)
+            else:
+                ballast.truncate(max(at + more, 0))
+
+    def free(self) -> int:
+        """Return what is free. [B]"""
+        found = os.statvfs(self.path)
+        return found.f_bavail * found.f_frsize
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Disk]:
+    """Mount a small disk, or skip where that is not allowed."""
+    path = tmp_path / "disk"
+    path.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={DISK_BYTES}", "none", str(path)]
+    done = subprocess.run(mount, capture_output=True, text=True, check=False)
+    if done.returncode:
+        pytest.skip(f"a small disk cannot be mounted here (root is needed): {done.stderr.strip()}")
+    try:
+        yield Disk(path)
+    finally:
+        subprocess.run(["umount", "--lazy", str(path)], check=True)
