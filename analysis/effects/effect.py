@@ -7,6 +7,7 @@ it. It hooks into the model at one or more of these places:
 ``pack``       the effect's values and the shot's context -> the four numbers of its term
 ``share``      the part of the dissipative force that also loads the structure
 ``mobility``   the speed at which the ground recedes per newton of the whole contact force
+``reach``      how far beyond the plane of touch-down the surfaces hold on to one another [m]
 ``structure``  adds masses and links below the sphere (``analysis.model.structure``)
 ``output``     changes the sampled signal, baseline not yet added
 ``speed``      shifts ln of the impact speed that the drop height promises
@@ -210,6 +211,7 @@ class Effect:
     pack: Callable[[Values, ShotContext], tuple[float, float, float, float]] | None = None
     share: Callable[[Values], float] | None = None
     mobility: Callable[[Values], float] | None = None
+    reach: Callable[[Values, ShotContext], float] | None = None
     structure: Callable[[Structure, Values, ShotContext], None] | None = None
     output: Callable[[Array, Values, ShotContext], Array] | None = None
     speed: Callable[[Values, ShotContext], float] | None = None

@@ -8,7 +8,9 @@ A contact term is called as ``term(delta, rate, elastic, z, p0, p1, p2, p3)`` wi
 [m], its rate [m/s], Hertz's force K delta^(3/2) [N], its own memory z, and its packed parameters.
 It returns ``(elastic_addition [N], dissipative_addition [N], dz/dt, recession [m/s])``: the elastic
 part also loads the structure, the dissipative part only the sphere (the paper's convention); the
-recession is taken from the indentation rate.
+recession is taken from the indentation rate. Where surfaces hold on to one another a contact ends
+only ``reach`` beyond the plane in which it began; there the indentation is negative, and neither
+Hertz's force nor the base dashpot acts.
 
 A call integrates a whole set of columns: a trace and its neighbours, each with its own numbers.
 
@@ -42,7 +44,7 @@ TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
 )
 """Signature of a contact term."""
 
-NUMBERS = ("start", "dt", "K", "m", "v0", "alpha", "g", "share", "mobility", "gain")
+NUMBERS = ("start", "dt", "K", "m", "v0", "alpha", "g", "share", "mobility", "gain", "reach")
 """What a column's row of numbers holds, see `integrate_columns`."""
 
 # state: y, u, t, then one memory per acting term, then the structure
@@ -79,12 +81,14 @@ def _at(i):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _forces(work, row, k, y3, K, cd, mobility, v0, count, terms, packed):  # type: ignore[no-untyped-def]
+def _forces(work, row, k, y3, K, cd, mobility, reach, v0, count, terms, packed):  # type: ignore[no-untyped-def]
     """Return (elastic, dissipative, recession) and write the memories' slopes."""
     y = max(load(work, row + _Y), 0.0)
     u = load(work, row + _U)
-    delta = y * y * y * y
-    elastic = K * delta * y * y
+    delta = y * y * y * y - reach
+    if reach != 0.0:
+        y = math.sqrt(math.sqrt(max(delta, 0.0)))
+    elastic = K * y * y * y * y * y * y
     drag = cd * y
     # without terms the rate that the receding ground leaves is a closed form
     yielding, rate = 1.0, u
@@ -128,6 +132,7 @@ def _advance(  # type: ignore[no-untyped-def]
     K,
     cd,
     mobility,
+    reach,
     v0,
     per_mass,
     g,
@@ -167,7 +172,7 @@ def _advance(  # type: ignore[no-untyped-def]
         y = load(work, row + _Y)
         y3 = y * y * y
         elastic, lost, recession = _forces(
-            work, row, k, y3, K, cd, mobility, v0, count, terms, packed
+            work, row, k, y3, K, cd, mobility, reach, v0, count, terms, packed
         )
         force = elastic + share * lost
         acceleration = 0.0
@@ -215,7 +220,9 @@ def _fraction_at(ti, t0, d0, t1, d1):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _force_at(ti, work, spare, h, K, cd, share, mobility, v0, count, terms, packed):  # type: ignore[no-untyped-def]
+def _force_at(  # type: ignore[no-untyped-def]
+    ti, work, spare, h, K, cd, share, mobility, reach, v0, count, terms, packed
+):
     """Return the force at time ``ti`` within a step, by the laws themselves at the state there.
 
     The states are smooth in s where the force in time is not, so they are what is interpolated.
@@ -227,7 +234,9 @@ def _force_at(ti, work, spare, h, K, cd, share, mobility, v0, count, terms, pack
         i = _at(state)
         d0, d1 = h * load(work, before + i), h * load(work, after + i)
         store(spare, i, _cubic(load(work, i), d0, load(work, new + i), d1, x))
-    elastic, lost, _ = _forces(spare, 0, before, 0.0, K, cd, mobility, v0, count, terms, packed)
+    elastic, lost, _ = _forces(
+        spare, 0, before, 0.0, K, cd, mobility, reach, v0, count, terms, packed
+    )
     return elastic + share * lost
 
 
@@ -258,10 +267,12 @@ def _integrate(  # type: ignore[no-untyped-def]
     """
     start, dt, K, m, v0 = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     alpha, g, share, mobility, gain = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
+    reach = numbers[10]
     n, first = out.size, _Z + count
     blocks = (first + 2 * masses + _LANES - 1) // _LANES
     for i in range(blocks * _BLOCK):
         store(work, i, 0.0)
+    store(work, _Y, math.sqrt(math.sqrt(reach)))
     store(work, _U, v0)
     cd, per_mass = alpha * math.sqrt(m * K), 1.0 / m
     depth = (1.25 * m * v0 * v0 / K) ** 0.4
@@ -276,7 +287,7 @@ def _integrate(  # type: ignore[no-untyped-def]
     for _ in range(MAX_STEPS):
         f1 = _advance(
             work, begin, end, length,
-            K, cd, mobility, v0, per_mass, g, share, count, terms, packed, masses, A, b, top,
+            K, cd, mobility, reach, v0, per_mass, g, share, count, terms, packed, masses, A, b, top,
         )  # fmt: skip
         if begin == 0:
             begin, end, f0 = 1, _STAGES, f1
@@ -310,7 +321,7 @@ def _integrate(  # type: ignore[no-untyped-def]
                 else:
                     q = _force_at(
                         ti, work, spare, length,
-                        K, cd, share, mobility, v0, count, terms, packed,
+                        K, cd, share, mobility, reach, v0, count, terms, packed,
                     )  # fmt: skip
                 out[i] += gain * q
                 i += 1
@@ -323,9 +334,9 @@ def _integrate(  # type: ignore[no-untyped-def]
         if ended or not (math.isfinite(y1) and math.isfinite(u1)):
             break
     if not ended:
-        return math.nan, math.nan, deepest**4, n
+        return math.nan, math.nan, deepest**4 - reach, n
     surface = load(work, _at(first + 2 * top + 1)) if masses else 0.0
-    return load(work, _T), -(load(work, _U) + surface), deepest**4, i
+    return load(work, _T), -(load(work, _U) + surface), deepest**4 - reach, i
 
 
 @njit(cache=True, nogil=True)
@@ -340,13 +351,14 @@ def integrate_columns(  # type: ignore[no-untyped-def]
         Rows of samples.
     rows : ndarray of int64, shape (c,)
         Which row each impact is added to.
-    numbers : ndarray of float64, shape (c, 10)
+    numbers : ndarray of float64, shape (c, 11)
         In the order of `NUMBERS`. ``start``, ``dt``: first sample relative to touch-down, sample
         interval [s]. ``K``, ``m``, ``v0``, ``alpha``, ``g``: as in
         ``analysis.model.solver.integrate``. ``share``: part of the dissipative force that also
         loads the structure [1]. ``mobility``: speed at which the ground recedes per newton of the
         whole contact force [m/(N s)]. ``gain``: output per metre of crystal compression, or per
-        newton for a rigid cell.
+        newton for a rigid cell. ``reach``: how far beyond the plane of touch-down the contact ends
+        [m].
     terms : ndarray of int64, shape (a,)
         Addresses of the contact terms that act, see ``analysis.model.by_address.address_of``.
     packed : ndarray of float64, shape (c, a, 4)

@@ -76,12 +76,14 @@ def _structure(effects: Sequence[Effect], cell: Cell, column: Column) -> Structu
 
 def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[float, ...]:
     """Return a column's row of numbers, as `effect_solver.NUMBERS` orders them."""
-    share, mobility = 0.0, 0.0
+    share, mobility, reach = 0.0, 0.0, 0.0
     for effect in effects:
         if effect.share is not None:
             share = effect.share(column.values[effect.id])
         if effect.mobility is not None:
             mobility += effect.mobility(column.values[effect.id])
+        if effect.reach is not None:
+            reach = max(reach, effect.reach(column.values[effect.id], column.context))
     context = column.context
     return (
         -context.touch_down_s,
@@ -94,6 +96,7 @@ def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[flo
         share,
         mobility,
         cell.gain,
+        reach,
     )
 
 

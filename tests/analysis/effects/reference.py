@@ -89,13 +89,14 @@ def impact(
     recession: float = 0.0,
     mobility: float = 0.0,
     share: float = 0.0,
+    reach: float = 0.0,
     after_turn: Callable[[float], Law] | None = None,
 ) -> Outcome:
     """Integrate one impact.
 
     ``recession`` is in metres per second per newton of elastic force, ``mobility`` of the whole
-    force; ``share`` of the dissipative
-    force loads the ground; ``after_turn`` makes the law of the way back from the deepest point.
+    force; ``share`` of the dissipative force loads the ground; the contact ends at the indentation
+    ``-reach``; ``after_turn`` makes the law of the way back from the deepest point.
     """
     n = len(ground.masses)
     system = ground.system()
@@ -103,7 +104,7 @@ def impact(
     present = [law]
 
     def forces(s: Array) -> tuple[float, float, Sequence[float], float]:
-        depth = max(s[0], 0.0)
+        depth = max(s[0], -reach)
         rate = s[1] - s[2 + n + ground.top]
         if recession:
             # the receding ground sees the plain elastic force, which does not depend on the rate
@@ -139,7 +140,7 @@ def impact(
     while not done:
 
         def lift_off(t: float, s: Array) -> float:
-            return float(s[0]) if t > 0 else 1.0
+            return float(s[0]) + reach if t > 0 else 1.0
 
         def turn(t: float, s: Array) -> float:
             return float(forces(s)[3])

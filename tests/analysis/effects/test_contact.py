@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from .conftest import Rig, apart
 from .reference import Law, hertz
@@ -37,6 +38,28 @@ def relaxing(g: float, tau: float) -> Law:
 def sticking(gamma: float) -> Law:
     """Return Hertz's law less a constant pull."""
     return lambda d, r, z: (K * d**1.5 - 4 * math.pi * gamma * R, RIG.dashpot(d, r), ())
+
+
+def neck(gamma: float) -> float:
+    """Return how far Johnson, Kendall and Roberts' neck is drawn out before it snaps."""
+    modulus = 3 * K / (4 * math.sqrt(R))
+    return 0.75 * ((math.pi * 2 * gamma) ** 2 * R / modulus**2) ** (1 / 3)
+
+
+def sticking_circle(gamma: float) -> Law:
+    """Return Johnson, Kendall and Roberts' force with the circle found by bracketing."""
+    modulus, work = 3 * K / (4 * math.sqrt(R)), 2 * gamma
+    least = (R**2 * math.pi * work / (8 * modulus)) ** (1 / 3)
+
+    def law(d: float, r: float, z: Any) -> tuple[float, float, tuple[()]]:
+        def excess(a: float) -> float:
+            return a**2 / R - math.sqrt(2 * math.pi * work * a / modulus) - d
+
+        a = brentq(excess, least, 1e-2, xtol=1e-18, rtol=1e-14) if excess(least) < 0 else least
+        pull = math.sqrt(8 * math.pi * work * modulus * a**3)
+        return 4 * modulus * a**3 / (3 * R) - pull, RIG.dashpot(max(d, 0.0), r), ()
+
+    return law
 
 
 def thin(h: float) -> Law:
@@ -82,6 +105,11 @@ CASES: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
         {"law": relaxing(0.3, 1e-6), "memories": 1},
     ),
     "adhesion": ("adhesion", {"surface_energy_j_per_m2": 2.0}, {"law": sticking(2.0)}),
+    "adhesion, jkr": (
+        "adhesion:jkr",
+        {"surface_energy_j_per_m2": 2.0},
+        {"law": sticking_circle(2.0), "reach": neck(2.0)},
+    ),
     "thin": ("finite_thickness", {"thickness_m": 2e-3}, {"law": thin(2e-3)}),
     "rough": ("surface_roughness", {"roughness_m": 2e-6}, {"law": rough(2e-6)}),
     "plate": (
@@ -98,15 +126,20 @@ CASES: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
 }
 
 
+KINKED = {"adhesion, jkr": 1e-5}
+"""The base dashpot begins and ends within the contact, at a kink that steps do not know of."""
+
+
 @pytest.mark.parametrize("case", CASES, ids=str)
 def test_a_contact_effect_agrees_with_an_independent_integration(case: str) -> None:
     """Trace, contact time and rebound agree with DOP853 of the coupled equations."""
     effect, values, how = CASES[case]
     found = RIG.predict(f"kv+{effect}", {f"{effect}.{k}": v for k, v in values.items()})
     wanted = RIG.reference(**how)
-    assert apart(found.signal, wanted.compression) < 2e-6
-    assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=1e-6)
-    assert found.rebound_ratio == pytest.approx(wanted.rebound / RIG.speed, abs=3e-6)
+    allowed = KINKED.get(case, 2e-6)
+    assert apart(found.signal, wanted.compression) < allowed
+    assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=max(1e-6, allowed))
+    assert found.rebound_ratio == pytest.approx(wanted.rebound / RIG.speed, abs=max(3e-6, allowed))
     assert found.deepest_indentation_m == pytest.approx(wanted.deepest, rel=2e-3)
 
 
@@ -308,6 +341,17 @@ def test_adhesion_pulls_at_rest() -> None:
     first = RIG.speed * RIG.times[touched[0]]
     assert found[touched[0]] == pytest.approx(pull + K * first**1.5, rel=0.02)
     assert pull <= found[touched[-1]] < 0
+
+
+def test_a_neck_snaps_under_tension() -> None:
+    """The neck lets go at 5/9 of the pull-off force 3 pi gamma R, after it was at its whole."""
+    gamma, soft = 3.0, RIG.but(stiffness=RIG.stiffness / 300, restitution=1.0)
+    name = "adhesion:jkr.surface_energy_j_per_m2"
+    found = soft.predict("hsd+adhesion:jkr", {name: gamma}).signal
+    pull_off = 3 * math.pi * gamma * R
+    touched = np.flatnonzero(found)
+    assert found[touched].min() == pytest.approx(-pull_off, rel=1e-3)
+    assert -0.8 * pull_off < found[touched[-1]] < -5 / 9 * pull_off
 
 
 def test_the_reaction_balances_momentum() -> None:
