@@ -12,6 +12,7 @@ from starlette.exceptions import HTTPException
 from impactd import __version__
 from impactd.api.finite import without_nan
 from impactd.api.gate import MAX_BODY_BYTES, Gate
+from impactd.api.links import add_links, mark_open_routes
 from impactd.api.metrics import Metrics
 from impactd.api.problems import MEDIA_TYPE, ProblemError, document_schema, from_status
 from impactd.api.routes import (
@@ -28,7 +29,7 @@ from impactd.api.routes import (
     shots,
     status,
 )
-from impactd.api.security import Limits, authorize
+from impactd.api.security import Limits, authorize, methods_of
 from impactd.api.sessions import Sessions
 from impactd.api.translation import TRANSLATIONS, as_problem
 from impactd.daemon import Daemon
@@ -119,7 +120,11 @@ async def _http_problem(request: Request, error: Exception) -> JSONResponse:
         404: f"Nothing lives at {path}.",
         405: f"{path} does not know {method}.",
     }.get(error.status_code, str(error.detail))
-    return from_status(error.status_code, detail, error.headers).response()
+    headers = dict(error.headers or {})
+    if error.status_code == 405:
+        # The framework names the methods of one route only; a path may have several.
+        headers["Allow"] = ", ".join(methods_of(path))
+    return from_status(error.status_code, detail, headers).response()
 
 
 async def _validation_problem(_request: Request, error: Exception) -> JSONResponse:
@@ -168,6 +173,8 @@ def _document_problems(app: FastAPI) -> None:
             components["Problem"] = document_schema()
             for name in ("HTTPValidationError", "ValidationError"):
                 components.pop(name, None)
+            add_links(schema)
+            mark_open_routes(schema)
             for path in schema["paths"].values():
                 for operation in path.values():
                     invalid = operation.get("responses", {}).get("422")

@@ -9,6 +9,7 @@ missing in `ROUTE_SCOPES` is refused to everybody, so that forgetting one is not
 from __future__ import annotations
 
 import ipaddress
+import re
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated
@@ -75,6 +76,28 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/metrics"): LOOPBACK,
     ("GET", "/openapi.json"): PUBLIC,
 }
+
+_PATTERNS = {path: re.compile(re.sub(r"\{\w+\}", "[^/]+", path)) for _, path in ROUTE_SCOPES}
+
+
+def methods_of(path: str) -> list[str]:
+    """Return the methods that a path knows.
+
+    Parameters
+    ----------
+    path : str
+        Of a request.
+
+    Returns
+    -------
+    list of str
+        In alphabetical order; of the most literal template where several match.
+    """
+    matching = [template for template, found in _PATTERNS.items() if found.fullmatch(path)]
+    # Both /v1/shots/{number} and /v1/shots/{number}.h5 match a file: the longer one is meant.
+    best = max(matching, key=lambda template: (-template.count("{"), len(template)), default="")
+    return sorted(method for method, template in ROUTE_SCOPES if template == best)
+
 
 ABORT_ROUTES = frozenset({("POST", "/v1/abort"), ("DELETE", "/v1/drops/{number}")})
 

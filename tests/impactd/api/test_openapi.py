@@ -56,3 +56,37 @@ def test_the_active_model_can_be_chosen(rig):
 def test_the_effect_library_is_a_list(rig):
     """Effects are listed, even when there are none yet."""
     assert isinstance(rig.reader.get("/v1/effects").json()["items"], list)
+
+
+def test_links_lead_to_operations_that_exist(rig):
+    """Whoever follows a link from an answer arrives at a described operation."""
+    document = rig.anybody.get("/openapi.json").json()
+    operations = {
+        operation["operationId"]
+        for path in document["paths"].values()
+        for operation in path.values()
+    }
+    links = document["paths"]["/v1/drops"]["post"]["responses"]["202"]["links"]
+    assert len(links) == 5
+    assert {link["operationId"] for link in links.values()} <= operations
+
+
+def test_open_routes_say_that_they_need_no_token(rig):
+    """Public routes have no security, loopback routes an optional one, the rest both kinds."""
+    paths = rig.anybody.get("/openapi.json").json()["paths"]
+    assert paths["/healthz"]["get"]["security"] == []
+    assert {} in paths["/v1/status"]["get"]["security"]
+    assert paths["/v1/drops"]["post"]["security"] == [{"HTTPBearer": []}, {"APIKeyCookie": []}]
+
+
+def test_a_wrong_method_is_answered_with_all_right_ones(rig):
+    """Allow names the methods of every route of the path."""
+    for path, methods in (
+        ("/v1/drops", "GET, POST"),
+        ("/v1/drops/1", "DELETE, GET, PATCH"),
+        ("/v1/shots/1.h5", "GET, HEAD"),
+        ("/v1/calibrations/current", "GET"),
+    ):
+        answer = rig.admin.put(path)
+        assert answer.status_code == 405
+        assert answer.headers["allow"] == methods

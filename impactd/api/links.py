@@ -1,0 +1,74 @@
+"""What the OpenAPI document says beyond the routes: where answers lead, and who needs no token."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from impactd.api.security import LOOPBACK, PUBLIC, ROUTE_SCOPES
+
+# (method, path, status) of the answer -> member of its body, parameter, where it leads.
+_LINKS: dict[tuple[str, str, str], tuple[str, str, tuple[tuple[str, str], ...]]] = {
+    ("post", "/v1/drops", "202"): (
+        "number",
+        "number",
+        (
+            ("get", "/v1/drops/{number}"),
+            ("patch", "/v1/drops/{number}"),
+            ("delete", "/v1/drops/{number}"),
+            ("get", "/v1/shots/{number}"),
+            ("get", "/v1/shots/{number}/trace"),
+        ),
+    ),
+    ("post", "/v1/fits", "202"): ("id", "fit_id", (("get", "/v1/fits/{fit_id}"),)),
+    ("post", "/v1/calibrations", "202"): (
+        "number",
+        "calibration_id",
+        (("get", "/v1/calibrations/{calibration_id}"),),
+    ),
+    ("post", "/v1/diagnoses", "202"): (
+        "id",
+        "diagnosis_id",
+        (
+            ("get", "/v1/diagnoses/{diagnosis_id}"),
+            ("delete", "/v1/diagnoses/{diagnosis_id}"),
+            ("post", "/v1/diagnoses/{diagnosis_id}/next-drop"),
+            ("get", "/v1/diagnoses/{diagnosis_id}/report.html"),
+        ),
+    ),
+}
+
+
+def add_links(schema: dict[str, Any]) -> None:
+    """Add the links to an OpenAPI document.
+
+    Parameters
+    ----------
+    schema : dict
+        The document; changed in place.
+    """
+    paths = schema["paths"]
+    for (method, path, status), (member, parameter, targets) in _LINKS.items():
+        answer = paths[path][method]["responses"][status]
+        answer["links"] = {
+            paths[to][by]["operationId"]: {
+                "operationId": paths[to][by]["operationId"],
+                "parameters": {parameter: f"$response.body#/{member}"},
+            }
+            for by, to in targets
+        }
+
+
+def mark_open_routes(schema: dict[str, Any]) -> None:
+    """Say of the routes that need no token, or none from this machine, that it is so.
+
+    Parameters
+    ----------
+    schema : dict
+        The document; changed in place.
+    """
+    for (method, path), needed in ROUTE_SCOPES.items():
+        operation = schema["paths"].get(path, {}).get(method.lower())
+        if operation is not None and needed == PUBLIC:
+            operation["security"] = []
+        elif operation is not None and needed == LOOPBACK:
+            operation["security"] = [*operation["security"], {}]
