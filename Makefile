@@ -19,7 +19,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 ARGS ?=
 WORKERS ?= 2
 
-.PHONY: help demo serve bench check test test-faults lint types contracts docstrings units clean
+.PHONY: help demo serve bench check test test-faults lint types contracts docstrings units audit clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -64,7 +64,10 @@ docstrings: $(TOOLS)
 units:
 	@systemd/check
 
-check: lint types contracts docstrings units  ## ruff, mypy, import contracts, docstrings, systemd units
+audit: $(TOOLS)
+	@$(BIN)/python tests/test_project/dependency_audit.py
+
+check: lint types contracts docstrings units audit  ## ruff, mypy, import contracts, docstrings, systemd units, audit of the packages
 
 test: check  ## `make check`, then the tests with warnings as errors
 	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ARGS)
