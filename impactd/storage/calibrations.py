@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from impactd.storage.errors import IdempotencyConflictError, NotFoundError
-from impactd.storage.index import Index, as_text
+from impactd.storage.errors import ArchiveError, IdempotencyConflictError, NotFoundError
+from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
 from impactd.storage.publish import publish
+from impactd.storage.sealed import seal, unseal
 
 DROPS = "drops"
 STATIC_WEIGHTS = "static_weights"
@@ -140,14 +141,24 @@ class CalibrationTable:
                 (as_text(result), valid_until_utc, utc_now()),
             )
             path = self._directory / f"{number:06d}.json"
-            publish(path, as_text(asdict(done)).encode(), replace=True)
+            publish(path, seal(asdict(done)), replace=True)
         return done
 
-    def restore(self) -> int:
-        """Take the results that the index lacks from their files; return how many."""
-        taken = 0
-        for path in sorted(self._directory.glob("*.json")):
-            kept = json.loads(path.read_text())
+    def restore(self) -> tuple[int, list[str]]:
+        """Take the results that the index lacks from their files.
+
+        Returns
+        -------
+        tuple of int and list of str
+            How many were taken in, and which files could not be, and why.
+        """
+        taken, damaged = 0, []
+        for path in self._paths():
+            try:
+                kept = unseal(path)
+            except ArchiveError as error:
+                damaged.append(str(error))
+                continue
             row = self._index.row(
                 "SELECT state FROM calibrations WHERE number=?", (kept["number"],)
             )
@@ -167,7 +178,21 @@ class CalibrationTable:
                 ),
             )
             taken += 1
-        return taken
+        return taken, damaged
+
+    def findings(self) -> Iterator[tuple[str, str | None]]:
+        """Yield the name of each file and what is wrong with it, ``None`` where it is sound."""
+        for path in self._paths():
+            try:
+                kept = unseal(path)
+                same = self.get(kept["number"]).result == kept["result"]
+            except (ArchiveError, KeyError, TypeError) as error:
+                yield str(path), str(error)
+            else:
+                yield str(path), None if same else "it is not what the index holds."
+
+    def _paths(self) -> list[Path]:
+        return sorted(self._directory.glob("*.json"))
 
     def fail(self, number: int, problem: Problem) -> Calibration:
         """Write why a calibration failed."""
@@ -229,11 +254,11 @@ def _calibration_of(row: sqlite3.Row) -> Calibration:
     return Calibration(
         number=row["number"],
         slot=row["slot"],
-        plan=json.loads(row["plan"]),
+        plan=from_text(row["plan"]),
         owner=row["owner"],
         state=row["state"],
-        drops=tuple(json.loads(row["drops"])),
-        result=None if row["result"] is None else json.loads(row["result"]),
+        drops=tuple(from_text(row["drops"])),
+        result=None if row["result"] is None else from_text(row["result"]),
         problem=Problem.from_text(row["problem"]),
         requested_utc=row["requested_utc"],
         finished_utc=row["finished_utc"],

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import Any
 
-from impactd.storage.index import Index, as_text
+from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 
 KEPT_EVENTS = 100_000
@@ -62,7 +61,7 @@ class EventTable:
         rows = self._index.rows(
             "SELECT * FROM events WHERE id > ? ORDER BY id LIMIT ?", (number, limit)
         )
-        return [Event(row["id"], row["utc"], row["kind"], json.loads(row["data"])) for row in rows]
+        return [Event(row["id"], row["utc"], row["kind"], from_text(row["data"])) for row in rows]
 
     def last_id(self) -> int:
         """Return the number of the newest event, 0 before the first."""

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
 from impactd.storage.errors import NotFoundError
-from impactd.storage.index import Index, as_text
+from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 
 
@@ -182,6 +181,6 @@ def _fit_of(row: sqlite3.Row) -> Fit:
         model=row["model"],
         calibration=row["calibration"],
         job=row["job"],
-        result=json.loads(row["result"]),
+        result=from_text(row["result"]),
         created_utc=row["created_utc"],
     )

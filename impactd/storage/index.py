@@ -16,14 +16,17 @@ import shutil
 import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
+from typing import Any
 
+from impactd.storage import checksums
 from impactd.storage.errors import ArchiveError, StorageFullError
 
 BUSY_TIMEOUT_S = 10.0
+_IN_MEMORY = ":memory:"
 
-_MIGRATIONS: tuple[str, ...] = (
+_MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
     """
     CREATE TABLE sequence (name TEXT PRIMARY KEY, last INTEGER NOT NULL) STRICT;
     INSERT INTO sequence VALUES ('drop', 0);
@@ -95,6 +98,7 @@ _MIGRATIONS: tuple[str, ...] = (
     ALTER TABLE drops ADD COLUMN rebound_height_m REAL;
     ALTER TABLE drops ADD COLUMN u_rebound_height_m REAL;
     """,
+    checksums.migration(),
 )
 
 
@@ -123,6 +127,7 @@ class Index:
         self._connection.row_factory = sqlite3.Row
         try:
             with self._translated():
+                checksums.install(self._connection)
                 self._connection.execute("PRAGMA journal_mode=WAL")
                 self._connection.execute("PRAGMA synchronous=FULL")
                 self._connection.execute("PRAGMA foreign_keys=ON")
@@ -143,7 +148,7 @@ class Index:
                     remedy="Install that version again.",
                 )
             for step in _MIGRATIONS[version:]:
-                for statement in step.split(";"):
+                for statement in step.split(";") if isinstance(step, str) else step:
                     if statement.strip():
                         self._connection.execute(statement)
             if version < len(_MIGRATIONS):
@@ -277,6 +282,42 @@ class Index:
         found = self.row(sql, values)
         return int(found[0] or 0) if found is not None else 0
 
+    def problems(self) -> Iterator[str]:
+        """Yield what is wrong with the file: its pages, its form, its rows.
+
+        Yields
+        ------
+        str
+            One sentence each; none when it is sound.
+        """
+        for look in (self._broken_pages, self._changed_form, self._changed_rows):
+            try:
+                with self._lock, self._translated():
+                    yield from list(look())
+            except ArchiveError as error:
+                yield str(error)
+
+    def _broken_pages(self) -> Iterator[str]:
+        for row in self._connection.execute("PRAGMA integrity_check"):
+            if row[0] != "ok":
+                yield str(row[0])
+        for row in self._connection.execute("PRAGMA foreign_key_check"):
+            yield f"row {row[1]} of {row[0]} names a {row[2]} that is not there."
+
+    def _changed_form(self) -> Iterator[str]:
+        form = "SELECT type, name, tbl_name, sql FROM sqlite_master"
+        if str(self.path) == _IN_MEMORY:
+            return
+        with closing(Index(Path(_IN_MEMORY))) as new:
+            wanted = {tuple(row) for row in new.rows(form)}
+        for row in wanted ^ {tuple(row) for row in self._connection.execute(form)}:
+            yield f"the {row[0]} {row[1]} is not as this program makes it."
+
+    def _changed_rows(self) -> Iterator[str]:
+        for table in checksums.COLUMNS:
+            for row in checksums.changed_rows(self._connection, table):
+                yield f"row {row} of {table} is not what was written."
+
     def close(self) -> None:
         """Give the file back."""
         with self._lock:
@@ -297,3 +338,31 @@ def as_text(value: object) -> str:
         Compact, with sorted keys, so that equal values give equal text.
     """
     return json.dumps(value, allow_nan=False, sort_keys=True, separators=(",", ":"))
+
+
+def from_text(text: str) -> Any:
+    """Return the value of a column that `as_text` wrote.
+
+    Parameters
+    ----------
+    text : str
+        JSON.
+
+    Returns
+    -------
+    object
+        The value.
+
+    Raises
+    ------
+    ArchiveError
+        If it is no JSON any more.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, TypeError) as error:
+        raise ArchiveError(
+            f"A row of the index cannot be read: {error}.",
+            why="The file was changed after it was written.",
+            remedy="Run `impactd verify`; `impactd reindex` rebuilds the index from the files.",
+        ) from error

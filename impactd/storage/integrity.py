@@ -9,6 +9,7 @@ from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from impactd.storage import checksums
 from impactd.storage.calibrations import CalibrationTable
 from impactd.storage.diagnoses import DIAGNOSES_NAME, DiagnosisStore
 from impactd.storage.drops import DropTable
@@ -107,32 +108,51 @@ def verify_archive(
         One for the index, one for each shot, one for each file that belongs to no shot, one for
         each diagnosis.
     """
-    answers = [str(row[0]) for row in index.rows("PRAGMA integrity_check")]
-    broken = index.rows("PRAGMA foreign_key_check")
-    problem = None if answers == ["ok"] and not broken else "; ".join([*answers, *map(str, broken)])
-    yield VerifyFinding("index", problem)
-    table = ShotTable(index)
-    numbers = [int(row[0]) for row in index.rows("SELECT number FROM shots ORDER BY number")]
-    for number in numbers:
-        try:
-            store.read(table.get(number))
-        except CorruptShotError as error:
-            yield VerifyFinding(f"shot {number}", str(error))
-        else:
-            yield VerifyFinding(f"shot {number}", None)
-    for row in index.rows(
-        "SELECT number FROM drops WHERE state IN ('stored', 'analysed') "
-        "AND number NOT IN (SELECT number FROM shots)"
-    ):
-        yield VerifyFinding(f"drop {row[0]}", "is stored, and its shot is not in the index.")
+    wrong = "; ".join(index.problems())
+    yield VerifyFinding("index", f"{index.path}: {wrong}" if wrong else None)
+    try:
+        numbers = [int(row[0]) for row in index.rows("SELECT number FROM shots ORDER BY number")]
+        yield from _shots(index, store, numbers)
+        yield from _drops_without_shot(index)
+    except ArchiveError as error:
+        numbers = []
+        yield VerifyFinding("index", str(error))
     known = {store.path(number) for number in numbers}
     for path in store.paths():
         if path not in known:
             yield VerifyFinding(str(path), "no row in the index; `impactd reindex` takes it in.")
     for path in store.drafts():
         yield VerifyFinding(str(path), "left by a writer that was killed; it can be deleted.")
-    for subject, problem in diagnoses.findings():
-        yield VerifyFinding(subject, problem)
+    for findings in (
+        NumberSequence(index, store.directory).findings(),
+        CalibrationTable(index, store.directory / "calibrations").findings(),
+        ModelTable(index, store.directory).findings(),
+        diagnoses.findings(),
+    ):
+        try:
+            for subject, problem in findings:
+                yield VerifyFinding(subject, problem)
+        except ArchiveError as error:
+            yield VerifyFinding("index", str(error))
+
+
+def _shots(index: Index, store: ShotStore, numbers: list[int]) -> Iterator[VerifyFinding]:
+    table = ShotTable(index)
+    for number in numbers:
+        try:
+            store.read(table.get(number))
+        except ArchiveError as error:
+            yield VerifyFinding(f"shot {number}", str(error))
+        else:
+            yield VerifyFinding(f"shot {number}", None)
+
+
+def _drops_without_shot(index: Index) -> Iterator[VerifyFinding]:
+    for row in index.rows(
+        "SELECT number FROM drops WHERE state IN ('stored', 'analysed') "
+        "AND number NOT IN (SELECT number FROM shots)"
+    ):
+        yield VerifyFinding(f"drop {row[0]}", "is stored, and its shot is not in the index.")
 
 
 def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
@@ -163,9 +183,10 @@ def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
         if old_path is not None:
             stored_hashes = _take_over(index, old_path, kept, lost, sequence)
         calibrations = CalibrationTable(index, store.directory / "calibrations")
-        kept["calibration files"] = calibrations.restore()
+        kept["calibration files"], damaged = calibrations.restore()
         diagnoses = DiagnosisStore(index, store.directory / DIAGNOSES_NAME)
-        kept["diagnosis files"], damaged = diagnoses.restore()
+        kept["diagnosis files"], refused = diagnoses.restore()
+        damaged += refused
         try:
             kept["active_models file"] = ModelTable(index, store.directory).restore_choices()
         except ArchiveError as error:
@@ -217,10 +238,10 @@ def _take_over(
 def _copy(index: Index, old_path: Path, table: str, lost: list[str]) -> int:
     copied = 0
     for row in _read(old_path, table, lost):
-        names = ", ".join(row.keys())
-        marks = ", ".join("?" * len(row))
+        names = row.keys()[:-1]
+        marks = ", ".join("?" * len(names))
         try:
-            index.write(f"INSERT INTO {table} ({names}) VALUES ({marks})", tuple(row))  # noqa: S608 - names of our tables
+            index.write(f"INSERT INTO {table} ({', '.join(names)}) VALUES ({marks})", row[:-1])  # noqa: S608 - names of our tables
             copied += 1
         except ArchiveError:
             if table not in lost:
@@ -234,11 +255,25 @@ def _read(old_path: Path, table: str, lost: list[str]) -> list[sqlite3.Row]:
     try:
         with closing(sqlite3.connect(old_path)) as connection:
             connection.row_factory = sqlite3.Row
-            rows.extend(connection.execute(f"SELECT * FROM {table}"))  # noqa: S608 - our tables
+            changed = _changed(connection, table)
+            found = connection.execute(f"SELECT *, rowid AS row_of_table FROM {table}")  # noqa: S608 - our tables
+            for row in found:  # not at once: what came before a broken page is kept
+                if row["row_of_table"] not in changed:
+                    rows.append(row)  # noqa: PERF401 - a list made at once would lose them all
+            if changed and table not in lost:
+                lost.append(table)
     except sqlite3.DatabaseError:
         if table not in lost:
             lost.append(table)
     return rows
+
+
+def _changed(connection: sqlite3.Connection, table: str) -> set[int]:
+    """Return the rows that must not be taken over: nobody wrote them so."""
+    known = "SELECT 1 FROM sqlite_master WHERE name='row_digests'"
+    if connection.execute(known).fetchone() is None:  # an index of an older version
+        return set()
+    return set(checksums.changed_rows(connection, table))
 
 
 def _take_in(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sqlite3
 import threading
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from impactd.storage.errors import IdempotencyConflictError, NotFoundError
-from impactd.storage.index import Index, as_text
+from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 
 MAX_ATTEMPTS = 2
@@ -228,11 +227,11 @@ def _job_of(row: sqlite3.Row) -> Job:
     return Job(
         id=row["id"],
         kind=row["kind"],
-        payload=json.loads(row["payload"]),
+        payload=from_text(row["payload"]),
         subject=row["subject"],
         state=row["state"],
         attempts=row["attempts"],
-        result=None if row["result"] is None else json.loads(row["result"]),
+        result=None if row["result"] is None else from_text(row["result"]),
         reason=row["reason"],
         created_utc=row["created_utc"],
         started_utc=row["started_utc"],

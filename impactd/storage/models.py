@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import sqlite3
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from impactd.storage.errors import ArchiveError, NotFoundError
-from impactd.storage.index import Index, as_text
+from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish
+from impactd.storage.sealed import seal, unseal
 
 BASE_MODEL = "kv"
 CHOICES_NAME = "active-models.json"
@@ -112,28 +113,41 @@ class ModelTable:
             rows = self._index.rows(
                 "SELECT name, since_utc, version FROM active_models ORDER BY id"
             )
-            text = as_text([dict(row) for row in rows])
-            publish(self._choices, text.encode(), replace=True)
+            publish(self._choices, seal([dict(row) for row in rows]), replace=True)
 
     def restore_choices(self) -> int:
         """Take the choices from their file where the index has none; return how many."""
         if self.history() or not self._choices.exists():
             return 0
-        try:
-            kept = [
-                (str(one["name"]), str(one["since_utc"]), one["version"])
-                for one in json.loads(self._choices.read_text())
-            ]
-        except (ValueError, KeyError, TypeError) as error:
-            raise ArchiveError(
-                f"{self._choices} cannot be read: {error!r}.",
-                remedy="Choose the active model again.",
-            ) from error
+        kept = self._kept()
         for choice in kept:
             self._index.write(
                 "INSERT INTO active_models (name, since_utc, version) VALUES (?, ?, ?)", choice
             )
         return len(kept)
+
+    def findings(self) -> Iterator[tuple[str, str | None]]:
+        """Yield the name of the file of choices and what is wrong with it, if there is one."""
+        if not self._choices.exists():
+            return
+        try:
+            same = [choice[:2] for choice in self._kept()] == self.history()
+        except ArchiveError as error:
+            yield str(self._choices), str(error)
+        else:
+            yield str(self._choices), None if same else "it is not what the index holds."
+
+    def _kept(self) -> list[tuple[str, str, int | None]]:
+        try:
+            return [
+                (str(one["name"]), str(one["since_utc"]), one["version"])
+                for one in unseal(self._choices)
+            ]
+        except (KeyError, TypeError) as error:
+            raise ArchiveError(
+                f"{self._choices} cannot be read: {error!r}.",
+                remedy="Choose the active model again.",
+            ) from error
 
     def history(self) -> list[tuple[str, str]]:
         """Return every choice with its moment, oldest first."""
@@ -145,7 +159,7 @@ def _named(row: sqlite3.Row) -> NamedModel:
     return NamedModel(
         name=row["name"],
         version=row["version"],
-        definition=json.loads(row["definition"]),
-        provenance=json.loads(row["provenance"]),
+        definition=from_text(row["definition"]),
+        provenance=from_text(row["provenance"]),
         created_utc=row["created_utc"],
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
 
 from impactd.storage.index import Index
@@ -31,7 +33,7 @@ class NumberSequence:
         """Return the next number, durably taken; joins the caller's transaction."""
         with self._index.transaction():
             number = 1 + max(self.last(), self.last_in_file())
-            publish(self._path, f"{number}\n".encode(), replace=True)
+            publish(self._path, _text(number), replace=True)
             self._index.write("UPDATE sequence SET last=? WHERE name='drop'", (number,))
             return number
 
@@ -39,7 +41,7 @@ class NumberSequence:
         """Let the sequence go on after a number, if it is not beyond it already."""
         with self._index.transaction():
             last = max(number, self.last(), self.last_in_file())
-            publish(self._path, f"{last}\n".encode(), replace=True)
+            publish(self._path, _text(last), replace=True)
             self._index.write("UPDATE sequence SET last=? WHERE name='drop'", (last,))
 
     def last(self) -> int:
@@ -49,6 +51,37 @@ class NumberSequence:
     def last_in_file(self) -> int:
         """Return the last number the file remembers, 0 where it is absent or unreadable."""
         try:
-            return int(self._path.read_text())
+            return self._read()
         except (OSError, ValueError):
             return 0
+
+    def findings(self) -> Iterator[tuple[str, str | None]]:
+        """Yield what the file is called and what is wrong with it, if there is one.
+
+        Yields
+        ------
+        tuple of str and (str or None)
+            Name, and a sentence; ``None`` where it is sound.
+        """
+        if not self._path.exists():
+            return
+        try:
+            number = self._read()
+        except (OSError, ValueError) as error:
+            yield str(self._path), f"it is not what was written ({error})."
+            return
+        # A number that was drawn and given back stays used: the file may be ahead.
+        behind = number < self.last()
+        yield str(self._path), "it is behind the index." if behind else None
+
+    def _read(self) -> int:
+        """Return the number; raise ValueError when its check does not fit (older files: none)."""
+        content = self._path.read_bytes()
+        number = int(content.split()[0])
+        if content not in (_text(number), f"{number}\n".encode()):
+            raise ValueError("the check does not fit the number")
+        return number
+
+
+def _text(number: int) -> bytes:
+    return f"{number} check {zlib.crc32(str(number).encode()):08x}\n".encode()

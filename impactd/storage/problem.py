@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
+from impactd.storage.errors import ArchiveError
+
 
 @dataclass(frozen=True)
 class Problem:
@@ -37,4 +39,13 @@ class Problem:
     @classmethod
     def from_text(cls, text: str | None) -> Problem | None:
         """Return the problem that `to_text` wrote, ``None`` for ``None``."""
-        return None if text is None else cls(**json.loads(text))
+        if text is None:
+            return None
+        try:
+            return cls(**json.loads(text))
+        except (ValueError, TypeError) as error:
+            raise ArchiveError(
+                f"A row of the index cannot be read: {error}.",
+                why="The file was changed after it was written.",
+                remedy="Run `impactd verify`; `impactd reindex` rebuilds the index from the files.",
+            ) from error

@@ -154,8 +154,9 @@ def read_shot(path: Path, sha256: str) -> StoredShot:
 def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
-    except OSError as error:
-        raise CorruptShotError(str(path), f"it cannot be read ({error.strerror})") from error
+    except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
+        reason = getattr(error, "strerror", None) or str(error)
+        raise CorruptShotError(str(path), f"it cannot be read ({reason})") from error
 
 
 def _row(number: int, content: bytes, recording: Recording, about: ShotAbout) -> Shot:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import random
 import re
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,12 +29,20 @@ _QUOTED = re.compile(r'"((?:\\x[0-9a-f]{2})*)"')
 _FD = re.compile(r"^\d+<([^>]*)>")
 
 
-def strace(output: Path, *inject: str) -> list[str]:
-    """Return the command that traces what follows it."""
+def strace(output: Path, *options: str) -> list[str]:
+    """Return the command that traces what follows it; with ``-D`` it is nobody's parent."""
     return [
-        "strace", "-D", "-f", "-y", "-xx", "-s", "20000000", "--seccomp-bpf", "-qq",
-        "-e", "signal=none", "-e", f"trace={TRACED}", *inject, "-o", str(output),
+        "strace", "-f", "-y", "-xx", "-s", "20000000", "--seccomp-bpf", "-qq",
+        "-e", "signal=none", "-e", f"trace={TRACED}", *options, "-o", str(output),
     ]  # fmt: skip
+
+
+def settled(trace: Path) -> Path:
+    """Return a trace once its tracer, which outlives what it traced, has written the end of it."""
+    size = -1
+    while size != (size := trace.stat().st_size):
+        time.sleep(0.5)
+    return trace
 
 
 @dataclass(frozen=True)

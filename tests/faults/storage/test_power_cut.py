@@ -12,7 +12,7 @@ import pytest
 from impactd.storage.archive import Archive
 
 from .daemon_process import DROP, ENDED, DaemonProcess, until
-from .power_cut import Call, Disk, calls, strace
+from .power_cut import Call, Disk, calls, settled, strace
 
 TOLD = re.compile(rb'"number":(\d+),"state":"(?:stored|analysed)"')
 SHOTS = 3
@@ -25,7 +25,7 @@ SHORT = {"record_s = 0.4": "record_s = 0.03"}
 def test_no_acknowledged_shot_is_lost(tmp_path: Path, points: int) -> None:
     """At each point, nothing unsynced or any part of it kept: index whole, told shots intact."""
     trace = tmp_path / "trace"
-    daemon = DaemonProcess(tmp_path, before=strace(trace), changes=SHORT)
+    daemon = DaemonProcess(tmp_path, before=strace(trace, "-D"), changes=SHORT)
     disk = Disk(daemon.data)
     with daemon:
         daemon.start()
@@ -34,7 +34,7 @@ def test_no_acknowledged_shot_is_lost(tmp_path: Path, points: int) -> None:
             until(lambda n=number: daemon.get(f"/v1/drops/{n}")["state"], ENDED.__contains__)
             until(lambda: daemon.get("/v1/status")["ready"], bool)
         assert daemon.stop() == 0
-    played = list(calls(trace))
+    played = list(calls(settled(trace)))
     changing = [i for i, call in enumerate(played) if call.name != "sendto" and _here(call, disk)]
     rng = random.Random(21)
     cut_after = set(rng.sample(changing, min(points, len(changing))))
@@ -42,7 +42,7 @@ def test_no_acknowledged_shot_is_lost(tmp_path: Path, points: int) -> None:
     lost = 0
     for place, call in enumerate(played):
         if call.name == "sendto":
-            told |= {int(number) for (number,) in TOLD.findall(b"".join(call.texts))}
+            told |= {int(number) for number in TOLD.findall(b"".join(call.texts))}
             continue
         disk.play(call)
         if place in cut_after:

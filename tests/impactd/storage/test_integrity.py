@@ -29,7 +29,8 @@ def test_a_sound_archive_verifies(archive: Archive, stored: Store) -> None:
 
     findings = list(archive.verify())
 
-    assert [found.subject for found in findings] == ["index", "shot 1", "shot 2"]
+    number = str(archive.directory / "last-number")
+    assert [found.subject for found in findings] == ["index", "shot 1", "shot 2", number]
     assert _problems(archive) == []
 
 

@@ -1,0 +1,109 @@
+"""A checksum for every row of the index: SQLite finds a broken page, never a changed number.
+
+Triggers write them, so that no table has to think of it. Whoever writes into the index from
+outside this program is refused, as the triggers call a function that only this program has.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sqlite3
+from collections.abc import Iterator
+
+# As of the migration that brought them. Who adds a column writes a migration that makes the
+# triggers of its table anew; a test compares this list with the tables.
+COLUMNS: dict[str, str] = {
+    "sequence": "name last",
+    "calibrations": "number slot plan owner state result problem requested_utc finished_utc "
+    "valid_until_utc",
+    "drops": "number state sphere surface drop_height_m operator owner idempotency_key calibration "
+    "problem requested_utc updated_utc rebound_height_m u_rebound_height_m",
+    "shots": "number file sha256 size_bytes source origin started_utc stored_utc sphere surface "
+    "drop_height_m operator quantity sample_rate_hz samples trigger_index peak clipped",
+    "jobs": "id kind subject payload key state attempts runner result reason created_utc "
+    "started_utc finished_utc",
+    "fits": "id shot model calibration job result created_utc run",
+    "events": "id utc kind data",
+    "tokens": "id name scope secret_sha256 created_utc expires_utc revoked_utc",
+    "active_models": "id name since_utc version",
+    "named_models": "name version definition provenance created_utc",
+}
+"""Tables and their columns."""
+
+
+def install(connection: sqlite3.Connection) -> None:
+    """Teach a connection the function that the triggers call.
+
+    Parameters
+    ----------
+    connection : sqlite3.Connection
+        Of this program.
+    """
+    connection.create_function("row_digest", -1, _digest, deterministic=True)
+
+
+def _digest(*values: object) -> int:
+    found = hashlib.blake2b(repr(values).encode(), digest_size=8).digest()
+    return int.from_bytes(found, "big", signed=True)
+
+
+def migration() -> tuple[str, ...]:
+    """Return the statements that give an index its checksums.
+
+    Returns
+    -------
+    tuple of str
+        For the index's list of migrations.
+    """
+    statements = [
+        "CREATE TABLE row_digests (kind TEXT NOT NULL, row INTEGER NOT NULL, "
+        "digest INTEGER NOT NULL, PRIMARY KEY (kind, row)) STRICT, WITHOUT ROWID"
+    ]
+    for table in COLUMNS:
+        statements += _statements(table)
+    return tuple(statements)
+
+
+def _statements(table: str) -> Iterator[str]:
+    # ruff: noqa: S608 - nothing here but the names of our own tables and columns
+    yield (f"INSERT INTO row_digests SELECT '{table}', rowid, {_call(table, '')} FROM {table}")
+    for event in ("INSERT", "UPDATE"):
+        yield (
+            f"CREATE TRIGGER {table}_{event.lower()}_digest AFTER {event} ON {table} BEGIN "
+            f"INSERT OR REPLACE INTO row_digests VALUES ('{table}', new.rowid, "
+            f"{_call(table, 'new.')}); END"
+        )
+    yield (
+        f"CREATE TRIGGER {table}_delete_digest AFTER DELETE ON {table} BEGIN "
+        f"DELETE FROM row_digests WHERE kind='{table}' AND row=old.rowid; END"
+    )
+
+
+def changed_rows(connection: sqlite3.Connection, table: str) -> Iterator[int]:
+    """Yield the row ids that are not what was written, missing ones included.
+
+    Parameters
+    ----------
+    connection : sqlite3.Connection
+        Any connection to an index, also one beside the program's own.
+    table : str
+        One of `COLUMNS`.
+
+    Yields
+    ------
+    int
+        Row id.
+    """
+    install(connection)
+    rows = connection.execute(
+        f"SELECT t.rowid FROM {table} t LEFT JOIN row_digests d ON d.kind=? AND d.row=t.rowid "
+        f"WHERE d.digest IS NULL OR d.digest <> {_call(table, 't.')} UNION ALL "
+        f"SELECT row FROM row_digests WHERE kind=? AND row NOT IN (SELECT rowid FROM {table})",
+        (table, table),
+    )
+    for row in rows.fetchall():
+        yield int(row[0])
+
+
+def _call(table: str, prefix: str) -> str:
+    return f"row_digest({', '.join(prefix + name for name in COLUMNS[table].split())})"

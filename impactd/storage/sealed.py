@@ -1,0 +1,62 @@
+"""JSON files that say whether they are what was written: a record and its SHA-256."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from impactd.storage.errors import ArchiveError
+from impactd.storage.index import as_text
+
+
+def seal(record: Any) -> bytes:
+    """Return the content of a file.
+
+    Parameters
+    ----------
+    record : object
+        Anything JSON can say.
+
+    Returns
+    -------
+    bytes
+        For `publish`.
+    """
+    return as_text({"sha256": _digest(record), "record": record}).encode()
+
+
+def unseal(path: Path) -> Any:
+    """Return the record of a file.
+
+    Parameters
+    ----------
+    path : Path
+        The file; one of a version that did not seal is taken as it is.
+
+    Returns
+    -------
+    object
+        As it was given to `seal`.
+
+    Raises
+    ------
+    ArchiveError
+        If the file cannot be read or is not what was written.
+    """
+    remedy = "Restore it from a backup; `impactd verify` names every such file."
+    try:
+        kept = json.loads(path.read_text())
+        if not (isinstance(kept, dict) and kept.keys() & {"sha256", "record"}):
+            return kept
+        sound = _digest(kept["record"]) == kept["sha256"]
+    except (OSError, ValueError, KeyError) as error:
+        raise ArchiveError(f"{path} cannot be read: {error!r}.", remedy=remedy) from error
+    if not sound:
+        raise ArchiveError(f"{path} is not what was written: its SHA-256 differs.", remedy=remedy)
+    return kept["record"]
+
+
+def _digest(record: Any) -> str:
+    return hashlib.sha256(as_text(record).encode()).hexdigest()
