@@ -118,7 +118,7 @@ class Rows:
         try:
             self.write_all()
         except ArchiveError as error:
-            _log.exception("a drop's end could not be written", drop=number)
+            _log.error("a drop's end could not be written", drop=number, why=error.what)
             return Failure(failure_of(error).problem, Doubt.RETRY)
         return None
 

@@ -372,12 +372,12 @@ class RigLoop:
         if drop_state is not None and run is not None:
             try:
                 self._archive.set_drop_state(run.drop.number, drop_state)
-            except ArchiveError:
+            except ArchiveError as error:
                 # Before the release it stops the drop. Once the sphere falls the record counts for
                 # more than its progress report, which `store_shot` overtakes anyway.
                 if self.machine.state not in _SPHERE_AWAY:
                     raise
-                _log.exception("a step could not be written", drop=run.drop.number)
+                _log.warning("a step could not be written", drop=run.drop.number, why=error.what)
             self._publish(f"drop.{drop_state}", {"number": run.drop.number})
         self.tell_state()
 

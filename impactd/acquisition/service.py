@@ -30,7 +30,13 @@ from impactd.acquisition.transitions import DROP_UNDER_WAY, State
 from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
-from impactd.storage.archive import FINAL_STATES, Archive, Drop, DropRequest
+from impactd.storage.archive import (
+    FINAL_STATES,
+    Archive,
+    ArchiveError,
+    Drop,
+    DropRequest,
+)
 
 _log = structlog.get_logger("impactd.acquisition")
 # Longer than any single step may block (firmware load 5 s, a fall, a slow disk).
@@ -352,6 +358,8 @@ class AcquisitionService:
         """
         try:
             self._tell(kind, data)
+        except ArchiveError as error:  # a full disk is no defect, and a log is not to fill it
+            _log.warning("an event could not be told", kind=kind, why=error.what)
         except Exception:  # no listener may stop a drop
             _log.exception("an event could not be told", kind=kind)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,9 @@ class DaemonHere:
 
 
 @contextmanager
-def daemon_here(data: Path, **changes: dict[str, Any]) -> Iterator[DaemonHere]:
+def daemon_here(
+    data: Path, before: Callable[[Daemon], None] | None = None, **changes: dict[str, Any]
+) -> Iterator[DaemonHere]:
     """Serve a simulated rig, four times as fast as a real one, with sections changed."""
     settings = load_settings(find_config("simulated.toml"), data=data)
     wanted: dict[str, dict[str, Any]] = {
@@ -62,6 +64,8 @@ def daemon_here(data: Path, **changes: dict[str, Any]) -> Iterator[DaemonHere]:
         update={n: getattr(settings, n).model_copy(update=keys) for n, keys in wanted.items()}
     )
     daemon = Daemon(settings)
+    if before is not None:
+        before(daemon)
     daemon.start()
     server = make_server(daemon)
     thread = threading.Thread(
