@@ -105,6 +105,9 @@ class Daq3500:
                 # The first conversions after opening are discarded.
                 self._collect(_WARM_UP_SAMPLES)
             except BaseException:
+                # A stream that still reads would claim the board again behind our back.
+                with suppress(DriverError):
+                    self._session.stop()
                 self._give_back()
                 raise
 
