@@ -64,7 +64,7 @@ def test_nothing_is_lost_and_nothing_fires_twice(tmp_path: Path, moments: int) -
         runs = daemon.get("/v1/calibrations?limit=200")["items"]
         assert {run["state"] for run in runs} <= {"done", "failed"}
         assert daemon.stop() == 0
-            print(_figures(moments, killed_in, told, daemon, ready_s))
+        print(_figures(moments, killed_in, told, daemon, ready_s))
 
 
 def _figures(

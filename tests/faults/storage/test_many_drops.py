@@ -93,7 +93,8 @@ def test_drops_leave_nothing_behind_but_their_shots(tmp_path: Path, drops: int) 
     assert first is not None
     grown = last.memory_bytes / first.memory_bytes - 1
     print(
-        f"{drops} drops, {failed} failed: memory {first.memory_bytes / 1e6:.0f} MB, {100 * grown:+.1f} %; "
+        f"{drops} drops, {failed} failed: memory {first.memory_bytes / 1e6:.0f} MB, "
+        f"{100 * grown:+.1f} %; "
         f"descriptors {last.descriptors - first.descriptors:+d}, threads "
         f"{last.threads - first.threads:+d}; store p99 {_p99_ms(told, drops // 10, drops):.1f} ms "
         f"at first, {_p99_ms(told, len(told), drops):.1f} ms at last"
