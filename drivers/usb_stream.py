@@ -43,7 +43,15 @@ class BulkSource(Protocol):
 
 
 class StreamingBoard(Protocol):
-    """A board whose converter can be started and stopped."""
+    """A board whose converter can be started and stopped.
+
+    Attributes
+    ----------
+    pacer_on_s : tuple of float or None
+        Just before and just after the command that started it, on the monotonic clock. [s]
+    """
+
+    pacer_on_s: tuple[float, float] | None
 
     def start_acquiring(self) -> int:
         """Start the converter and return the status word."""
@@ -223,6 +231,8 @@ class SampleStream:
             self._ring.clear()
             self._source.queue()
             self._status_words.append(self._board.start_acquiring())
+            if self._pace is not None and self._board.pacer_on_s is not None:
+                self._pace.started(*self._board.pacer_on_s)
             self._pump()
             self._status_words.append(self._board.acquisition_status())
         except Exception as error:

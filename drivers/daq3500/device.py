@@ -16,7 +16,7 @@ from drivers.daq3500.settings import Daq3500Settings
 from drivers.daq3500.status import check_status
 from drivers.digitizer import DigitizerIdentity, Record, TriggerSettings
 from drivers.errors import AbortedError, DriverError
-from drivers.pace import Pace, check_pace, check_repeats
+from drivers.pace import Latency, Pace, check_pace, check_repeats
 from drivers.ring_buffer import RingBuffer
 from drivers.stream_session import StreamSession
 from drivers.triggered_capture import TriggeredCapture
@@ -63,6 +63,7 @@ class Daq3500:
             observe=observe,
             make_pace=self._pace if settings.pace_checked else None,
         )
+        self._latency = Latency()
         self._opening = threading.Lock()
         self._board: OpenedBoard | None = None
 
@@ -100,6 +101,7 @@ class Daq3500:
                 self._give_back()
             if self._board is not None:
                 return
+            self._latency = Latency()
             self._board = open_board(self._settings, self._usb(), clear_halt=broken)
             try:
                 # The first conversions after opening are discarded.
@@ -267,7 +269,8 @@ class Daq3500:
                 board.link.dispose()
 
     def _pace(self) -> Pace:
-        return Pace(self._settings.sample_rate_hz, self._settings.sample_rate_u_hz)
+        rate_hz, u_hz = self._settings.sample_rate_hz, self._settings.sample_rate_u_hz
+        return Pace(rate_hz, u_hz, self._latency)
 
     def _partial_record(self) -> Record | None:
         """Return what came of a triggered record before its run broke."""

@@ -6,6 +6,8 @@ bits stay set until the FIFO is reset is NOT KNOWN; the driver reads them before
 
 from __future__ import annotations
 
+import time
+
 from drivers.daq3500.link import Daq3500Link
 from drivers.daq3500.registers import (
     DMA_OFF,
@@ -64,12 +66,18 @@ class Daq3500Converter:
         The board.
     settings : Daq3500Settings
         Input and rate.
+
+    Attributes
+    ----------
+    pacer_on_s : tuple of float or None
+        Just before and just after the pacer was told to start, on the monotonic clock. [s]
     """
 
     def __init__(self, link: Daq3500Link, settings: Daq3500Settings) -> None:
         self._link = link
         self._entry = settings.scan_entry
         self._pacer = pacer_words(settings.pacer_divisor)
+        self.pacer_on_s: tuple[float, float] | None = None
 
     def start_acquiring(self) -> int:
         """Start the converter and return the status word read just before its first sample.
@@ -98,7 +106,9 @@ class Daq3500Converter:
         link.write_register(Register.ACQUISITION, AcqControl.SET_POINT_START)
         link.write_register(Register.ACQUISITION, AcqControl.SCAN_LIST_START)
         status = link.read_register(Register.ACQUISITION)
+        before_s = time.monotonic()
         link.write_register(Register.ACQUISITION, AcqControl.PACER_ON)
+        self.pacer_on_s = (before_s, time.monotonic())
         return status
 
     def acquisition_status(self) -> int:

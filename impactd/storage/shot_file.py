@@ -34,7 +34,7 @@ from impactd.storage.circumstances import circumstances, decoded
 from impactd.storage.clipping import is_clipped
 from impactd.storage.drops import Drop
 from impactd.storage.errors import CampaignError, CorruptShotError
-from impactd.storage.nexus import group, put
+from impactd.storage.nexus import group, plain, put
 from impactd.storage.shot_about import VOLTAGE, Recording, ShotAbout
 from impactd.storage.shot_views import CHUNK_SAMPLES, DATA_PATH, write_views
 
@@ -118,10 +118,10 @@ def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotAbout
     """
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            samples = file[DATA_PATH][()]
-            facts = json.loads(file[_CIRCUMSTANCES][()])
+            samples = plain(file, DATA_PATH, len(content))[()]
+            facts = json.loads(plain(file, _CIRCUMSTANCES, len(content))[()])
         return facts["number"], *decoded(facts, samples, path)
-    except (OSError, KeyError, TypeError, ValueError, CampaignError) as error:
+    except (OSError, KeyError, TypeError, ValueError, RecursionError, CampaignError) as error:
         raise CorruptShotError(path, f"it does not read as a shot ({error})") from error
 
 

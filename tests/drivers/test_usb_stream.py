@@ -18,6 +18,7 @@ class Board:
 
     def __init__(self, stop_error=None):
         self.calls = []
+        self.pacer_on_s = None
         self._stop_error = stop_error
 
     def start_acquiring(self):

@@ -25,6 +25,17 @@ from impactd.api.security import TheDaemon
 from impactd.storage.shot_about import QUANTITIES
 
 router = APIRouter(prefix="/v1/shots", tags=["shots"])
+# No record lasts longer, and a moment far outside must not overflow the count of samples.
+_LONGEST_S = 1e6
+_TraceTime = Annotated[
+    float | None,
+    Query(
+        allow_inf_nan=False,
+        ge=-_LONGEST_S,
+        le=_LONGEST_S,
+        description="First or last moment, from the trigger. [s]",
+    ),
+]
 _Filter = Annotated[str | None, Query(min_length=1, max_length=64)]
 
 
@@ -104,12 +115,8 @@ def trace(
     number: Number,
     daemon: TheDaemon,
     points: Annotated[int, Query(ge=2, le=MAX_POINTS)] = 2000,
-    start_s: Annotated[
-        float | None, Query(allow_inf_nan=False, description="First moment, from the trigger. [s]")
-    ] = None,
-    stop_s: Annotated[
-        float | None, Query(allow_inf_nan=False, description="Last moment, from the trigger. [s]")
-    ] = None,
+    start_s: _TraceTime = None,
+    stop_s: _TraceTime = None,
 ) -> TraceAnswer:
     """Return a shot's signal for drawing; time is 0 at the trigger."""
     recording = daemon.archive.read_shot(number).recording

@@ -178,3 +178,12 @@ def test_ten_megabytes_are_refused_at_the_door(daemon: DaemonProcess, chunked: b
     # A client that still sends may find the connection closed before it has read the answer.
     assert answer == b"" or answer.startswith(b"HTTP/1.1 413")
     assert daemon.get("/v1/status")["ready"]
+
+
+@pytest.mark.parametrize("moment", ["1.7976931348623157e308", "-1e308", "1e7", "nan", "inf"])
+def test_a_moment_beyond_any_record_is_refused(daemon: DaemonProcess, moment: str) -> None:
+    """422, not an overflow."""
+    assert daemon.client is not None
+    for name in ("start_s", "stop_s"):
+        answer = daemon.client.get("/v1/shots/1/trace", params={name: moment})
+        assert answer.status_code == 422, answer.text

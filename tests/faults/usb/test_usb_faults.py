@@ -13,6 +13,7 @@ from drivers.digitizer import TriggerSettings
 from drivers.pace import PACKET_SAMPLES
 from drivers.triggered_capture import TriggeredCapture
 from impactd.acquisition.transitions import State
+from impactd.storage.archive import FINAL_STATES
 
 from ...impactd.acquisition.conftest import REQUEST, Laboratory
 
@@ -51,7 +52,12 @@ def _break_mid_record(
     """
     faults = laboratory.world.faults
     drop = laboratory.service.request_drop(REQUEST, owner="ab")
-    laboratory.wait_for(lambda: laboratory.state is State.CAPTURING)
+    laboratory.wait_for(
+        lambda: (
+            laboratory.state is State.CAPTURING
+            or laboratory.archive.drop(drop.number).state in FINAL_STATES
+        )
+    )
     time.sleep(float(rng.uniform(0.0, 0.2)))
     began_s = time.monotonic()
     setattr(faults, fault, True)
@@ -59,7 +65,7 @@ def _break_mid_record(
     noticed_s = time.monotonic() - began_s
     _ended_s(laboratory, drop.number)
     ended = laboratory.archive.drop(drop.number)
-    if ended.state == "stored":
+    if ended.state == "stored" or not _partial(laboratory, drop.number):
         setattr(faults, fault, False)
         laboratory.wait_for(lambda: laboratory.service.status().ready)
         return None
@@ -131,6 +137,11 @@ def _lose(laboratory: Laboratory, fault: str, at: int) -> bool:
     drop = laboratory.drop()
     digitizer.arm = arm  # type: ignore[method-assign]
     capture = captures[0]
+    if not capture.triggered:  # lost before the impact: seen, and not what is counted here
+        assert laboratory.archive.drop(drop.number).state == "failed"
+        laboratory.world.faults.clear()
+        laboratory.wait_for(lambda: laboratory.service.status().ready)
+        return False
     first, ended = capture.first_position, laboratory.archive.drop(drop.number)
     inside = bool(first < at < first + capture.record_samples - PACKET_SAMPLES)
     if inside:
