@@ -72,8 +72,9 @@ check: lint types contracts docstrings units audit  ## ruff, mypy, import contra
 test: check  ## `make check`, then the tests with warnings as errors
 	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ARGS)
 
-test-faults: $(TOOLS)  ## the tests that inject faults or run for tens of seconds
-	@$(BIN)/pytest -m slow $(ARGS)
+test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds
+	@$(BIN)/pytest -s tests/faults $(ARGS)
+	@$(BIN)/pytest -m slow --ignore=tests/faults $(ARGS)
 
 clean:  ## remove the virtual environment and every cache
 	@rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

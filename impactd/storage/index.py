@@ -158,7 +158,8 @@ class Index:
     def _translated(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.DatabaseError as error:
+        except (sqlite3.Error, UnicodeDecodeError) as error:
+            # SQLite quotes a damaged name in its message, which then is no text.
             if "disk is full" in str(error):
                 raise StorageFullError(
                     str(self.path.parent),

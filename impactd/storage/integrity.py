@@ -262,7 +262,7 @@ def _read(old_path: Path, table: str, lost: list[str]) -> list[sqlite3.Row]:
                     rows.append(row)  # noqa: PERF401 - a list made at once would lose them all
             if changed and table not in lost:
                 lost.append(table)
-    except sqlite3.DatabaseError:
+    except (sqlite3.Error, UnicodeDecodeError):  # a message that quotes a damaged name is no text
         if table not in lost:
             lost.append(table)
     return rows

@@ -197,3 +197,15 @@ def test_a_damaged_file_is_a_problem_and_never_a_crash(tmp_path: Path) -> None:
         path.write_bytes(content)
         assert here.client.get(f"/v1/shots/{number}.h5").status_code == 200
         here.ready()
+
+
+def test_a_damaged_name_in_the_index_is_an_error_with_a_remedy(sound: Path) -> None:
+    """SQLite then raises an error whose text is no text; it is told like any other damage."""
+    path = sound / "index.sqlite"
+    content = path.read_bytes()
+    assert b"CREATE TABLE events" in content
+    path.write_bytes(content.replace(b"CREATE TABLE events", b"CREATE TAB\xc5E events"))
+    with pytest.raises(ArchiveError, match="impactd reindex"):
+        Archive.open(sound, reserve_bytes=0)
+    report = Archive.reindex(sound)
+    assert report.shots == 5
