@@ -52,6 +52,15 @@ def _second(signal: Array, values: Values, context: ShotContext) -> Array:
     return found
 
 
+def _bessel(signal: Array, values: Values, context: ShotContext) -> Array:
+    angle = 2 * math.pi * _BESSEL_RATIO * values["cutoff_hz"] / context.sample_rate_hz
+    found: Array = resonance(signal, angle, math.sqrt(0.75))
+    return found
+
+
+_BESSEL_RATIO = math.sqrt((1 + math.sqrt(5)) / 2)
+"""Natural over -3 dB frequency of Bessel's second order: x^4 + x^2 = 1 there."""
+
 _PARAMETERS = (
     EffectParameter(
         "cutoff_hz", "Hz", "rig", "inverse", 2e4, 2e3, 2e6, (6e4, 2e5, 2e4), "frequency at -3 dB"
@@ -80,6 +89,17 @@ EFFECT = Effect(
             parameters=_PARAMETERS,
             order=60,
             output=_second,
+        ),
+        Effect(
+            id="amplifier_lowpass:bessel",
+            slot="electronics",
+            title="the amplifier is slow, second order without overshoot",
+            tell_tale="delay, ring cut more sharply",
+            source="Bessel",
+            validation="lsim",
+            parameters=_PARAMETERS,
+            order=60,
+            output=_bessel,
         ),
     ),
 )

@@ -3,11 +3,17 @@ r"""Clipping: the amplifier or the converter has a ceiling.
 .. math:: V \to \min(V, V_c) \qquad\text{or}\qquad V \to V - w\,\ln(1 + e^{(V - V_c)/w})
 
 Hard is the effect, soft its variant ``clipping:soft`` (less its value at rest); the ceiling counts
-from the baseline. Above the largest sample the hard form has no derivative, so a fit starts just
-below the largest excursion of the campaign (``peak_starts``).
+from the baseline. An amplifier ends on both sides, which shows where the ring swings back beyond
+the ceiling: ``clipping:both_sides``, and ``clipping:rational`` for an end that is not abrupt,
 
-Source: saturation; the soft form is the smooth minimum. Validity: instant recovery; the ceiling on
-the compression side only. Validation: closed form in the tests.
+.. math:: V \to V\,(1 + |V/V_c|^{1/s})^{-s}
+
+s = 1/2 is near a hyperbolic tangent. Above the largest sample the hard forms have no derivative, so
+a fit starts just below the largest excursion of the campaign (``peak_starts``).
+
+Source: saturation; the smooth minimum; Rapp, Proc. 2nd European Conf. Satellite Communications
+(1991) 179, for the rational form. Validity: instant recovery. Validation: closed forms in the
+tests.
 
 Scope: the rig's.
 """
@@ -31,6 +37,26 @@ def _soft(signal: Array, values: Values, context: ShotContext) -> Array:
     at_rest = np.logaddexp(0.0, -ceiling / width)
     found: Array = signal - width * (np.logaddexp(0.0, (signal - ceiling) / width) - at_rest)
     return found
+
+
+def _both(signal: Array, values: Values, context: ShotContext) -> Array:
+    ceiling = values["ceiling_v"]
+    return np.clip(signal, -ceiling, ceiling) if ceiling > 0.0 else signal.copy()
+
+
+def _rational(signal: Array, values: Values, context: ShotContext) -> Array:
+    ceiling, power = values["ceiling_v"], 1.0 / values["softness"]
+    if not 0.0 < ceiling < np.inf:
+        return signal.copy()
+    # logarithms, because powers of a thousand overflow
+    with np.errstate(divide="ignore"):
+        depth = np.logaddexp(0.0, power * np.log(np.abs(signal) / ceiling))
+    found: Array = signal * np.exp(-depth / power)
+    return found
+
+
+def _softness(description: str) -> EffectParameter:
+    return EffectParameter("softness", "1", "rig", "log", 0.05, 1e-3, 0.5, (0.05,), description)
 
 
 _CEILING = EffectParameter(
@@ -59,28 +85,37 @@ EFFECT = Effect(
     output=_hard,
     variants=(
         Effect(
+            id="clipping:both_sides",
+            slot="electronics",
+            title="the output has a ceiling and a floor",
+            tell_tale="flat tops of equal height, also of the swing back",
+            source="saturation",
+            validation="closed form",
+            parameters=(_CEILING,),
+            order=70,
+            output=_both,
+        ),
+        Effect(
             id="clipping:soft",
             slot="electronics",
             title="the output bends towards a ceiling",
             tell_tale="rounded flat tops",
             source="smooth minimum",
             validation="closed form",
-            parameters=(
-                _CEILING,
-                EffectParameter(
-                    "softness",
-                    "1",
-                    "rig",
-                    "log",
-                    0.05,
-                    1e-3,
-                    0.5,
-                    (0.05,),
-                    "width of the bend over the ceiling",
-                ),
-            ),
+            parameters=(_CEILING, _softness("width of the bend over the ceiling")),
             order=70,
             output=_soft,
+        ),
+        Effect(
+            id="clipping:rational",
+            slot="electronics",
+            title="the output bends towards a ceiling and a floor",
+            tell_tale="rounded flat tops, also of the swing back",
+            source="Rapp 1991",
+            validation="closed form",
+            parameters=(_CEILING, _softness("inverse of the power with which it bends, s")),
+            order=70,
+            output=_rational,
         ),
     ),
 )

@@ -23,7 +23,7 @@ from analysis.model.effect_solver import TERM
 
 @njit(TERM, cache=True)
 def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
-    x = math.sqrt(delta) * p0
+    x = math.sqrt(max(delta, 0.0)) * p0
     return elastic * x * (1.133 + x * (1.283 + x * (0.769 + 0.0975 * x))), 0.0, 0.0, 0.0
 
 

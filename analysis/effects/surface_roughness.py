@@ -21,7 +21,7 @@ from analysis.model.effect_solver import TERM
 
 @njit(TERM, cache=True)
 def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
-    return -elastic * math.exp(-delta * p0), 0.0, 0.0, 0.0
+    return -elastic * math.exp(-max(delta, 0.0) * p0), 0.0, 0.0, 0.0
 
 
 EFFECT = Effect(

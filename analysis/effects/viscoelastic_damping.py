@@ -4,6 +4,8 @@ r"""Viscoelastic damping: loss in the bulk of the contact, proportional to the r
 
 It is the rate of Hertz's force times a time constant A, hence a loss that grows with v^(1/5), where
 the base dashpot's is the same at every speed. Like the base dashpot it acts on the sphere only.
+In the variant ``viscoelastic_damping:felt`` the cell feels this force too, as Newton's third law
+asks of a stress in the bodies, while the base dashpot spares it as before.
 
 Source: Kuwabara & Kono, Jpn J. Appl. Phys. 26 (1987) 1230; Brilliantov et al., Phys. Rev. E 53
 (1996) 5382. Validity: A much shorter than the contact time; no adhesion. Validation: DOP853 of the
@@ -25,8 +27,27 @@ from analysis.model.effect_solver import TERM
 
 @njit(TERM, cache=True)
 def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
-    return 0.0, p0 * math.sqrt(delta) * rate, 0.0, 0.0
+    return 0.0, p0 * math.sqrt(max(delta, 0.0)) * rate, 0.0, 0.0
 
+
+@njit(TERM, cache=True)
+def _felt(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
+    return p0 * math.sqrt(max(delta, 0.0)) * rate, 0.0, 0.0, 0.0
+
+
+_PARAMETERS = (
+    EffectParameter(
+        "dissipation_time_s",
+        "s",
+        "rig",
+        "linear",
+        1e-5,
+        0.0,
+        1e-4,
+        (1e-6,),
+        "A, viscous over elastic modulus",
+    ),
+)
 
 EFFECT = Effect(
     id="viscoelastic_damping",
@@ -35,19 +56,20 @@ EFFECT = Effect(
     tell_tale="loss falls with speed, 1 - eps ~ v^(1/5)",
     source="Kuwabara & Kono 1987; Brilliantov et al. 1996",
     validation="DOP853; the v^(1/5) law",
-    parameters=(
-        EffectParameter(
-            "dissipation_time_s",
-            "s",
-            "rig",
-            "linear",
-            1e-5,
-            0.0,
-            1e-4,
-            (1e-6,),
-            "A, viscous over elastic modulus",
-        ),
-    ),
+    parameters=_PARAMETERS,
     contact=_term,
     pack=lambda v, c: (1.5 * v["dissipation_time_s"] * c.stiffness, 0.0, 0.0, 0.0),
+    variants=(
+        Effect(
+            id="viscoelastic_damping:felt",
+            slot="contact",
+            title="the material loses energy with the rate of strain; the cell feels it",
+            tell_tale="loss falls with speed, 1 - eps ~ v^(1/5); early peak",
+            source="Kuwabara & Kono 1987; Brilliantov et al. 1996",
+            validation="DOP853",
+            parameters=_PARAMETERS,
+            contact=_felt,
+            pack=lambda v, c: (1.5 * v["dissipation_time_s"] * c.stiffness, 0.0, 0.0, 0.0),
+        ),
+    ),
 )

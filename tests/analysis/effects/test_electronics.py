@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
+from scipy.signal import bessel, lsim
 
 from analysis.effects.effect import Array
 from analysis.effects.library import effect_named
@@ -19,6 +19,8 @@ RIG = Rig()
 SIGNAL = RIG.predict("kv").signal
 PEAK = float(np.abs(SIGNAL).max())
 TIMES = np.arange(SIGNAL.size) * 1e-6
+
+AMPLIFIERS = ["amplifier_lowpass", "amplifier_lowpass:second_order", "amplifier_lowpass:bessel"]
 
 
 def output(name: str, signal: Array, **values: float) -> Array:
@@ -51,7 +53,7 @@ def test_the_coupler_forgets_a_step() -> None:
 
 @pytest.mark.parametrize("cutoff", [2e3, 3e4, 2e5, 2e6])
 def test_the_amplifier_agrees_with_scipy(cutoff: float) -> None:
-    """Both orders agree with scipy's exact simulation."""
+    """Both orders, and Bessel's poles, agree with scipy's exact simulation."""
     omega = 2 * math.pi * cutoff
     first = lsim(([1.0], [1 / omega, 1.0]), SIGNAL, TIMES, interp=True)[1]
     assert apart(output("amplifier_lowpass", SIGNAL, cutoff_hz=cutoff), first) < 1e-9
@@ -59,9 +61,11 @@ def test_the_amplifier_agrees_with_scipy(cutoff: float) -> None:
     second = lsim(butterworth, SIGNAL, TIMES, interp=True)[1]
     found = output("amplifier_lowpass:second_order", SIGNAL, cutoff_hz=cutoff)
     assert apart(found, second) < 1e-7
+    soft = lsim(bessel(2, omega, analog=True, norm="mag"), SIGNAL, TIMES, interp=True)[1]
+    assert apart(output("amplifier_lowpass:bessel", SIGNAL, cutoff_hz=cutoff), soft) < 1e-7
 
 
-@pytest.mark.parametrize("name", ["amplifier_lowpass", "amplifier_lowpass:second_order"])
+@pytest.mark.parametrize("name", AMPLIFIERS)
 def test_the_cutoff_is_where_the_power_is_half(name: str) -> None:
     """A sine at the cut-off comes out at -3 dB, whatever the order."""
     times = np.arange(20000) * 1e-6
@@ -69,7 +73,7 @@ def test_the_cutoff_is_where_the_power_is_half(name: str) -> None:
     assert math.sqrt(2 * float(np.mean(found**2))) == pytest.approx(math.sqrt(0.5), rel=2e-3)
 
 
-@pytest.mark.parametrize("name", ["amplifier_lowpass", "amplifier_lowpass:second_order"])
+@pytest.mark.parametrize("name", AMPLIFIERS)
 def test_the_amplifier_is_smooth_across_neutral(name: str) -> None:
     """Equal steps to both sides of an infinite bandwidth move the trace by opposite amounts."""
     p = effect_named(name).parameters[0]
@@ -102,6 +106,22 @@ def test_clipping_is_a_minimum() -> None:
     ]
     assert gaps[0] == pytest.approx(1e-2 * ceiling * math.log(2), rel=1e-3)
     assert gaps[1] == pytest.approx(gaps[0] / 10, rel=1e-3)
+
+
+def test_an_amplifier_clips_on_both_sides() -> None:
+    """The swing back is cut like the pulse; the rational form has its closed values and limits."""
+    ceiling = 0.2 * float(-SIGNAL.min())
+    both = output("clipping:both_sides", SIGNAL, ceiling_v=ceiling)
+    assert both.max() == ceiling == -both.min()
+    assert np.array_equal(both[np.abs(SIGNAL) < ceiling], SIGNAL[np.abs(SIGNAL) < ceiling])
+    for s in (0.02, 0.1, 0.5):
+        found = output("clipping:rational", SIGNAL, ceiling_v=ceiling, softness=s)
+        at_ceiling = output("clipping:rational", np.full(1, ceiling), ceiling_v=ceiling, softness=s)
+        closed = SIGNAL / (1 + np.abs(SIGNAL / ceiling) ** (1 / s)) ** s
+        assert np.allclose(found, closed, rtol=1e-12, atol=0.0)
+        assert at_ceiling[0] == pytest.approx(ceiling * 2**-s, rel=1e-12)
+    sharp = output("clipping:rational", SIGNAL, ceiling_v=ceiling, softness=1e-3)
+    assert np.abs(sharp - both).max() < 1e-3 * ceiling
 
 
 @pytest.mark.parametrize("delay_us", [0.4, 1.0, 2.7, 13.0, 47.31])
