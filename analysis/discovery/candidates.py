@@ -307,6 +307,14 @@ def extended(
     return larger, theta, nuisances
 
 
+def _value(parameter: EffectParameter, coordinate: float) -> float:
+    """Return the physical value, also where only an infinite uncertainty leads to it."""
+    try:
+        return parameter.value(coordinate)
+    except OverflowError:
+        return math.inf
+
+
 def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:
     """Tell whether an effect's numbers are such as no such effect can have.
 
@@ -335,7 +343,7 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
             if name.split("[", 1)[0] != f"{effect.id}.{parameter.name}":
                 continue
             at, width = float(fitted.theta[j]), 2.0 * float(u[j])
-            nearest = [parameter.value(c) for c in (at - width, at, at + width)]
+            nearest = [_value(parameter, c) for c in (at - width, at, at + width)]
             if parameter.form == "inverse" and at - width <= 0.0 <= at + width:
                 continue  # neutral is within reach
             if not any(parameter.low <= v <= parameter.high for v in nearest):

@@ -28,8 +28,9 @@ from analysis.model import solver
 from analysis.model.impact_model import model_named
 
 PARTIAL_LEFT = 0.05
-PARTIAL_AHEAD = 0.1
-"""What may remain beside a partial finding, and how far ahead of other names it must be."""
+"""Share of what an effect explains that may remain beside a partial finding."""
+PARTIAL_AHEAD, AHEAD_OF_LEFT = 100.0, 2.0
+"""Whitened squares by which it must be ahead of other names, and how often what remains."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
@@ -180,7 +181,7 @@ def _stands_alone(steps: list[Step], chosen: list[Refit]) -> bool:
     """
     first, second = steps[0], steps[1]
     explained = first.fitted.cost - second.fitted.cost
-    left = max((a.gain for a in second.omnibus.answers.values()), default=0.0)
+    left = max((a.gain - a.dof for a in second.omnibus.answers.values()), default=0.0)
     others = [r.gain for r in first.refits if r.owner != chosen[0].owner and not r.at_bound]
     ahead = explained - max(others, default=0.0)
-    return left < PARTIAL_LEFT * explained and ahead > PARTIAL_AHEAD * explained
+    return left < PARTIAL_LEFT * explained and ahead > max(PARTIAL_AHEAD, AHEAD_OF_LEFT * left)

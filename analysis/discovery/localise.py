@@ -23,7 +23,9 @@ CANNOT_TELL = 0.25
 """A slot at least this likely is named beside the likeliest."""
 WORTH_LEARNING = 0.2
 """Share of the best first-order gain from which a closure is learned for real."""
-MOST_LEARNED = 4
+MOST_LEARNED = 3
+OWN_WEIGHT = 0.3
+MUCH_BETTER = 1.5
 FORCES = ("elastic", "rate")
 FORMULA_TERMS = 2
 FORMULA_SHARE = 0.9
@@ -153,19 +155,25 @@ def _gains(
     before = heldout_rms(step.problem, step.fitted)
     count = sum(s.residual.size for s in step.evidence.shots)
     level = float(np.mean([s.item.noise.rms for s in step.evidence.shots]))
-    gains = {}
-    for slot, families in SLOTS.items():
-        own = [0.0]
-        for part in families:
-            if part not in asked.answers or _alone(step, part[1]):
-                continue
-            gain = asked.answers[part].heldout_gain
-            one = learned.get(part)
-            if one is not None and before is not None and one.heldout_rms is not None:
-                gain = count * (before**2 - one.heldout_rms**2) / level**2
-            own.append(gain)
-        gains[slot] = max(own)
-    return gains
+    samples = sum(s.white.size for s in step.evidence.shots)
+    most = max(step.evidence.chi2 - samples, 0.0)
+    found: dict[tuple[str, str], float] = {}
+    for part, answer in asked.answers.items():
+        gain = answer.heldout_gain
+        if part[1] == "shot":
+            gain *= OWN_WEIGHT  # numbers of each shot are held to no other shot
+        one = learned.get(part)
+        if one is not None and before is not None and one.heldout_rms is not None:
+            gain = count * (before**2 - one.heldout_rms**2) / level**2
+        found[part] = 0.0 if _alone(step, part[1]) else min(gain, most)
+    chain = found.get(("response", "rig"), 0.0)
+    if found.get(("response", "surface"), 0.0) < MUCH_BETTER * chain:
+        # one chain for all surfaces is the simpler half of it
+        found["response", "surface"] = max(found["response", "surface"] - chain, 0.0)
+    return {
+        slot: max(0.0, *(found[part] for part in families if part in found))
+        for slot, families in SLOTS.items()
+    }
 
 
 def _alone(step: Step, scope: str) -> bool:

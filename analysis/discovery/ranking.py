@@ -40,7 +40,7 @@ FIRST_STEPS, SECOND_STEPS = 4, 8
 STARTS_PER_OWNER = 2
 STRUCTURE_STARTS = 4
 SHORTLIST = 7
-INTO_SECOND, INTO_LAST = 7, 4
+INTO_SECOND, INTO_LAST = 7, 3
 BENT = 300.0
 """Whitened squares beyond the noise, on the few shots, from which a slope is only a promise."""
 FAR = 3.0
@@ -51,7 +51,7 @@ USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
 """Where an unknown plastic begins when the records themselves mislead."""
 NOTHING = 1.0
 """Whitened squares by which a start must differ from the model without the effect."""
-HOPELESS = 0.25
+HOPELESS = 0.4
 """Share of the leader's score below which a candidate is not carried on."""
 USUAL_STARTS = 4
 ALWAYS_TRIED = 6
@@ -275,7 +275,9 @@ class Ground:
         return dataclasses.replace(base, theta=theta, nuisances=nuisances)
 
 
-def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Refit]:
+def ranked(
+    ground: Ground, tried: list[Proposal], progress: Progress, *, first: bool = True
+) -> list[Refit]:
     """Return library effects refitted on top of a model, best first.
 
     Parameters
@@ -286,6 +288,8 @@ def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Re
         What may be tried.
     progress : callable
         Told what is being done and a share between 0 and 1.
+    first : bool
+        Nothing was added yet: then every effect is tried where slopes mislead.
 
     Returns
     -------
@@ -301,7 +305,7 @@ def ranked(ground: Ground, tried: list[Proposal], progress: Progress) -> list[Re
     bent = evidence.chi2 - samples > BENT
     far = evidence.chi2 > FAR * samples
     begin = ground.begin(places, base)
-    order = list(entries) if bent else _short(entries)
+    order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
         lead = max((r.score(PENALTY) for r in best if not r.at_bound), default=0.0)

@@ -199,7 +199,7 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
     """Return every effect of the library with what became of it in one turn, best first."""
     found = []
     for refit in step.refits:
-        held = heldout_or_none(refit.problem, refit.fitted)
+        held = heldout_or_none(refit.problem, refit.fitted) if refit.on_all_shots else None
         found.append(
             {
                 "id": refit.owner,

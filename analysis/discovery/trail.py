@@ -119,7 +119,12 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
     """Fill in what library effects bring on top of a step."""
     tried: list[Proposal]
     tried, step.refused = proposals(step.problem)
-    step.refits += ranked(Ground(step.problem, step.fitted, usual), tried, progress)
+    step.refits += ranked(
+        Ground(step.problem, step.fitted, usual),
+        tried,
+        progress,
+        first=not step.problem.model.effects,
+    )
 
 
 def useful(step: Step) -> list[Refit]:
@@ -225,7 +230,7 @@ def _is_effect(name: str, model: ImpactModel) -> bool:
 
 
 def rivals(trail: Trail) -> dict[str, list[Refit]]:
-    """Return for each effect of a trail the others that the data cannot tell from it.
+    """Return for the last effect of a trail the others that the data cannot tell from it.
 
     Parameters
     ----------
@@ -238,7 +243,8 @@ def rivals(trail: Trail) -> dict[str, list[Refit]]:
         Id to refits, without those that have none.
     """
     found = {}
-    for step, taken in zip(trail.steps, trail.chosen, strict=False):
+    # what could stand in for an effect is seen only beside all the others that act: the last turn
+    for step, taken in list(zip(trail.steps, trail.chosen, strict=False))[-1:]:
         near = [
             r
             for r in step.refits

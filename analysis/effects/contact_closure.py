@@ -1,4 +1,4 @@
-r"""A contact force of free form, for the closure of the contact slot: nobody's law, learned as data.
+r"""A contact force of free form, for the closure of the contact slot: learned, and nobody's law.
 
 .. math::
 

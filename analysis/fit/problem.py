@@ -61,6 +61,9 @@ __all__ = [
 ]
 
 
+_LARGEST_LOG = 300.0
+
+
 @dataclass
 class JointProblem:
     """Everything a joint fit needs.
@@ -150,10 +153,14 @@ class JointProblem:
         else:
             assert shot.radius_m is not None
             j, k = (self.names.index(key) for key in keys)
-            inverse = math.exp(-theta[j]) + math.exp(-theta[k])
-            values[0] = math.log(4 / 3 * math.sqrt(shot.radius_m)) - math.log(inverse)
-            chain[0, j] += math.exp(-theta[j]) / inverse
-            chain[0, k] += math.exp(-theta[k]) / inverse
+            # no modulus is e^-300 Pa: a step that goes there has no trace, and is refused
+            if min(theta[j], theta[k]) < -_LARGEST_LOG:
+                values[0] = -math.inf
+                return values, chain
+            one, other = math.exp(-theta[j]), math.exp(-theta[k])
+            values[0] = math.log(4 / 3 * math.sqrt(shot.radius_m)) - math.log(one + other)
+            chain[0, j] += one / (one + other)
+            chain[0, k] += other / (one + other)
         for row, name in enumerate(names[1:], start=1):
             column = self.index(f"sensor.{name}")
             if row >= len(SHARED[self.model.kind]):

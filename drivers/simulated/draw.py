@@ -48,7 +48,8 @@ def draw_effect(
     scope = Scope()
     if kind.per_material and rng.random() < 0.4:
         side = rng.integers(2)
-        if side == 0 and spheres:
+        # what holds a coupon belongs to the coupon, never to what falls on it
+        if side == 0 and spheres and kind.slot != "mounting":
             scope = Scope(sphere=str(rng.choice(list(spheres))))
         elif surfaces:
             scope = Scope(surface=str(rng.choice(list(surfaces))))

@@ -20,7 +20,6 @@ class AdhesiveLayer(Effect):
 
     id = "adhesive_layer"
     slot = "mounting"
-    per_material = True
     parameters = (
         Parameter("stiffness_n_per_m", "N/m", 1e7, 1e10, math.inf, "k_t of the tape"),
         Parameter("damping_n_s_per_m", "N s/m", 20.0, 2000.0, 0.0, "c_t of the tape"),
