@@ -425,6 +425,7 @@ def refit_elsewhere(
     problem: JointProblem,
     base: joint.Fitted,
     max_iterations: int,
+    anchors: tuple[Array, Array] | None = None,
 ) -> Refit:
     """Return a refit carried on on more shots.
 
@@ -440,6 +441,10 @@ def refit_elsewhere(
         The model without the effect, with the many shots.
     max_iterations : int
         Steps allowed.
+    anchors : tuple of ndarray, optional
+        Nuisances of the few and of the many shots that a new shot's are guessed from: it moves from
+        its anchor as the shot most like it did. By default the model without the effect, which is
+        no anchor where the effect changes everything.
 
     Returns
     -------
@@ -452,11 +457,12 @@ def refit_elsewhere(
     wide = dataclasses.replace(found.problem, shots=problem.shots)
     nuisances = np.zeros((len(many), found.fitted.nuisances.shape[1]))
     shared = [found.problem.model.nuisances.index(n) for n in problem.model.nuisances]
-    nuisances[:, shared] = base.nuisances
+    old, new = anchors or (few_base.nuisances, base.nuisances)
+    nuisances[:, shared] = new
     for row, place in enumerate(many):
         near = _most_alike(problem.shots[row], place, found.problem.shots, few)
         nuisances[row] += found.fitted.nuisances[near]
-        nuisances[row, shared] -= few_base.nuisances[near]
+        nuisances[row, shared] -= old[near]
     nuisances = joint.settle(wide, found.fitted.theta, nuisances)
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
     gain = base.cost - result.cost if math.isfinite(result.cost) else -math.inf

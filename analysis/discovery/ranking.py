@@ -54,6 +54,7 @@ NOTHING = 1.0
 HOPELESS = 0.4
 """Share of the leader's score below which a candidate is not carried on."""
 USUAL_STARTS = 4
+AFAR_KEPT, AFAR_STEPS = 4, 14
 ALWAYS_TRIED = 6
 ENOUGH = 0.97
 """Share of the structure in the residual at which no further effect is looked for."""
@@ -164,7 +165,12 @@ def _owner(label: str) -> str:
 
 
 def _distinct(
-    own: list[Start], few: JointProblem, base: joint.Fitted, *, bent: bool, far: bool
+    own: list[Start],
+    few: JointProblem,
+    base: joint.Fitted,
+    *,
+    bent: bool,
+    begin: joint.Fitted | None,
 ) -> list[Start]:
     """Return the best few that differ in form or start, one for the whole rig among them."""
     structure = own[0].proposal.effect.structure is not None
@@ -177,11 +183,11 @@ def _distinct(
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    return found + (_usual(own, few, base, far=far) if bent else [])
+    return found + (_usual(own, few, base, begin) if bent else [])
 
 
 def _usual(
-    own: list[Start], few: JointProblem, base: joint.Fitted, *, far: bool
+    own: list[Start], few: JointProblem, base: joint.Fitted, begin: joint.Fitted | None
 ) -> list[Start]:
     """Return starts at an effect's usual sizes, whatever the linear look says of them."""
     found = []
@@ -191,14 +197,17 @@ def _usual(
             continue
         likely = [s for s in own if s.proposal.effect.id == effect.id]
         coordinates = default_starts(effect, top)
-        if len(coordinates) > USUAL_STARTS:
-            coordinates = _mildest(effect, coordinates, few, base)
-        for at in coordinates[:USUAL_STARTS]:
+        afar = begin is not None and effect.in_solver
+        many = afar and effect.structure is not None
+        if len(coordinates) > USUAL_STARTS and not many:
+            place = begin if begin is not None and afar else base
+            coordinates = _mildest(effect, coordinates, few, place)
+        for at in coordinates if many else coordinates[:USUAL_STARTS]:
             proposal = dataclasses.replace(likely[0].proposal, coordinates=at)
             usual = Start(proposal, likely[0].scope, {}, likely[0].promised)
-            if far and effect.in_solver:
+            if afar:
                 found.append(dataclasses.replace(usual, from_afar=True))
-            if not (far and effect.structure is not None):
+            if not (afar and effect.structure is not None):
                 found.append(usual)
     return found
 
@@ -304,7 +313,7 @@ def ranked(
     samples = sum(s.white.size for s in evidence.shots)
     bent = evidence.chi2 - samples > BENT
     far = evidence.chi2 > FAR * samples
-    begin = ground.begin(places, base)
+    begin = ground.begin(places, base) if far else None
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
@@ -323,20 +332,25 @@ def ranked(
                 max_iterations=FIRST_STEPS,
                 begin=begin if start.from_afar else None,
             )
-            for start in _distinct(entries[owner], few, base, bent=bent, far=far)
+            for start in _distinct(entries[owner], few, base, bent=bent, begin=begin)
         ]
-        best += _best_forms(tries, base, bent=bent)
-    return _later_rounds(ground, best, Part(places, base), progress, bent=bent)
+        best += _best_forms(tries, base, bent=bent, far=far)
+    return _later_rounds(ground, best, Part(places, base), progress, bent=bent, far=far)
 
 
-def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool) -> list[Refit]:
+def _best_forms(
+    tries: list[Refit], base: joint.Fitted, *, bent: bool, far: bool
+) -> list[Refit]:
     """Return the best start of each form of an effect, some steps further where slopes mislead."""
     found = []
     for form in sorted({r.effect.id for r in tries}):
-        best = min((r for r in tries if r.effect.id == form), key=_order)
-        if bent and not best.fitted.converged:
-            best = continued(base, best, max_iterations=SECOND_STEPS)
-        found.append(best)
+        own = sorted((r for r in tries if r.effect.id == form), key=_order)
+        if far and own[0].effect.structure is not None:
+            # from afar the way is long, and the first steps do not show which start gets there
+            own = [continued(base, r, max_iterations=AFAR_STEPS) for r in own[:AFAR_KEPT]]
+        elif bent and not own[0].fitted.converged:
+            own = [continued(base, own[0], max_iterations=SECOND_STEPS)]
+        found.append(min(own, key=_order))
     return found
 
 
@@ -366,8 +380,26 @@ class Part:
     base: joint.Fitted
 
 
+def _anchors(
+    ground: Ground, few: Part, many: Part, *, far: bool
+) -> tuple[Array, Array] | None:
+    """Return where shots' own parameters are before any fit, if that is the better guide."""
+    if not far:
+        return None
+    return (
+        ground.begin(few.places, few.base).nuisances,
+        ground.begin(many.places, many.base).nuisances,
+    )
+
+
 def _later_rounds(
-    ground: Ground, best: list[Refit], part: Part, progress: Progress, *, bent: bool
+    ground: Ground,
+    best: list[Refit],
+    part: Part,
+    progress: Progress,
+    *,
+    bent: bool,
+    far: bool,
 ) -> list[Refit]:
     """Carry the best on: some steps on more shots, then to the end on all."""
     problem, fitted = ground.problem, ground.fitted
@@ -383,6 +415,7 @@ def _later_rounds(
         moved = refit_elsewhere(
             one, few_base=part.base, few=part.places, many=more, problem=large, base=base_large,
             max_iterations=SECOND_STEPS,
+            anchors=_anchors(ground, part, Part(more, base_large), far=far),
         )  # fmt: skip
         second.append(moved)
     factor = whole / len(more)
@@ -401,6 +434,9 @@ def _later_rounds(
             moved = refit_elsewhere(
                 one, few_base=base_large, few=more, many=everything, problem=problem, base=fitted,
                 max_iterations=25,
+                anchors=_anchors(
+                    ground, Part(more, base_large), Part(everything, fitted), far=far
+                ),
             )  # fmt: skip
         last.append(moved if moved.fitted.converged else continued(fitted, moved))
     return _one_form_each([*sorted(last, key=_order), *sorted(behind, key=_order)])

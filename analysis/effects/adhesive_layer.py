@@ -54,7 +54,7 @@ EFFECT = Effect(
             1e9,
             1e6,
             1e11,
-            (3e8, 4e7, 3e9),
+            (3e8, 4e7, 3e9, 1e8, 1.8e7, 1e9),
             "of the layer, k_t",
         ),
         EffectParameter(
@@ -65,7 +65,7 @@ EFFECT = Effect(
             300.0,
             1.0,
             1e5,
-            (300.0,),
+            (300.0, 50.0, 1500.0),
             "of the layer, c_t",
         ),
     ),
