@@ -128,10 +128,7 @@ def quality(document: Json) -> str:
             noise = format(document["noise_rms_V"] * 1e3, ".4g")
         rows.append((label, *cells, noise))
     names = [html.escape(document[side]["model"]) for side in ("before", "after")]
-    note = ""
-    if document["after"].get("first_order"):
-        note = '<p class="soft">The closure\'s figures are first-order estimates.</p>'
-    return table(("", f"before: {names[0]}", f"after: {names[1]}", "noise"), rows) + note
+    return table(("", f"before: {names[0]}", f"after: {names[1]}", "noise"), rows)
 
 
 def moduli(document: Json) -> str:

@@ -18,6 +18,12 @@ FAMILIES = {
     "cell": "the cell's own numbers",
     "speed": "the impact speed that a height promises",
     "locked": "anything at a fixed time after touch-down",
+    "template": "a waveform that repeats from shot to shot, locked to touch-down",
+    "ringing": "resonances behind the signal",
+    "memory": "delays and slow decays behind the signal",
+    "bend": "a smooth nonlinearity of the signal",
+    "top": "a nonlinearity at the signal's top",
+    "force_elastic+force_rate": "a free contact force over depth and rate",
 }
 
 
@@ -26,30 +32,21 @@ def slots(document: Json) -> str:
     if not document["slots"]:
         return "<p>There is nothing to locate.</p>"
     rows = []
-    for slot, seen in sorted(
-        document["slots"].items(), key=lambda item: -item[1]["share_of_residual"]
-    ):
-        share = min(seen["share_of_residual"] / above_noise(document), 1.0)
+    for slot, seen in sorted(document["slots"].items(), key=lambda item: -item[1]["probability"]):
+        share = min(seen["share_of_structure"], 1.0)
         bar = f'<span class="bar" style="width:{18 * share:.2f}rem"></span> {_share(share)}'
-        rows.append((html.escape(slot), f'<td class="words">{bar}</td>'))
-    said = (
-        f"<p>Most likely the <b>{html.escape(document['slot'])}</b> slot.</p>"
-        if document["slot"]
-        else ""
-    )
+        cells = (f'<td class="words">{bar}</td>', _share(seen["probability"]))
+        rows.append((html.escape(slot), *cells))
+    names = [document["slot"], *document.get("also_possible_slots", [])]
+    shown = " or ".join(f"<b>{html.escape(name)}</b>" for name in names if name)
+    said = f"<p>Most likely the {shown} slot.</p>" if document["slot"] else ""
+    head = ("slot", "<span>share of the structure</span>", "probability")
     return (
-        f"{said}<p class='soft'>Upper bounds: what the most flexible closure of each slot explains "
-        "of the residual on shots it was not fitted to. A named effect has to do as well.</p>"
-        + table(("slot", "<span>share of its energy above the noise</span>"), rows).replace(
-            "<th><span>", '<th class="words"><span>'
-        )
+        f"{said}<p class='soft'>What the most flexible closure of each slot explains of the "
+        "structure on shots it was not fitted to. A named effect has to do as well. A slot's "
+        "probability says how far its closure falls behind the best; a weight, not a frequency."
+        "</p>" + table(head, rows).replace("<th><span>", '<th class="words"><span>')
     )
-
-
-def above_noise(document: Json) -> float:
-    """Return the share of the base model's squares that is not the noise's own. [1]"""
-    misfit = document["before"].get("chi2_per_dof") or 0.0
-    return max(1.0 - 1.0 / misfit, 1e-3) if misfit > 0 else 1.0
 
 
 def _share(share: float) -> str:
@@ -121,16 +118,14 @@ def closure(document: Json) -> str:
     scope = learned["scope"]
     owner = "one set for all shots" if scope == "rig" else f"one set for each {scope}"
     share = ""
-    if learned.get("heldout_gain") and document["slots"]:
-        slot = max(document["slots"].values(), key=lambda one: float(one["heldout_gain"]))
-        if slot["share_of_residual"] > 0:
-            energy = slot["heldout_gain"] / slot["share_of_residual"]
-            taken = min(learned["heldout_gain"] / energy / above_noise(document), 1.0)
-            share = f" On held-out shots it takes {_share(taken)} of the energy above the noise."
+    before, after = document["before"].get("heldout_rms_V"), learned.get("heldout_rms_V")
+    if before and after:
+        share = f" On held-out shots it brings the residual down {before / after:.3g}-fold."
+    count = len(learned["coefficients"])
     return (
         "<h2>The learned closure</h2>"
         f"<p>What no name explains is best taken up by <b>{html.escape(what)}</b>: "
-        f"{learned['numbers']} numbers, {html.escape(owner)}.{share}</p>{_formula(learned)}"
+        f"{count} numbers, {html.escape(owner)}.{share}</p>{_formula(learned)}"
     )
 
 
