@@ -61,7 +61,7 @@ class Daq3500:
             sample_rate_hz=settings.sample_rate_hz,
             transfer_bytes=settings.transfer_bytes,
             observe=observe,
-            make_pace=self._pace if settings.pace_checked else None,
+            make_pace=self._pace if settings.pace_checked and not settings.wire_log_file else None,
         )
         self._latency = Latency()
         self._opening = threading.Lock()

@@ -48,7 +48,8 @@ class Daq3500Settings:
         Whether the count of samples is held against the host's clock, which shows lost blocks.
         Off only where the transport does not run in real time: an accelerated simulation, a replay.
     wire_log_file : Path or None
-        Where to write every transfer, for the first run with a new board.
+        Where to write every transfer, for the first run with a new board. Samples are then not held
+        against the clock, because a replay does not keep the time of the recording.
     wire_log_data : bool
         Whether that log holds the samples too, which a replay needs.
 

@@ -37,7 +37,8 @@ def captured(tmp_path, make_settings):
     firmware, fpga = tmp_path / "firmware.bin", tmp_path / "fpga.bit"
     firmware.write_bytes(bytes(range(256)) * 5)
     fpga.write_bytes(b"fpga" * 1500)
-    settings = make_settings(firmware_file=firmware, fpga_file=fpga)
+    # A replay does not keep the time of the recording.
+    settings = make_settings(firmware_file=firmware, fpga_file=fpga, pace_checked=False)
     source = PulseSource()
     backend = CapturingBackend(
         tmp_path / "wire.jsonl", SimulatedDaq3500(source, loaded=False), keep_data=True
@@ -64,7 +65,10 @@ def test_a_deviation_fails_and_names_the_line(captured, make_settings):
     """A driver that sends another divisor is caught at that very transfer."""
     path, _, _, settings = captured
     changed = make_settings(
-        firmware_file=settings.firmware_file, fpga_file=settings.fpga_file, pacer_divisor=48
+        firmware_file=settings.firmware_file,
+        fpga_file=settings.fpga_file,
+        pacer_divisor=48,
+        pace_checked=False,
     )
     digitizer = Daq3500(changed, backend=ReplayBackend(path))
     with pytest.raises(WireLogError, match=r"Line \d+ of the log says control .* the driver did"):
