@@ -17,6 +17,7 @@ import sqlite3
 import threading
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,7 @@ class Index:
                 self._connection.execute("PRAGMA synchronous=FULL")
                 self._connection.execute("PRAGMA foreign_keys=ON")
             self._migrate()
+            self._check_form()
         except BaseException:
             self._connection.close()
             raise
@@ -306,13 +308,25 @@ class Index:
             yield f"row {row[1]} of {row[0]} names a {row[2]} that is not there."
 
     def _changed_form(self) -> Iterator[str]:
-        form = "SELECT type, name, tbl_name, sql FROM sqlite_master"
         if str(self.path) == _IN_MEMORY:
             return
-        with closing(Index(Path(_IN_MEMORY))) as new:
-            wanted = {tuple(row) for row in new.rows(form)}
-        for row in wanted ^ {tuple(row) for row in self._connection.execute(form)}:
-            yield f"the {row[0]} {row[1]} is not as this program makes it."
+        for kind, name, *_ in _form() ^ self._form_of_this():
+            yield f"the {kind} {name} is not as this program makes it."
+
+    def _form_of_this(self) -> frozenset[tuple[str, ...]]:
+        rows = self._connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master")
+        return frozenset(tuple(" ".join(str(part).split()) for part in row) for row in rows)
+
+    def _check_form(self) -> None:
+        # A flipped bit in a column's name would be met anywhere, as an error of any kind.
+        with self._translated():
+            wrong = list(self._changed_form())
+        if wrong:
+            raise ArchiveError(
+                f"The index {self.path} is damaged: {'; '.join(wrong)}",
+                why="The file was changed after it was written.",
+                remedy="Stop the daemon and run `impactd reindex`: it rebuilds it from the files.",
+            )
 
     def _changed_rows(self) -> Iterator[str]:
         for table in checksums.COLUMNS:
@@ -323,6 +337,13 @@ class Index:
         """Give the file back."""
         with self._lock:
             self._connection.close()
+
+
+@cache
+def _form() -> frozenset[tuple[str, ...]]:
+    """Return tables, columns and triggers of a new index; no migration may change its text."""
+    with closing(Index(Path(_IN_MEMORY))) as new:
+        return new._form_of_this()
 
 
 def as_text(value: object) -> str:

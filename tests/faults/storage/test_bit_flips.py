@@ -199,12 +199,21 @@ def test_a_damaged_file_is_a_problem_and_never_a_crash(tmp_path: Path) -> None:
         here.ready()
 
 
-def test_a_damaged_name_in_the_index_is_an_error_with_a_remedy(sound: Path) -> None:
-    """SQLite then raises an error whose text is no text; it is told like any other damage."""
+@pytest.mark.parametrize(
+    ("written", "found"),
+    [
+        (b"CREATE TABLE events", b"CREATE TAB\xc5E events"),
+        (b"secret_sha256 TEXT", b"secret_sha257 TEXT"),
+    ],
+)
+def test_a_damaged_name_in_the_index_is_an_error_with_a_remedy(
+    sound: Path, written: bytes, found: bytes
+) -> None:
+    """SQLite's own error may be no text; another column is an error only once it is asked for."""
     path = sound / "index.sqlite"
     content = path.read_bytes()
-    assert b"CREATE TABLE events" in content
-    path.write_bytes(content.replace(b"CREATE TABLE events", b"CREATE TAB\xc5E events"))
+    assert written in content
+    path.write_bytes(content.replace(written, found))
     with pytest.raises(ArchiveError, match="impactd reindex"):
         Archive.open(sound, reserve_bytes=0)
     report = Archive.reindex(sound)
