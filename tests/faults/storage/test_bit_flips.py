@@ -168,6 +168,7 @@ def test_an_older_index_gets_its_checksums(tmp_path: Path, monkeypatch: pytest.M
     before = [step for step in _MIGRATIONS if step != checksums.migration()]
     with monkeypatch.context() as older:
         older.setattr(steps, tuple(before))
+        older.setattr(Index, "_check_form", lambda _: None)  # it knows the present form only
         index = Index(tmp_path / "index.sqlite")
         index.write("INSERT INTO events (utc, kind, data) VALUES ('x', 'x', '{}')")
         index.close()
