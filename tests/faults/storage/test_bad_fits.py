@@ -33,6 +33,7 @@ def _with_bad_fits(daemon: Daemon) -> None:
     daemon.jobs._import_paths = [HERE]
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(400)
 def test_a_bad_fit_harms_nobody_else(tmp_path: Path) -> None:
     """One retry, then failed with the reason; the next fit is done, and the status answers."""
