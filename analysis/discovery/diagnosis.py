@@ -179,6 +179,8 @@ def _stands_alone(steps: list[Step], chosen: list[Refit]) -> bool:
 
     It must take up nearly all that any closure could, and be far ahead of every other name.
     """
+    if chosen[0].effect.basis is not None:
+        return False  # sizes that are free in every shot follow much that they are not
     first, second = steps[0], steps[1]
     explained = first.fitted.cost - second.fitted.cost
     left = max((a.gain - a.dof for a in second.omnibus.answers.values()), default=0.0)

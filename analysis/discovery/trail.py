@@ -199,14 +199,14 @@ def without_needless(trail: Trail) -> Trail:
             continue
         kept = tuple(e for e in trail.last.problem.model.effects if e.id != old.effect.id)
         shorter = _reduced(trail.last, kept)
-        if shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
+        if shorter is not None and shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
             return Trail([*trail.steps[: len(others)], shorter], others)
     return trail
 
 
-def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step:
-    """Return a step's model with fewer effects, fitted again."""
+def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step | None:
+    """Return a step's model with fewer effects, fitted again; None where it cannot be."""
     model = dataclasses.replace(step.problem.model, effects=effects)
     keep = [
         j
@@ -222,7 +222,8 @@ def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step:
         prior_precision=step.problem.prior_precision[keep][:, keep],
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
-    return look(problem, joint.fit(problem, nuisances, theta=problem.start))
+    fitted = joint.fit(problem, nuisances, theta=problem.start)
+    return look(problem, fitted) if fitted.blocks else None
 
 
 def _is_effect(name: str, model: ImpactModel) -> bool:

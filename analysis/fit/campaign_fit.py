@@ -19,6 +19,7 @@ from analysis.model.impact_model import model_named
 
 MISFIT_ROUNDS = 4
 HELDOUT_STEPS = 3
+FOLD_STEPS = 4
 HELDOUT_FOLDS = 3
 
 Progress = Callable[[str, float], None]
@@ -111,23 +112,22 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
 
     Notes
     -----
-    Folds by drop height, else every third shot. The shared parameters without a fold are one
-    Gauss-Newton step from the full solution, which is where the other shots alone would lead to
-    first order; the fold's own nuisances are then fitted anew with everything shared fixed.
+    Folds by drop height, else every third shot. Shared parameters are fitted to the other shots,
+    from the full solution on and never uphill; the fold's own nuisances are then fitted anew with
+    everything shared fixed.
     """
     folds = heldout_folds(problem)
     if not folds:
         return None
-    matrix, _, parts = joint.normal_equations(problem, fitted)
     squares, count = 0.0, 0
     for fold in folds:
-        without, vector = matrix.copy(), np.zeros(matrix.shape[0])
+        kept = [i for i in range(len(problem.shots)) if i not in fold]
+        others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
+        learned = joint.fit(
+            others, fitted.nuisances[kept], theta=fitted.theta, max_iterations=FOLD_STEPS
+        )
         for i in fold:
-            without -= parts[i].matrix
-            vector -= parts[i].vector
-        theta = fitted.theta + np.linalg.solve(without, vector)
-        for i in fold:
-            r = refit_nuisances(problem, i, theta, fitted.nuisances[i])
+            r = refit_nuisances(problem, i, learned.theta, fitted.nuisances[i])
             squares += float(r @ r)
             count += r.size
     return math.sqrt(squares / count)

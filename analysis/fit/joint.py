@@ -265,6 +265,11 @@ def _next_damping(damping: float, kept: float) -> float:
     return damping if kept > POOR_STEP else damping * 4
 
 
+def _nowhere(theta: Array, nuisances: Array) -> Fitted:
+    """Return what a fit is that cannot be evaluated."""
+    return Fitted(theta, nuisances, [], np.full((theta.size,) * 2, np.nan), math.inf, 0, False)
+
+
 def fit(
     problem: JointProblem,
     nuisances: Array,
@@ -298,11 +303,14 @@ def fit(
     blocks = _linearise_all(problem, theta, nuisances)
     damping, converged, iteration = 1e-3, blocks is None, 0
     if blocks is None:
-        return Fitted(theta, nuisances, [], np.full((theta.size,) * 2, np.nan), math.inf, 0, False)
+        return _nowhere(theta, nuisances)
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
     while not converged and iteration < max_iterations:
         iteration += 1
-        matrix, vector, parts = _gather(problem, blocks, theta, damping)
+        try:
+            matrix, vector, parts = _gather(problem, blocks, theta, damping)
+        except np.linalg.LinAlgError:
+            return _nowhere(theta, nuisances)  # a shot that says nothing of its own parameters
         damped = matrix.copy()
         damped[np.diag_indices_from(damped)] *= 1 + damping
         step = np.asarray(np.linalg.solve(damped, vector), dtype=np.float64)

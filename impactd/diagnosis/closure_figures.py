@@ -18,8 +18,10 @@ from impactd.diagnosis.figures import (
     LOOK,
     WIDE,
     height_words,
+    pair_words,
     svg,
 )
+from impactd.diagnosis.unit import Unit
 
 Json = dict[str, Any]
 
@@ -60,7 +62,7 @@ def course(coefficients: dict[str, float]) -> str | None:
         colours = mpl.colormaps[HEIGHTS](np.linspace(0.1, 0.85, len(lines)))
         for colour, (owner, points) in zip(colours, sorted(lines.items()), strict=True):
             t, y = zip(*sorted(points), strict=True)
-            axes.plot(t, y, "o-", ms=3, color=colour, lw=1.2, label=owner)
+            axes.plot(t, y, "o-", ms=3, color=colour, lw=1.2, label=_owner_words(owner))
         axes.set_xscale("symlog", linthresh=50)
         axes.set_xlim(left=0)
         axes.xaxis.set_major_formatter("{x:g}")
@@ -71,13 +73,19 @@ def course(coefficients: dict[str, float]) -> str | None:
         return svg(figure)
 
 
-def closure(curves: Json) -> str | None:
+def _owner_words(owner: str) -> str:
+    return pair_words(owner) if owner else ""
+
+
+def closure(curves: Json, unit: Unit) -> str | None:
     """Draw what a learned closure leaves of one shot's residual, for each owner.
 
     Parameters
     ----------
     curves : dict
         ``closure.curves`` of a diagnosis.
+    unit : Unit
+        To show the residual in.
 
     Returns
     -------
@@ -99,14 +107,15 @@ def closure(curves: Json) -> str | None:
             )
             strong = t[np.nan_to_num(pulse) > 0.05 * np.nanmax(pulse)]
             near = (t > -0.7 * strong[-1]) & (t < 7 * strong[-1])
-            axes.plot(t[near], 1e3 * residual[near], color=BEFORE, lw=1.2, label="residual")
-            axes.plot(t[near], 1e3 * left[near], color=AFTER, lw=1.2, label="with the closure")
-            where = f"{shot['pair']} {height_words(shot['drop_height_m'])}"
+            axes.plot(t[near], unit.factor * residual[near], color=BEFORE, lw=1.2, label="residual")
+            rest = unit.factor * left[near]
+            axes.plot(t[near], rest, color=AFTER, lw=1.2, label="with the closure")
+            where = f"{pair_words(shot['pair'])} {height_words(shot['drop_height_m'])}"
             axes.set_title(where, loc="left", fontsize=8)
         for axes in list(grid.flat)[len(shots) :]:
             axes.set_visible(False)
         for axes in grid[:, 0]:
-            axes.set_ylabel("mV")
+            axes.set_ylabel(unit.label)
         for axes in grid[-1]:
             axes.set_xlabel("time after touch-down / µs")
         grid.flat[0].legend(fontsize=7)
@@ -139,7 +148,7 @@ def force(curves: Json) -> str | None:
             for share, line, when in zip(
                 curve["share"], ("-", ":", "--"), ("loading", "at rest", "unloading"), strict=True
             ):
-                label = f"{curve['owner']} {when}".strip()
+                label = f"{_owner_words(curve['owner'])} {when}".strip()
                 values = 100 * np.array([np.nan if v is None else v for v in share])
                 reach = max(reach, float(np.nanmax(np.abs(values[deep]))))
                 axes.plot(law["indentation"], values, line, color=colour, lw=1.2, label=label)

@@ -13,6 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from impactd.diagnosis.unit import Unit
+
 Json = dict[str, Any]
 
 BEFORE, AFTER, NOISE, INK = "#c4572c", "#1c6dd0", "#8a8f98", "#202124"
@@ -38,7 +40,7 @@ LOOK: Any = {
 }
 
 
-def stacked(stacks: Json, noise_rms: float, title: str) -> str:
+def stacked(stacks: Json, noise_rms: float, title: str, unit: Unit) -> str:
     """Draw the residual of each pair against time after touch-down, one curve per height.
 
     Parameters
@@ -46,9 +48,11 @@ def stacked(stacks: Json, noise_rms: float, title: str) -> str:
     stacks : dict
         ``residual.*.stacks`` of a diagnosis.
     noise_rms : float
-        Drawn as a band. [V]
+        Drawn as a band. [as recorded]
     title : str
         Over the picture.
+    unit : Unit
+        To show the residual in.
 
     Returns
     -------
@@ -68,18 +72,18 @@ def stacked(stacks: Json, noise_rms: float, title: str) -> str:
         grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(heights)))
         for axes, pair in zip(grid.flat, pairs, strict=False):
-            axes.axhspan(-noise_rms * 1e3, noise_rms * 1e3, color="#eef0f3", lw=0)
+            axes.axhspan(-noise_rms * unit.factor, noise_rms * unit.factor, color="#eef0f3", lw=0)
             axes.axvspan(0, stacks["contact_us"], color="#f6efe6", lw=0)
             for curve in (c for c in curves if c["pair"] == pair):
-                y = np.array([np.nan if v is None else v for v in curve["mean"]]) * 1e3
+                y = np.array([np.nan if v is None else v for v in curve["mean"]]) * unit.factor
                 place = heights.index(curve["drop_height_m"] or 0.0)
                 axes.plot(t[near], y[near], color=colours[place], lw=1.1)
-            axes.set_title(pair, loc="left", fontsize=9)
+            axes.set_title(pair_words(pair), loc="left", fontsize=9)
             axes.set_xlim(low, high)
         for axes in list(grid.flat)[len(pairs) :]:
             axes.set_visible(False)
         for axes in grid[:, 0]:
-            axes.set_ylabel("residual / mV")
+            axes.set_ylabel(f"residual / {unit.label}")
         for axes in grid[-1]:
             axes.set_xlabel("time after touch-down / µs")
         if len(heights) > 1:
@@ -90,13 +94,15 @@ def stacked(stacks: Json, noise_rms: float, title: str) -> str:
         return svg(figure)
 
 
-def in_time(stacks: Json) -> str | None:
+def in_time(stacks: Json, unit: Unit) -> str | None:
     """Draw the mean residual of early, middle and late shots.
 
     Parameters
     ----------
     stacks : dict
         ``residual.*.stacks`` of a diagnosis.
+    unit : Unit
+        To show the residual in.
 
     Returns
     -------
@@ -115,11 +121,11 @@ def in_time(stacks: Json) -> str | None:
         axes.axvspan(0, stacks["contact_us"], color="#f6efe6", lw=0)
         colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(parts)))
         for colour, part in zip(colours, parts, strict=True):
-            y = np.array([np.nan if v is None else v for v in part["mean"]]) * 1e3
+            y = np.array([np.nan if v is None else v for v in part["mean"]]) * unit.factor
             label = f"{part['part']} ({part['shots']} shots)"
             axes.plot(t[near], y[near], color=colour, lw=1.2, label=label)
         axes.set_xlabel("time after touch-down / µs")
-        axes.set_ylabel("residual / mV")
+        axes.set_ylabel(f"residual / {unit.label}")
         axes.legend(fontsize=8)
         return svg(figure)
 
@@ -140,7 +146,24 @@ def height_words(height_m: float | None) -> str:
     return "" if height_m is None else f"{height_m * 1e3:.1f} mm"
 
 
-def spectra(before: Json, after: Json | None) -> str:
+def pair_words(pair: str) -> str:
+    """Return a pair for a label.
+
+    Parameters
+    ----------
+    pair : str
+        ``sphere/surface``; ``?`` or ``None`` for a name that is not known.
+
+    Returns
+    -------
+    str
+        The same; ``unnamed`` for each unknown name.
+    """
+    names = ["unnamed" if name in ("?", "None", "") else name for name in pair.split("/")]
+    return "unnamed pair" if set(names) == {"unnamed"} else "/".join(names)
+
+
+def spectra(before: Json, after: Json | None, unit: Unit) -> str:
     """Draw the residual's power density before and after beside the noise's.
 
     Parameters
@@ -149,6 +172,8 @@ def spectra(before: Json, after: Json | None) -> str:
         ``residual.before.spectrum`` of a diagnosis.
     after : dict or None
         The same after the repair.
+    unit : Unit
+        To show the power density in.
 
     Returns
     -------
@@ -165,7 +190,7 @@ def spectra(before: Json, after: Json | None) -> str:
             x = np.array(after["frequency_Hz"]) / 1e3
             axes.loglog(x, after["residual"], color=AFTER, lw=1.5, label="residual after")
         axes.set_xlabel("frequency / kHz")
-        axes.set_ylabel("power density / (V²/Hz)")
+        axes.set_ylabel(f"power density / ({unit.density})")
         axes.legend(fontsize=8)
         return svg(figure)
 

@@ -14,6 +14,7 @@ from typing import Any
 from impactd.diagnosis import closure_figures, figures, sections, trail
 from impactd.diagnosis.markup import bullets
 from impactd.diagnosis.style import STYLE
+from impactd.diagnosis.unit import Unit, unit_of
 
 Json = dict[str, Any]
 
@@ -91,7 +92,7 @@ def page(document: Json) -> str:
         HTML, complete in itself.
     """
     before, after = document["residual"]["before"], document["residual"]["after"]
-    noise = document["noise_rms_V"]
+    noise, unit = document["noise_rms_V"], unit_of(document)
     repaired = None if after is None or not after.get("stacks") else after
     return _PAGE.substitute(
         style=STYLE,
@@ -103,12 +104,15 @@ def page(document: Json) -> str:
         quality=sections.quality(document),
         seen=bullets(before["said"]),
         residual_before=_stack(
-            before, noise, f"Residual of {document['before']['model']}, stacked over repetitions"
+            before,
+            noise,
+            f"Residual of {document['before']['model']}, stacked over repetitions",
+            unit,
         ),
         phases=sections.phases(document),
-        in_time=_in_time(before, document["closure"]),
+        in_time=_in_time(before, document["closure"], unit),
         spectra=_picture(
-            figures.spectra(before["spectrum"], repaired["spectrum"] if repaired else None)
+            figures.spectra(before["spectrum"], repaired["spectrum"] if repaired else None, unit)
             if before.get("spectrum")
             else None,
             "Power density of the residual and of the noise before the trigger",
@@ -116,7 +120,7 @@ def page(document: Json) -> str:
         slots=trail.slots(document),
         trail=trail.trail(document),
         closure=trail.closure(document)
-        + _learned(document["closure"])
+        + _learned(document["closure"], unit)
         + trail.coefficients(document),
         moduli=_picture(
             figures.moduli(document["before"]["moduli"], document["after"]["moduli"])
@@ -127,7 +131,10 @@ def page(document: Json) -> str:
         + sections.moduli(document),
         remains=trail.remains(document),
         residual_after=_stack(
-            repaired, noise, f"Residual of {document['after']['model']}, stacked over repetitions"
+            repaired,
+            noise,
+            f"Residual of {document['after']['model']}, stacked over repetitions",
+            unit,
         )
         if repaired
         else "",
@@ -137,19 +144,19 @@ def page(document: Json) -> str:
     )
 
 
-def _in_time(seen: Json, closure: Json | None) -> str:
+def _in_time(seen: Json, closure: Json | None, unit: Unit) -> str:
     """Return the residual early and late in the campaign where its order matters."""
     p_value = (seen.get("order") or {}).get("p_value")
     drifts = p_value is not None and p_value < ORDER_MATTERS
     if not seen.get("stacks") or not (drifts or (closure and closure["scope"] == "order")):
         return ""
     return _picture(
-        figures.in_time(seen["stacks"]),
+        figures.in_time(seen["stacks"], unit),
         "The residual changes in the course of the campaign: its mean over early and late shots.",
     )
 
 
-def _learned(closure: Json | None) -> str:
+def _learned(closure: Json | None, unit: Unit) -> str:
     if closure is None:
         return ""
     drawn = _picture(closure_figures.course(closure["coefficients"]), "The closure over time.")
@@ -159,7 +166,7 @@ def _learned(closure: Json | None) -> str:
     return (
         drawn
         + _picture(
-            closure_figures.closure(curves),
+            closure_figures.closure(curves, unit),
             "The strongest shot of each owner: its residual, and what the closure leaves of it "
             "when the model's own numbers give way; to first order.",
         )
@@ -169,11 +176,11 @@ def _learned(closure: Json | None) -> str:
     )
 
 
-def _stack(seen: Json, noise_rms_v: float, title: str) -> str:
+def _stack(seen: Json, noise_rms: float, title: str, unit: Unit) -> str:
     if not seen.get("stacks"):
         return ""
     return _picture(
-        figures.stacked(seen["stacks"], noise_rms_v, title),
+        figures.stacked(seen["stacks"], noise_rms, title, unit),
         "Mean over repetitions. Sand: the contact; grey: one standard deviation of a sample's "
         "noise.",
     )

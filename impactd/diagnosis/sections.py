@@ -7,6 +7,7 @@ from typing import Any
 
 from impactd.console.tables import measured
 from impactd.diagnosis.markup import bullets, p_words, table
+from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
 
 Json = dict[str, Any]
@@ -18,8 +19,6 @@ _PHASES = (
     ("later", "later"),
 )
 _QUALITY = (
-    ("rms_V", "rms residual / mV", 1e3, ".4g"),
-    ("heldout_rms_V", "held out / mV", 1e3, ".4g"),
     ("nrmse", "NRMSE / %", 1e2, ".3g"),
     ("r2", "R²", 1.0, ".6f"),
     ("chi2_per_dof", "χ² per degree of freedom", 1.0, ".4g"),
@@ -30,21 +29,29 @@ def campaign(document: Json) -> str:
     """Return what the campaign consists of."""
     seen = document["campaign"]
     heights = ", ".join(f"{h * 1e3:.1f}" for h in seen["drop_heights_m"])
-    said = f"{seen['shots']} shots of {', '.join(seen['spheres'])} on {', '.join(seen['surfaces'])}"
+    spheres, surfaces = _named(seen["spheres"], "sphere"), _named(seen["surfaces"], "surface")
+    said = f"{seen['shots']} shots of {spheres} on {surfaces}"
     return f"{said}, from {heights} mm" if heights else said
+
+
+def _named(names: list[str | None], what: str) -> str:
+    """Return names as a list; recordings made elsewhere may have none, which JSON calls None."""
+    known = [name if name and name != "None" else f"an unnamed {what}" for name in names]
+    return ", ".join(known or [f"an unnamed {what}"])
 
 
 def headline(document: Json) -> str:
     """Return the figures that matter most: the error, and what the repair moves."""
     before, after = document["before"], document["after"]
-    noise = document["noise_rms_V"]
+    unit = unit_of(document)
+    noise = f"noise {_short(document['noise_rms_V'], unit)} {unit.label}"
     cards = []
     if before.get("heldout_rms_V") is not None:
-        steps = [_milli(before["heldout_rms_V"])]
+        steps = [_short(before["heldout_rms_V"], unit)]
         if after is not before and after.get("heldout_rms_V") is not None:
-            steps.append(_milli(after["heldout_rms_V"]))
+            steps.append(_short(after["heldout_rms_V"], unit))
         shown = " → ".join(steps if document["verdict"] != "adequate" else steps[:1])
-        cards.append((f"{shown} mV", f"error on held-out shots; noise {_milli(noise)} mV"))
+        cards.append((f"{shown} {unit.label}", f"error on held-out shots; {noise}"))
     for name, old in before.get("moduli", {}).items():
         new = after.get("moduli", {}).get(name, {})
         if old["status"] != "fitted":
@@ -62,8 +69,8 @@ def headline(document: Json) -> str:
     return f'<div class="figures">{body}</div>'
 
 
-def _milli(value: float) -> str:
-    return f"{1e3 * value:.3g}"
+def _short(value: float, unit: Unit) -> str:
+    return f"{unit.factor * value:.3g}"
 
 
 def phases(document: Json) -> str:
@@ -117,15 +124,18 @@ def found(document: Json) -> str:
 
 def quality(document: Json) -> str:
     """Return the figures of both models beside the noise."""
+    unit = unit_of(document)
+    sized = (
+        ("rms_V", f"rms residual / {unit.label}", unit.factor, ".4g"),
+        ("heldout_rms_V", f"held out / {unit.label}", unit.factor, ".4g"),
+    )
     rows = []
-    for key, label, factor, form in _QUALITY:
+    for key, label, factor, form in (*sized, *_QUALITY):
         cells = [
             "-" if value is None else format(value * factor, form)
             for value in (document["before"].get(key), document["after"].get(key))
         ]
-        noise = format(document["noise_rms_V"] * 1e3, ".4g") if key.endswith("rms_V") else ""
-        if key == "rms_V":
-            noise = format(document["noise_rms_V"] * 1e3, ".4g")
+        noise = format(document["noise_rms_V"] * factor, form) if key.endswith("rms_V") else ""
         rows.append((label, *cells, noise))
     names = [html.escape(document[side]["model"]) for side in ("before", "after")]
     return table(("", f"before: {names[0]}", f"after: {names[1]}", "noise"), rows)
@@ -199,5 +209,7 @@ def circumstances(document: Json) -> str:
     lines += [
         f"Rejected: {one['name']} ({one['path']}): {one['reason']}" for one in document["rejected"]
     ]
-    lines.append(f"Noise before the trigger: {document['noise_rms_V'] * 1e3:.4g} mV rms.")
+    unit = unit_of(document)
+    noise = document["noise_rms_V"] * unit.factor
+    lines.append(f"Noise before the trigger: {noise:.4g} {unit.label} rms.")
     return bullets(lines)

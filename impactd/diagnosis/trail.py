@@ -6,6 +6,7 @@ import html
 from typing import Any
 
 from impactd.diagnosis.markup import bullets, p_words, table
+from impactd.diagnosis.unit import Unit, unit_of
 
 Json = dict[str, Any]
 
@@ -56,6 +57,7 @@ def _share(share: float) -> str:
 def trail(document: Json) -> str:
     """Return every turn of the loop with its candidates and why they were not taken."""
     parts = []
+    unit = unit_of(document)
     for place, turn in enumerate(document["trail"]):
         lines = document["candidates"] if place == 0 else turn["candidates"]
         verdict = "structure" if turn["structured"] else "noise"
@@ -64,11 +66,11 @@ def trail(document: Json) -> str:
             f"({p_words(turn['p_value'])})</h3>"
         )
         if lines:
-            parts.append(f'<div class="wide">{_candidates(lines)}</div>')
+            parts.append(f'<div class="wide">{_candidates(lines, unit)}</div>')
     return "".join(parts)
 
 
-def _candidates(lines: list[Json]) -> str:
+def _candidates(lines: list[Json], unit: Unit) -> str:
     """Return those that were fitted as a table, and below it, folded, those that were not."""
     fitted = [line for line in lines if line["delta_log_likelihood"] is not None]
     others = [line for line in lines if line["delta_log_likelihood"] is None]
@@ -80,12 +82,13 @@ def _candidates(lines: list[Json]) -> str:
             f"<tr{mark}><td><code>{html.escape(line['form'])}</code></td>"
             f"<td>{html.escape(line['slot'])}</td>"
             f"<td>{html.escape(str(line.get('scope', '-')))}</td>"
-            f"<td>{'-' if held is None else f'{held * 1e3:.4g}'}</td>"
+            f"<td>{'-' if held is None else f'{held * unit.factor:.4g}'}</td>"
             f"<td>{'-' if gain is None else f'{gain:,.0f}'}</td>"
             f'<td class="words">{html.escape(line["why_not"] or "taken")}</td></tr>'
         )
     head = (
-        "<tr><th>candidate</th><th>slot</th><th>owner</th><th>held out / mV</th>"
+        "<tr><th>candidate</th><th>slot</th><th>owner</th>"
+        f"<th>held out / {html.escape(unit.label)}</th>"
         '<th>Δ log likelihood</th><th class="words">why not</th></tr>'
     )
     made = f"<table><thead>{head}</thead><tbody>{''.join(body)}</tbody></table>" if body else ""

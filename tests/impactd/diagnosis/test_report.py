@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import base64
 import copy
 from html.parser import HTMLParser
+
+import pytest
 
 from impactd.diagnosis.report import page, write_report
 
@@ -135,3 +138,54 @@ def test_where_in_time_the_residual_lives_is_told(document):
     text = " ".join(read(page(document)).text)
     for phase in ("before touch-down", "contact", "ring after lift-off", "later"):
         assert phase in text
+
+
+def everything(made: str) -> str:
+    """Return a page's words and those inside its pictures."""
+    reader = read(made)
+    drawn = [base64.b64decode(one.partition(",")[2]).decode() for one in reader.sources]
+    return " ".join([*reader.text, *drawn])
+
+
+@pytest.mark.parametrize(
+    ("quantities", "unit", "density", "factor"),
+    [
+        (None, "mV", "V²/Hz", 1e3),
+        (["acceleration_m_per_s2"], "m/s²", "(m/s²)²/Hz", 1.0),
+        (["force_N"], "N", "N²/Hz", 1.0),
+        (["force_N", "voltage"], "unit of the record", "(unit of the record)²/Hz", 1.0),
+    ],
+)
+def test_a_page_speaks_the_unit_of_its_recordings(document, quantities, unit, density, factor):
+    """Words and pictures of an acceleration campaign never say mV, those of a voltage one do."""
+    other = copy.deepcopy(document)
+    other["campaign"].pop("quantities", None)
+    if quantities:
+        other["campaign"]["quantities"] = quantities
+    curve = other["residual"]["before"]["stacks"]["by_pair_and_height"][0]
+    shot = {"pair": curve["pair"], "drop_height_m": 0.01, "time_us": [0.0, 9.0, 18.0]}
+    shot.update({key: [0.0, 1.0, 0.5] for key in ("pulse", "residual", "left")})
+    other["closure"] = {
+        "family": "locked",
+        "scope": "rig",
+        "coefficients": {"square": 1.0},
+        "curves": {"shots": [shot], "force": None},
+    }
+    text = everything(page(other))
+    for said in (f"held out / {unit}", f"residual / {unit}", f"power density / ({density})"):
+        assert said in text
+    assert f"{document['noise_rms_V'] * factor:.4g} {unit} rms" in text
+    assert f">{unit}</text>" in text
+    assert ("mV" in text) == (unit == "mV")
+
+
+def test_recordings_without_names_are_called_unnamed(document):
+    """Neither None nor a question mark stands for a sphere or a surface."""
+    nameless = copy.deepcopy(document)
+    nameless["campaign"].update(spheres=["None"], surfaces=[None])
+    for curve in nameless["residual"]["before"]["stacks"]["by_pair_and_height"]:
+        curve["pair"] = "?/?"
+    text = everything(page(nameless))
+    assert "shots of an unnamed sphere on an unnamed surface" in text
+    assert "unnamed pair" in text
+    assert "?/?" not in text
