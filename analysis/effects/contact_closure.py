@@ -80,6 +80,7 @@ def contact_closure(
     names = tuple(f"u^{p:g}" for p in powers)
 
     def pack(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
+        """Return the coefficients with the campaign's sizes taken off."""
         del context
         a, b, c, d = (values[n] * f for n, f in zip(names, factors, strict=True))
         return a, b, c, d
