@@ -420,10 +420,10 @@ def refit_elsewhere(
     found: Refit,
     *,
     few: list[int],
-    few_base: joint.Fitted,
     many: list[int],
-    problem: JointProblem,
+    few_base: joint.Fitted,
     base: joint.Fitted,
+    problem: JointProblem,
     max_iterations: int,
     anchors: tuple[Array, Array] | None = None,
 ) -> Refit:
