@@ -15,7 +15,6 @@ family          what it can take up
 ``speed``       the impact speed that a drop height promises
 ``locked``      anything additive that comes at a fixed time after touch-down
 ``template``    the same, sample by sample; only learned, never asked about
-``shape``       anything additive that follows the contact's own time; only learned
 ==============  ====================================================================================
 """
 
@@ -62,7 +61,6 @@ BUMPS_US = (
     1900,
 )
 TEMPLATE_KNOTS, TEMPLATE_FINENESS, TEMPLATE_GROWTH = 160, 24, 1.04
-SHAPE_KNOTS = (*(round(0.05 * i, 2) for i in range(25)), 1.3, 1.4, 1.55, 1.7, 1.9, 2.2, 2.6)
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
 
@@ -90,25 +88,6 @@ class Scale:
     speed_m_per_s: float
     pulse_s: float
     window_s: float
-
-
-@dataclass(frozen=True)
-class ShotColumns:
-    """The columns of one shot.
-
-    Attributes
-    ----------
-    signal : ndarray, shape (n, q)
-        Additions to the signal per unit coefficient.
-    rebound : ndarray, shape (q,)
-        Additions to the rebound ratio.
-    speed : ndarray, shape (q,)
-        Additions to ln of the promised impact speed.
-    """
-
-    signal: Array
-    rebound: Array
-    speed: Array
 
 
 def _delayed(signal: Array, samples: float) -> Array:
@@ -202,16 +181,6 @@ def template_knots_us(scale: Scale, rate: float) -> tuple[float, ...]:
         at += step
         knots.append(at)
     return tuple(knots)
-
-
-def shape_columns(
-    samples: int, rate: float, touch_down_us: float, size: float, contact_s: float
-) -> tuple[list[str], Array]:
-    """Return hat functions of the time in units of the contact's. Labels and shape (n, q)."""
-    t = (np.arange(samples) / rate * 1e6 - touch_down_us) / (contact_s * 1e6)
-    labels = [f"{at:g} contact times after touch-down" for at in SHAPE_KNOTS]
-    last = 2 * SHAPE_KNOTS[-1] - SHAPE_KNOTS[-2]
-    return labels, _hats(t, np.array([-0.05, *SHAPE_KNOTS, last]), size)
 
 
 def contact_labels(*, sphere_only: bool) -> list[str]:

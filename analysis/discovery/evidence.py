@@ -30,14 +30,12 @@ from analysis.discovery.columns import (
     dynamic_columns,
     locked_columns,
     response_columns,
-    shape_columns,
     static_columns,
     template_knots_us,
 )
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
-from analysis.model.hertz import contact_time
 
 Array = NDArray[np.float64]
 
@@ -473,11 +471,6 @@ def family_columns(
         elif family in ("locked", "template"):
             knots = BUMPS_US if family == "locked" else template_knots_us(scale, rate)
             hats = locked_columns(clean.size, rate, touch_down_us, item.window.peak, knots)
-            found.append((family, *hats, None, None))
-        elif family == "shape":
-            speed = math.exp(local[len(model.shared)])
-            lasts = contact_time(math.exp(local[0]), item.frame.mass_kg, speed)
-            hats = shape_columns(clean.size, rate, touch_down_us, item.window.peak, lasts)
             found.append((family, *hats, None, None))
         elif family in ("contact", "loss"):
             only = family == "loss"
