@@ -14,7 +14,9 @@ if TYPE_CHECKING:
     from analysis.bounce_shots import bounce_shots, with_bounces
     from analysis.calibration import CalibrationResult, calibrate, sensor_from_json
     from analysis.campaign import Campaign, Quantity, Rejected, Sensor, Shot, Sphere, Surface
+    from analysis.campaign_readers import load_campaign
     from analysis.cell_drift import drift
+    from analysis.diagnosing import diagnose
     from analysis.errors import AnalysisError
     from analysis.fit.campaign_fit import fit_campaign
     from analysis.fit.result import FitResult
@@ -25,6 +27,12 @@ if TYPE_CHECKING:
         observations_from_fit,
     )
     from analysis.moduli_result import ModuliResult
+    from analysis.plots.calibration_history import plot_calibrations
+    from analysis.plots.confusion import plot_confusion
+    from analysis.plots.moduli import literature_of, plot_moduli
+    from analysis.plots.paper_figures import plot_traces
+    from analysis.plots.residuals import plot_diagnosis, plot_residuals
+    from analysis.plots.shot import plot_shot
 
 _HOME = {
     "AnalysisError": "analysis.errors",
@@ -43,10 +51,20 @@ _HOME = {
     "bounce_indices": "analysis.bounce",
     "bounce_shots": "analysis.bounce_shots",
     "calibrate": "analysis.calibration",
+    "diagnose": "analysis.diagnosing",
     "drift": "analysis.cell_drift",
     "fit_campaign": "analysis.fit.campaign_fit",
+    "literature_of": "analysis.plots.moduli",
+    "load_campaign": "analysis.campaign_readers",
     "observation_from_fit": "analysis.moduli",
     "observations_from_fit": "analysis.moduli",
+    "plot_calibrations": "analysis.plots.calibration_history",
+    "plot_confusion": "analysis.plots.confusion",
+    "plot_diagnosis": "analysis.plots.residuals",
+    "plot_moduli": "analysis.plots.moduli",
+    "plot_residuals": "analysis.plots.residuals",
+    "plot_shot": "analysis.plots.shot",
+    "plot_traces": "analysis.plots.paper_figures",
     "restitution_from_bounce": "analysis.bounce",
     "sensor_from_json": "analysis.calibration",
     "with_bounces": "analysis.bounce_shots",
@@ -69,10 +87,20 @@ __all__ = [
     "bounce_indices",
     "bounce_shots",
     "calibrate",
+    "diagnose",
     "drift",
     "fit_campaign",
+    "literature_of",
+    "load_campaign",
     "observation_from_fit",
     "observations_from_fit",
+    "plot_calibrations",
+    "plot_confusion",
+    "plot_diagnosis",
+    "plot_moduli",
+    "plot_residuals",
+    "plot_shot",
+    "plot_traces",
     "restitution_from_bounce",
     "sensor_from_json",
     "with_bounces",

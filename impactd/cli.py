@@ -20,6 +20,7 @@ from impactd.console import (
     archive_commands,
     daemon_commands,
     paper_command,
+    plot_commands,
     rig_commands,
     token_commands,
 )
@@ -56,6 +57,7 @@ daemon_commands.add_to(app)
 rig_commands.add_to(app)
 analysis_commands.add_to(app)
 archive_commands.add_to(app)
+plot_commands.add_to(app)
 paper_command.add_to(app)
 app.add_typer(token_commands.app, name="token")
 
@@ -75,7 +77,9 @@ def main() -> None:
         if os.environ.get("IMPACTD_TRACEBACK"):
             raise
         from impactd.console.failure import sentence
+        from impactd.console.progress_bar import progress
 
+        progress("", last=True)
         print(sentence(error), file=sys.stderr)
         sys.exit(1)
 

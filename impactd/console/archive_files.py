@@ -8,7 +8,8 @@ from pathlib import Path
 
 from impactd.console.failure import Failure
 from impactd.console.options import open_archive, settings_of
-from impactd.console.tables import print_json, progress
+from impactd.console.progress_bar import progress
+from impactd.console.tables import print_json
 from impactd.storage.archive import Archive
 
 

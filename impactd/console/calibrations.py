@@ -8,7 +8,8 @@ from typing import Any
 
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
-from impactd.console.tables import measured, print_json, progress
+from impactd.console.progress_bar import progress
+from impactd.console.tables import measured, print_json
 
 
 def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_json: bool) -> None:
@@ -40,7 +41,7 @@ def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_j
             calibration = client.wait(
                 f"/v1/calibrations/{number}",
                 lambda answer: answer["state"] in ("done", "failed"),
-                lambda state: progress(f"calibration {number}: {state}"),
+                lambda state, share: progress(f"calibration {number}: {state}", share=share),
             )
             progress("", last=True)
     if as_json:

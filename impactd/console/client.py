@@ -107,7 +107,10 @@ class Client:
         to.write_bytes(self._answer("GET", path).content)
 
     def wait(
-        self, path: str, final: Callable[[dict[str, Any]], bool], tell: Callable[[str], None]
+        self,
+        path: str,
+        final: Callable[[dict[str, Any]], bool],
+        tell: Callable[[str, float | None], None],
     ) -> dict[str, Any]:
         """Ask again until a resource has ended.
 
@@ -118,7 +121,7 @@ class Client:
         final : callable
             Says whether an answer is the last one.
         tell : callable
-            Is shown every new state, and how far it is where the daemon says so.
+            Is told the state and, where the daemon says so, the share that is done.
 
         Returns
         -------
@@ -127,7 +130,7 @@ class Client:
         """
         while True:
             answer = self.get(path)
-            tell(_how_far(answer))
+            tell(*_how_far(answer))
             if final(answer):
                 return answer
             time.sleep(_POLL_S)
@@ -154,9 +157,9 @@ class Client:
         raise Failure(_said(answer))
 
 
-def _how_far(answer: dict[str, Any]) -> str:
+def _how_far(answer: dict[str, Any]) -> tuple[str, float | None]:
     state, told = str(answer.get("state", "")), answer.get("progress")
-    return f"{state}, {told['text']} {100 * told['share']:.0f} %" if told else state
+    return (f"{state}, {told['text']}", float(told["share"])) if told else (state, None)
 
 
 class _LostError(Failure):

@@ -11,7 +11,8 @@ from typing import Any
 from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.fits import moduli_table
-from impactd.console.tables import measured, print_json, progress, table
+from impactd.console.progress_bar import progress
+from impactd.console.tables import measured, print_json, table
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""
@@ -36,9 +37,7 @@ def offline(path: Path, base: str, *, json_out: Path | None, report: Path | None
     from impactd.storage.campaign_folder import read_campaign
 
     campaign = read_campaign(path)
-    document = diagnose(
-        campaign, base, progress=lambda what, share: progress(f"{what} {100 * share:.0f} %")
-    )
+    document = diagnose(campaign, base, progress=lambda what, share: progress(what, share=share))
     progress("", last=True)
     if report is not None:
         from impactd.diagnosis.report import write_report
@@ -90,7 +89,7 @@ def _watch(client: Client, at: str, number: int) -> dict[str, Any]:
         return client.wait(
             at,
             lambda answer: answer["state"] in ("done", "failed", "cancelled"),
-            lambda state: progress(f"diagnosis {number}: {state}"),
+            lambda state, share: progress(f"diagnosis {number}: {state}", share=share),
         )
     except KeyboardInterrupt:
         client.send("DELETE", at)

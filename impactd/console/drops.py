@@ -7,8 +7,9 @@ from typing import Any
 
 from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
+from impactd.console.progress_bar import progress
 from impactd.console.rig_commands import DROP_ENDED
-from impactd.console.tables import measured, print_json, progress
+from impactd.console.tables import measured, print_json
 
 
 def login_name() -> str:
@@ -77,7 +78,9 @@ def _watch(client: Client, number: int) -> dict[str, Any]:
 
     try:
         drop = client.wait(
-            f"/v1/drops/{number}", ended, lambda state: progress(f"drop {number}: {state}")
+            f"/v1/drops/{number}",
+            ended,
+            lambda state, share: progress(f"drop {number}: {state}", share=share),
         )
     except KeyboardInterrupt:
         raise Failure(f"drop {number} goes on without you; `impactd abort` ends it.") from None

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
-from impactd.console.tables import measured, print_json, progress, table
+from impactd.console.progress_bar import progress
+from impactd.console.tables import measured, print_json, table
 
 if TYPE_CHECKING:
     from analysis.fit.result import FitResult
@@ -43,9 +44,7 @@ def offline(
     from impactd.storage.version import software
 
     campaign = read_campaign(path)
-    result = fit_campaign(
-        campaign, model, progress=lambda what, share: progress(f"{what} {100 * share:.0f} %")
-    )
+    result = fit_campaign(campaign, model, progress=lambda what, share: progress(what, share=share))
     progress("", last=True)
     document = {**result.to_json(), "software": software()}
     usable = document["outcome"]["status"] != "not_evaluable"
@@ -66,7 +65,7 @@ def _profiled(result: FitResult) -> dict[str, Any]:
     names = result.problem.names
     found = []
     for done, name in enumerate(names):
-        progress(f"profile of {name} {100 * done / len(names):.0f} %")
+        progress(f"profile of {name}", share=done / len(names))
         found.append(profile(result.problem, result.fitted, name))
     progress("", last=True)
     return dataclasses.replace(result.identifiability(), profiles=tuple(found)).to_json()
@@ -98,7 +97,7 @@ def by_the_daemon(
         job = client.wait(
             f"/v1/fits/{job['id']}",
             lambda answer: answer["state"] in ("done", "failed"),
-            lambda state: progress(f"fit {job['id']}: {state}"),
+            lambda state, share: progress(f"fit {job['id']}: {state}", share=share),
         )
         progress("", last=True)
     if job["state"] == "failed":

@@ -1,8 +1,7 @@
-"""What ``impactd refit`` does: an executor, a progress bar, a report."""
+"""What ``impactd refit`` does: an executor, a bar, a report."""
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -10,7 +9,7 @@ from pathlib import Path
 
 from impactd.console.failure import Failure
 from impactd.console.options import settings_of
-from impactd.console.tables import progress
+from impactd.console.progress_bar import progress
 from impactd.jobs.executors import WorkerExecutor, dask_executor
 from impactd.jobs.tasks import warm_up
 from impactd.jobs.worker_process import WorkerLimits
@@ -19,7 +18,6 @@ from impactd.refit import CHUNK, refit
 from impactd.settings import Settings
 from impactd.storage.archive import Archive
 
-BAR_WIDTH = 30
 MOST_REASONS = 10
 
 
@@ -62,7 +60,6 @@ def run(
         Archive.open(storage.directory, reserve_bytes=storage.reserve_bytes) as archive,
         executor_named(kind, settings, workers=workers, scheduler=scheduler) as executor,
     ):
-        bar = Bar()
         report = refit(
             archive,
             settings,
@@ -71,7 +68,9 @@ def run(
             workers=workers,
             models=models,
             label=label,
-            progress=bar.show,
+            progress=lambda done, total: progress(
+                f"{done} of {total} shots", share=done / max(total, 1)
+            ),
         )
     progress("", last=True)
     if report.before:
@@ -119,22 +118,3 @@ def executor_named(
         yield local
     finally:
         local.shutdown()
-
-
-class Bar:
-    """A line that says how far it is, how fast, and how long it will take."""
-
-    def __init__(self) -> None:
-        self._first: tuple[float, int] | None = None
-
-    def show(self, done: int, total: int) -> None:
-        """Show that so many shots of so many are done."""
-        now = time.monotonic()
-        if self._first is None:
-            self._first = (now, done)
-        since_s, fresh = now - self._first[0], done - self._first[1]
-        full = BAR_WIDTH * done // max(total, 1)
-        line = f"[{'#' * full}{'.' * (BAR_WIDTH - full)}] {done} of {total} shots"
-        if fresh > 0 and since_s > 0:
-            line += f", {fresh / since_s:.0f}/s, {(total - done) * since_s / fresh:.0f} s left"
-        progress(line)

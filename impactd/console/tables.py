@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Sequence
 from typing import Any
+
+import typer
 
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
@@ -84,7 +87,26 @@ def print_json(value: Any) -> None:
     print(json.dumps(value, indent=indent, allow_nan=False, ensure_ascii=False))
 
 
-def progress(line: str, *, last: bool = False) -> None:
-    """Show how far a long command is: on a terminal only, over the line before."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{'' if last else line}", end="", file=sys.stderr, flush=True)
+def paint(text: str, colour: str) -> str:
+    """Return a text in bold colour on a terminal, and as it is everywhere else.
+
+    Parameters
+    ----------
+    text : str
+        What to print on standard output.
+    colour : str
+        As `typer.style` names them.
+
+    Returns
+    -------
+    str
+        With escape codes only where standard output is a terminal that shows colours and
+        ``NO_COLOR`` (https://no-color.org) is not set.
+    """
+    if not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return text
+    return typer.style(text, fg=colour, bold=True)
+
+
+LIGHTS = {"use": "green", "check": "yellow", "repeat": "red"}
+"""Colours of what to do with a shot."""

@@ -1,13 +1,12 @@
-"""One diagnosis, from a campaign to ``impactd-diagnosis/1``."""
+"""One diagnosis, from a campaign to ``impactd-diagnosis/1``, signed by this program."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
+from analysis import diagnosing
 from analysis.campaign import Campaign
-from analysis.discovery.diagnosis import diagnose_campaign
-from analysis.discovery.statement import diagnosis_json
 from impactd.storage.version import software
 
 Json = dict[str, Any]
@@ -16,7 +15,7 @@ Json = dict[str, Any]
 def diagnose(
     campaign: Campaign, base: str = "kv", *, progress: Callable[[str, float], None] | None = None
 ) -> Json:
-    """Close the loop on a campaign.
+    """Close the loop on a campaign; see `analysis.diagnosing.diagnose`.
 
     Parameters
     ----------
@@ -37,17 +36,4 @@ def diagnose(
     AnalysisError
         If no shot can be used at all.
     """
-    found = diagnose_campaign(campaign, base, progress=progress)
-    if progress is not None:
-        progress("writing down what was found", 0.99)
-    document = diagnosis_json(found, software=software())
-    # what "_V" stands for where another instrument recorded something else
-    document["campaign"]["quantities"] = sorted({shot.quantity for shot in campaign.shots})
-    rejected = [
-        {"name": one.name, "path": one.path, "reason": one.reason} for one in campaign.rejected
-    ]
-    seen = {(one["name"], one["path"]) for one in rejected}
-    document["rejected"] = rejected + [
-        one for one in document["rejected"] if (one["name"], one["path"]) not in seen
-    ]
-    return document
+    return diagnosing.diagnose(campaign, base, software=software(), progress=progress)

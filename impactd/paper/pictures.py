@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import statistics
 from pathlib import Path
 from typing import Any
@@ -11,23 +10,14 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.paper import figures
-from analysis.paper.contact import (
-    FIG2_CELL,
-    FIG2_DROP,
-    TABLE3_CELL,
-    Cell,
-    contact_history,
-    crystal_trace,
-)
 from analysis.paper.valley import Valley
+from analysis.plots.paper_figures import figure_2, figure_3, figure_4
 from impactd.paper.rigs import RigFigures
 from impactd.paper.source import over_literature, rows
 
 NAMES = ("figure-2", "figure-3", "figure-4", "tables-4-5", "valley")
 INK, HSD, KV = "#202124", "#d9822b", "#1c6dd0"
 _EDGE_PA = 29e9
-_SHADES = ("#9ec5f4", "#5a9be8", "#1c6dd0", "#0b3a75")
 
 # Any: matplotlib's own type names each of its hundreds of keys
 _STYLE: Any = {
@@ -62,79 +52,12 @@ def draw_all(folder: Path, rigs: RigFigures, valley: Valley) -> dict[str, Path]:
     folder.mkdir(parents=True, exist_ok=True)
     paths = {name: folder / f"paper-{name}.png" for name in NAMES}
     with mpl.rc_context(_STYLE):
-        _figure_2().savefig(paths["figure-2"])
-        _figure_3().savefig(paths["figure-3"])
-        _figure_4().savefig(paths["figure-4"])
+        figure_2().savefig(paths["figure-2"])
+        figure_3().savefig(paths["figure-3"])
+        figure_4().savefig(paths["figure-4"])
         _moduli(rigs).savefig(paths["tables-4-5"])
         _valley(valley).savefig(paths["valley"])
     return paths
-
-
-def _figure_2() -> Figure:
-    figure = Figure(figsize=(9.0, 3.0), layout="constrained")
-    force, indentation, crystal = figure.subplots(1, 3, sharex=True)
-    times = np.arange(0.0, 150e-6, 1e-7)
-    for eps, colour in zip(figures.FIG2_RESTITUTIONS, _SHADES, strict=True):
-        depth = contact_history(FIG2_DROP, eps, FIG2_CELL).indentation_at(times)
-        look: Any = {"color": colour, "lw": 1.5, "label": f"eps {eps:g}"}
-        force.plot(times * 1e6, FIG2_DROP.stiffness * depth**1.5, **look)
-        indentation.plot(times * 1e6, depth * 1e6, **look)
-        crystal.plot(times * 1e6, crystal_trace(FIG2_DROP, eps, FIG2_CELL, times) * 1e9, **look)
-    force.set_ylabel("elastic force / N")
-    indentation.set_ylabel("indentation / µm")
-    crystal.set_ylabel("crystal compression / nm")
-    force.legend(loc="upper right")
-    for axes in (force, indentation, crystal):
-        axes.set_xlabel("time since touch-down / µs")
-        axes.set_xlim(0, 150)
-    return figure
-
-
-def _figure_3() -> Figure:
-    figure = Figure(figsize=(9.0, 3.2), layout="constrained")
-    panels = figure.subplots(1, 2, sharey=True)
-    times = np.arange(0.0, 500e-6, 2e-7)
-    cells = (("Fig. 2's crystal", FIG2_CELL), ("Table 3's crystal", TABLE3_CELL))
-    for axes, (name, cell) in zip(panels, cells, strict=True):
-        depth = contact_history(FIG2_DROP, 0.8, cell).indentation_at(times)
-        axes.plot(
-            times * 1e6, FIG2_DROP.stiffness * depth**1.5, color=INK, lw=1.5, label="force on it"
-        )
-        ratios = sorted({round(cell.damping_ratio, 3), 0.3, 1.0})
-        for ratio, colour in zip(ratios, (KV, "#5a9be8", "#9ec5f4"), strict=True):
-            mu = 2 * ratio * math.sqrt(cell.stiffness_n_per_m * cell.mass_kg)
-            damped = Cell(cell.mass_kg, cell.stiffness_n_per_m, mu)
-            shown = cell.stiffness_n_per_m * crystal_trace(FIG2_DROP, 0.8, damped, times)
-            label = f"k times compression, damping ratio {ratio:g}"
-            axes.plot(times * 1e6, shown, color=colour, lw=1.3, label=label)
-        khz = cell.natural_frequency_hz / 1e3
-        axes.set_title(f"{name}, {khz:.1f} kHz", loc="left", fontsize=9)
-        axes.set_xlabel("time since touch-down / µs")
-        axes.legend(loc="upper right", fontsize=8)
-    panels[0].set_ylabel("N")
-    return figure
-
-
-def _figure_4() -> Figure:
-    elastic, _, _ = figures.figure_4()
-    figure = Figure(figsize=(5.2, 3.6), layout="constrained")
-    axes = figure.subplots()
-    masses_g = np.array(figures.FIG4_MASSES_KG) * 1e3
-    stiffnesses = np.array(figures.FIG4_STIFFNESSES_N_PER_M) / 1e9
-    levels = [0, 10, 20, 30, 40, 50, 60, 70, 80, 90]
-    filled = axes.contourf(masses_g, stiffnesses, elastic.T * 1e3, levels=levels, cmap="Blues")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    for axis, ticks in ((axes.xaxis, (10, 20, 50, 100, 200)), (axes.yaxis, (0.2, 0.5, 1, 2))):
-        axis.set_ticks(list(ticks), [f"{x:g}" for x in ticks])
-        axis.set_minor_formatter("")
-    axes.plot(35.4, 0.416, "o", color=HSD, ms=6)
-    axes.annotate("Table 3", (35.4, 0.416), (6, 5), textcoords="offset points", color=HSD)
-    axes.set_xlabel("crystal mass / g")
-    axes.set_ylabel("crystal stiffness / (GN/m)")
-    axes.grid(visible=False)
-    figure.colorbar(filled, label="largest |F_el(KV) - F_el(HSD)| / mN")
-    return figure
 
 
 def _moduli(rigs: RigFigures) -> Figure:

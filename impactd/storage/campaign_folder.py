@@ -8,6 +8,7 @@ JSON path and reason.
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -79,6 +80,27 @@ def read_campaign(path: Path) -> Campaign:
         If the folder cannot be used as a whole, or none of its shots can.
     """
     return read_campaign_folder(path).campaign
+
+
+def load_campaign(path: str | os.PathLike[str]) -> Campaign:
+    """Return a campaign folder; what `analysis.load_campaign` calls. See `read_campaign`.
+
+    Parameters
+    ----------
+    path : str or path-like
+        The folder or its ``campaign.json``.
+
+    Returns
+    -------
+    Campaign
+        With refused shots under ``rejected``.
+
+    Raises
+    ------
+    CampaignError
+        If the folder cannot be used as a whole, or none of its shots can.
+    """
+    return read_campaign(Path(path))
 
 
 def read_campaign_folder(path: Path) -> CampaignFolder:

@@ -15,7 +15,7 @@ import pytest
 
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.specimens import SPHERES, SURFACES
-from impactd.console.refit import Bar, executor_named
+from impactd.console.refit import executor_named
 from impactd.materials import load_materials
 from impactd.refit import CHUNK, RefitReport, refit
 from impactd.settings import Settings, find_config, load_settings
@@ -124,17 +124,3 @@ def test_killed_half_way_and_started_again_every_shot_is_fitted_once(
     assert report.before + report.fitted == SHOTS
     assert set(fits_per_shot(archive).values()) == {1}
     assert len(fits_per_shot(archive)) == SHOTS
-
-
-def test_the_bar_tells_how_far_how_fast_and_how_long(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """On a terminal the line holds a bar, a rate and the time that is left."""
-    now = iter([100.0, 110.0])
-    monkeypatch.setattr("impactd.console.refit.time.monotonic", lambda: next(now))
-    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
-    bar = Bar()
-    bar.show(0, 100)
-    bar.show(50, 100)
-    line = capsys.readouterr().err.rsplit("\x1b[K", 1)[-1]
-    assert line == f"[{'#' * 15}{'.' * 15}] 50 of 100 shots, 5/s, 10 s left"

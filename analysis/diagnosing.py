@@ -1,0 +1,58 @@
+"""One diagnosis in one call, as the document that reports and programs read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from analysis.campaign import Campaign
+from analysis.discovery.diagnosis import diagnose_campaign
+from analysis.discovery.statement import diagnosis_json
+
+Json = dict[str, Any]
+
+
+def diagnose(
+    campaign: Campaign,
+    base: str = "kv",
+    *,
+    software: str = "analysis",
+    progress: Callable[[str, float], None] | None = None,
+) -> Json:
+    """Close the loop on a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Recordings and what is known.
+    base : str, optional
+        ``kv`` or ``hsd``.
+    software : str, optional
+        Who asks, with version; stands in the document.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    dict
+        ``impactd-diagnosis/1``.
+
+    Raises
+    ------
+    AnalysisError
+        If no shot can be used at all.
+    """
+    found = diagnose_campaign(campaign, base, progress=progress)
+    if progress is not None:
+        progress("writing down what was found", 0.99)
+    document = diagnosis_json(found, software=software)
+    # what "_V" stands for where another instrument recorded something else
+    document["campaign"]["quantities"] = sorted({shot.quantity for shot in campaign.shots})
+    rejected = [
+        {"name": one.name, "path": one.path, "reason": one.reason} for one in campaign.rejected
+    ]
+    seen = {(one["name"], one["path"]) for one in rejected}
+    document["rejected"] = rejected + [
+        one for one in document["rejected"] if (one["name"], one["path"]) not in seen
+    ]
+    return document

@@ -1,0 +1,1 @@
+"""Values in, figures out: pictures for papers, readable in black and white."""

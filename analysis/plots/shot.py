@@ -1,0 +1,137 @@
+"""One shot: the record, the models over it, and what each leaves."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from analysis.discovery.stack import time_us
+from analysis.errors import AnalysisError
+from analysis.fit.result import FitResult
+from analysis.fit.shot_fit import ShotFit
+from analysis.plots.style import (
+    INK,
+    PALE,
+    SOFT,
+    WIDE,
+    Shown,
+    height_words,
+    line_of,
+    pair_words,
+    shown,
+    styled,
+)
+
+BEFORE_SHARE, AFTER_SHARE = 0.7, 7.0
+"""What is drawn before and after touch-down, in contact times."""
+_K95 = 1.959963984540054
+
+
+def plot_shot(*fits: FitResult, shot: int | str = 0) -> Figure:
+    """Draw a shot with the models fitted to it, and below it one residual per model.
+
+    Parameters
+    ----------
+    *fits : FitResult
+        Of the same campaign, one per model; the simplest first.
+    shot : int or str, optional
+        Place in the campaign's order, or the shot's name.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Time is 0 at the touch-down of the last fit; the grey band is one standard deviation of the
+        noise before the trigger.
+
+    Raises
+    ------
+    AnalysisError
+        If no fit is given, or none has such a shot.
+    """
+    found = [(fit, one) for fit in fits if (one := _shot_of(fit, shot)) is not None]
+    if not found:
+        raise AnalysisError(
+            f"There is no fitted shot {shot!r} to draw. {_why(fits)} Name a shot that the fit "
+            "could use."
+        )
+    with styled():
+        figure = Figure(figsize=(WIDE, 2.6 + 1.1 * len(found)), layout="constrained")
+        panels = figure.subplots(
+            1 + len(found), 1, sharex=True, height_ratios=[2.6, *[1.1] * len(found)]
+        )
+        _draw(panels, found)
+        return figure
+
+
+def _why(fits: tuple[FitResult, ...]) -> str:
+    if not fits:
+        return "No fit was given."
+    names = [one.item.shot.name for one in fits[-1].shots]
+    few = ", ".join(names[:5]) + (", ..." if len(names) > 5 else "")
+    return f"The fit has {len(names)} shots: {few}." if names else "No shot could be fitted."
+
+
+def _shot_of(fit: FitResult, wanted: int | str) -> ShotFit | None:
+    if isinstance(wanted, int):
+        return fit.shots[wanted] if 0 <= wanted < len(fit.shots) else None
+    return next((one for one in fit.shots if one.item.shot.name == wanted), None)
+
+
+def _draw(panels: Any, found: list[tuple[FitResult, ShotFit]]) -> None:
+    last = found[-1][1]
+    contact_us = last.contact_time_s * 1e6
+    low, high = -BEFORE_SHARE * contact_us, AFTER_SHARE * contact_us
+    unit = shown({last.item.shot.quantity})
+    upper = panels[0]
+    t = time_us(last)
+    upper.plot(
+        t, last.item.window.signal, "o", color="#b4b8be", ms=3.2, mew=0, label="measured", zorder=2
+    )
+    for place, (fit, one) in enumerate(found):
+        label = f"{fit.model.upper()}{_modulus(fit, one)}"
+        look = line_of(fit.model, place)
+        upper.plot(time_us(one), one.prediction, label=label, zorder=3, **look)
+        _residual(panels[1 + place], fit, one, look, unit)
+    for axes in panels:
+        axes.axvspan(0, contact_us, color=PALE, lw=0, zorder=0)
+        axes.set_xlim(low, min(high, float(t[-1])))
+    upper.set_ylabel(f"signal / {unit.signal}")
+    upper.set_title(_title(last), loc="left")
+    upper.legend(loc="upper right")
+    panels[-1].set_xlabel("time after touch-down / µs   (shaded: contact)")
+
+
+def _residual(axes: Axes, fit: FitResult, one: ShotFit, look: Any, unit: Shown) -> None:
+    noise = one.item.noise.rms * unit.factor
+    axes.axhspan(-noise, noise, facecolor="none", edgecolor=SOFT, hatch="////", lw=0, alpha=0.6)
+    axes.plot(time_us(one), one.residual * unit.factor, **{**look, "lw": 0.8, "ls": "-"})
+    axes.axhline(0, color=INK, lw=0.5)
+    axes.set_ylabel(f"{fit.model.upper()[:12]} leaves\n/ {unit.residual}")
+    axes.annotate(
+        f"rms {one.rms * unit.factor:.3g} {unit.residual}; noise (hatched) {noise:.3g}",
+        (0.995, 0.97), xycoords="axes fraction", ha="right", va="top", fontsize=7.5,
+    )  # fmt: skip
+
+
+def _modulus(fit: FitResult, one: ShotFit) -> str:
+    """Return the pair's modulus with its 95 % interval, where the fit gives one."""
+    found = fit.pair_modulus(one.item)
+    if found is None:
+        return ""
+    value = math.exp(found[0]) / 1e9
+    reach = _K95 * value * found[1]
+    if not (math.isfinite(reach) and reach > 0):
+        return ""
+    digits = int(np.clip(1 - math.floor(math.log10(reach)), 0, 6))
+    return f": E* {value:.{digits}f} ± {reach:.{digits}f} GPa (95 %)"
+
+
+def _title(one: ShotFit) -> str:
+    shot = one.item.shot
+    parts = [shot.name, pair_words(shot.sphere, shot.surface), height_words(shot.drop_height_m)]
+    flags = ", ".join(flag.replace("_", " ") for flag in one.flags())
+    return ", ".join(part for part in parts if part) + (f"   [{flags}]" if flags else "")

@@ -1,0 +1,130 @@
+"""How every figure looks: fonts, greys, line styles, units."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from typing import Any
+
+import matplotlib as mpl
+
+INK, SOFT, PALE = "#202124", "#6f757d", "#e9ebee"
+BEFORE, AFTER = "#b3491f", "#1558a8"
+"""Two colours of different darkness; their lines differ in style too."""
+
+WIDE = 7.2
+"""Width of a figure over two columns of a journal. [inch]"""
+
+MODELS: dict[str, dict[str, Any]] = {
+    "hsd": {"color": BEFORE, "ls": (0, (4, 1.6)), "lw": 1.2},
+    "kv": {"color": AFTER, "ls": "-", "lw": 1.2},
+}
+_OTHERS = ("#4b7f52", "#7a4fa0", "#8a6d00")
+
+# Any: matplotlib's own type names each of its hundreds of keys
+LOOK: Any = {
+    "font.family": "sans-serif",
+    "font.size": 8.5,
+    "axes.titlesize": 8.5,
+    "axes.labelsize": 8.5,
+    "legend.fontsize": 7.5,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.linewidth": 0.7,
+    "axes.grid": True,
+    "grid.color": PALE,
+    "grid.linewidth": 0.6,
+    "axes.axisbelow": True,
+    "legend.frameon": False,
+    "hatch.linewidth": 0.5,
+    "savefig.dpi": 200,
+    "pdf.fonttype": 42,  # letters stay letters: journals refuse Type 3 fonts
+    "svg.fonttype": "none",
+    "svg.hashsalt": "impactd",
+}
+
+
+def styled() -> AbstractContextManager[None]:
+    """Return a context in which figures are made, and saved, in this look.
+
+    Returns
+    -------
+    context manager
+        Of ``matplotlib.rc_context``.
+    """
+    return mpl.rc_context(LOOK)
+
+
+def line_of(model: str, place: int = 0) -> dict[str, Any]:
+    """Return colour, style and width of a model's line.
+
+    Parameters
+    ----------
+    model : str
+        ``hsd``, ``kv`` or one with effects.
+    place : int, optional
+        Tells several models with effects apart.
+
+    Returns
+    -------
+    dict
+        Keywords of ``Axes.plot``.
+    """
+    known = MODELS.get(model)
+    if known is not None:
+        return known
+    return {"color": _OTHERS[place % len(_OTHERS)], "ls": (0, (6, 1.2, 1.2, 1.2)), "lw": 1.2}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The unit a signal is drawn in.
+
+    Attributes
+    ----------
+    signal, residual : str
+        Units on the axes of a signal and of what is left of it.
+    factor : float
+        From the signal's unit to the residual's.
+    """
+
+    signal: str
+    residual: str
+    factor: float
+
+
+_SHOWN = {
+    "voltage": Shown("V", "mV", 1e3),
+    "force_N": Shown("N", "N", 1.0),
+    "acceleration_m_per_s2": Shown("m/s²", "m/s²", 1.0),
+}
+_MIXED = Shown("unit of the record", "unit of the record", 1.0)
+
+
+def shown(quantities: set[str]) -> Shown:
+    """Return the unit for recordings of these quantities.
+
+    Parameters
+    ----------
+    quantities : set of str
+        ``voltage``, ``force_N``, ``acceleration_m_per_s2``.
+
+    Returns
+    -------
+    Shown
+        Of the one quantity; where several are mixed, nobody's unit.
+    """
+    return _SHOWN.get(next(iter(quantities)), _MIXED) if len(quantities) == 1 else _MIXED
+
+
+def pair_words(sphere: str | None, surface: str | None) -> str:
+    """Return a pair for a label; what is not known is left out."""
+    names = [name for name in (sphere, surface) if name and name not in ("?", "None")]
+    return " on ".join(names) or "unnamed pair"
+
+
+def height_words(height_m: float | None) -> str:
+    """Return a drop height for a label, empty when it is not known."""
+    return "" if height_m is None else f"{height_m * 1e3:.1f} mm"

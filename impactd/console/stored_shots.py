@@ -1,0 +1,73 @@
+"""Stored shots as a campaign on this machine: through the daemon, or from their files."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+from analysis.campaign import Campaign
+from impactd.console.client import connect
+from impactd.console.progress_bar import progress
+from impactd.storage.exchange import archive_campaign
+from impactd.storage.shot_store import read_shot
+
+
+def download_shots(numbers: Sequence[int], folder: Path, *, url: str | None) -> list[Path]:
+    """Fetch shot files from the daemon.
+
+    Parameters
+    ----------
+    numbers : sequence of int
+        Shots.
+    folder : Path
+        Where they go.
+    url : str or None
+        The daemon.
+
+    Returns
+    -------
+    list of Path
+        In the order of the numbers.
+
+    Raises
+    ------
+    Failure
+        If one is not there.
+    """
+    files = []
+    with connect(url) as client:
+        for done, number in enumerate(numbers):
+            progress(f"fetching shot {number}", share=done / len(numbers))
+            file = folder / f"{number:06d}.h5"
+            client.download(f"/v1/shots/{number}.h5", file)
+            files.append(file)
+    return files
+
+
+def campaign_of_files(files: Sequence[Path]) -> Campaign:
+    """Return shot files as one campaign, with what they remember of materials and load cell.
+
+    Parameters
+    ----------
+    files : sequence of Path
+        NeXus HDF5 as the archive keeps them.
+
+    Returns
+    -------
+    Campaign
+        Shots in the order of their numbers.
+
+    Raises
+    ------
+    CorruptShotError
+        If one is no shot file.
+    ArchiveError
+        If they do not make one campaign.
+    """
+    stored = []
+    for file in files:
+        # nobody says what such a file must hash to; the checksums inside are checked all the same
+        sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
+        stored.append(read_shot(file, sha256))
+    return archive_campaign(sorted(stored, key=lambda one: one.shot.number))
