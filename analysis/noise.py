@@ -5,22 +5,43 @@ The noise is described as autoregressive,
 .. math:: n_t = \sum_j a_j n_{t-j} + e_t, \quad e_t \sim N(0, \sigma_e^2),
 
 so that filtering a residual with :math:`1 - \sum_j a_j z^{-j}` makes it white. The order is chosen
-by BIC over all quiet stretches of a campaign together.
+by BIC over all quiet stretches of a campaign together, after what is slow enough to be mains hum
+has been taken off. Where a part that rises like 1/f describes the stretches better, by BIC too, it
+is said so, and the filter is the long one that such noise obeys.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+from analysis import noise_slow
+from analysis.noise_slow import Slow
+from analysis.quiet_spectrum import (
+    SHORTEST,
+    Spectrum,
+    drift_degree,
+    pooled_spectrum,
+    without_drift,
+)
 
 MAX_ORDER = 8
 """Highest autoregressive order that is tried."""
 MIN_QUIET_SAMPLES = 200
 """Fewer quiet samples than this say too little about colour."""
+SHORT_ORDER = 2
+"""Highest autoregressive order that is tried beside a 1/f part."""
+HIGHEST_CORNER = 0.5
+"""A corner beyond half the sample rate is colour of another kind than 1/f."""
+LEAST_HISTORY = 32
+"""With fewer samples before the pulse, a filter for 1/f has nothing to stand on."""
+DIRECT = 32
+"""Longer filters are applied by Fourier transform."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +60,15 @@ class NoiseModel:
         Quiet samples it was learned from.
     source : str
         ``"pre-trigger"``, or ``"differences"`` where no record has a quiet stretch.
+    short : ndarray, shape (q,), optional
+        Coefficients of what is not 1/f; ``coefficients`` themselves where nothing is. [1]
+    corner : float
+        Where a 1/f part is as strong as the rest at low frequency, 0 without one. [1/sample]
+    drift_rms : float or None
+        Rms of what was taken off the quiet stretches as slow, means aside; None where nothing was.
+        [unit of the signal]
+    drift_expected_rms : float
+        What the noise itself would leave there. [unit of the signal]
     """
 
     coefficients: NDArray[np.float64]
@@ -46,6 +76,10 @@ class NoiseModel:
     rms: float
     samples: int
     source: str
+    short: NDArray[np.float64] | None = None
+    corner: float = 0.0
+    drift_rms: float | None = None
+    drift_expected_rms: float = 0.0
 
     @property
     def order(self) -> int:
@@ -67,23 +101,39 @@ class NoiseModel:
         """
         p = self.order
         n = values.shape[0]
+        if p > DIRECT:
+            return self._whiten_long(values)
         white = values[p:].copy(order="K")  # a Jacobian comes by columns and stays so
         for j, a in enumerate(self.coefficients, start=1):
             white -= a * values[p - j : n - j]
         white /= self.innovation_rms
         return white
 
+    def _whiten_long(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the same by Fourier transform."""
+        n, p = values.shape[0], self.order
+        size = next_fast_len(n, real=True)  # what wraps around falls on the history
+        taps = np.concatenate([[1.0], -self.coefficients]) / self.innovation_rms
+        rows = values.T
+        white = irfft(rfft(rows, size, axis=-1) * rfft(taps, size), size, axis=-1)
+        return np.asarray(white[..., p:n].T)
 
-def _autocovariance(segments: Sequence[NDArray[np.float64]], lags: int) -> NDArray[np.float64]:
-    """Return the pooled autocovariance of segments whose own means are removed."""
+
+def _autocovariance(
+    segments: Sequence[NDArray[np.float64]], lags: int, sample_rate_hz: float | None
+) -> NDArray[np.float64]:
+    """Return the pooled autocovariance of segments whose own means, or drifts, are removed."""
     total = np.zeros(lags + 1)
     count = np.zeros(lags + 1)
     for segment in segments:
-        x = segment - segment.mean()
+        degree = 0
+        if sample_rate_hz is not None and segment.size >= SHORTEST:
+            degree = drift_degree(segment.size, sample_rate_hz)
+        x = without_drift(segment, degree)
         for lag in range(min(lags, x.size - 1) + 1):
             total[lag] += float(x[lag:] @ x[: x.size - lag])
-            # the mean costs one degree of freedom at each lag
-            count[lag] += x.size - lag - 1 if x.size > lag + 1 else 1
+            # each number taken off costs one degree of freedom at each lag
+            count[lag] += max(x.size - lag - 1 - degree, 1)
     return np.asarray(total / np.maximum(count, 1))
 
 
@@ -98,7 +148,11 @@ def _one_order_more(
 
 
 def estimate_noise(
-    segments: Sequence[NDArray[np.float64]], *, quantum: float | None = None
+    segments: Sequence[NDArray[np.float64]],
+    *,
+    quantum: float | None = None,
+    sample_rate_hz: float | None = None,
+    history: int = 0,
 ) -> NoiseModel | None:
     """Return the noise model of quiet stretches, or None where they say too little.
 
@@ -108,6 +162,11 @@ def estimate_noise(
         Samples before anything happened, one array per record. [unit of the signal]
     quantum : float, optional
         Converter step; the level is never taken below its rounding noise, quantum / sqrt(12).
+    sample_rate_hz : float, optional
+        Of the records. With it, what is slow enough to be mains hum is not taken for noise; without
+        it, only means are taken off.
+    history : int
+        Samples that a filter may use up before the pulse; too few, and 1/f is not looked for.
 
     Returns
     -------
@@ -116,20 +175,46 @@ def estimate_noise(
 
     Notes
     -----
-    Source: Yule-Walker equations by Levinson's recursion; order by BIC. Validation: recovers AR(1)
-    of known coefficient in ``tests/analysis/test_noise.py``.
+    Source: Yule-Walker equations by Levinson's recursion; order by BIC; a 1/f part by
+    `analysis.noise_slow`. Validation: recovers AR(1) of known coefficient, and corners of known
+    1/f, in ``tests/analysis/test_noise.py`` and ``test_noise_slow.py``.
     """
     usable = [s for s in segments if s.size > 4 * MAX_ORDER]
     samples = sum(s.size for s in usable)
     if samples < MIN_QUIET_SAMPLES:
         return None
     floor = 0.0 if quantum is None else quantum / math.sqrt(12)
-    gamma = _autocovariance(usable, MAX_ORDER)
+    gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
     if gamma[0] <= floor**2 or gamma[0] == 0.0:
         level = max(math.sqrt(gamma[0]), floor)
         if level == 0.0:
             return None
         return NoiseModel(np.zeros(0), level, level, samples, "pre-trigger")
+    short, variance = _by_bic(gamma, samples)
+    plain = NoiseModel(short, math.sqrt(variance), math.sqrt(gamma[0]), samples, "pre-trigger")
+    seen = None
+    if sample_rate_hz is not None:
+        seen = pooled_spectrum(usable, sample_rate_hz)
+    if seen is None:
+        return plain
+    flat = noise_slow.autoregressive(seen, short)
+    found = _rising(seen, flat) if history >= LEAST_HISTORY else None
+    model = plain
+    if found is not None:
+        taps, variance = noise_slow.whitening_filter(found, min(history, noise_slow.LONG_ORDER))
+        level = math.sqrt(noise_slow.variance_within(found, seen.samples))
+        model = NoiseModel(taps, math.sqrt(variance), level, samples, "pre-trigger")
+        model = replace(model, short=found.short, corner=found.corner)
+    expected = noise_slow.drift_expected(seen, found or flat)
+    return replace(
+        model,
+        drift_rms=math.sqrt(seen.drift / seen.samples),
+        drift_expected_rms=math.sqrt(expected / seen.samples),
+    )
+
+
+def _by_bic(gamma: NDArray[np.float64], samples: int) -> tuple[NDArray[np.float64], float]:
+    """Return the coefficients and innovation variance of the order that BIC prefers."""
     best: tuple[float, NDArray[np.float64], float] | None = None
     a, variance = np.zeros(0), float(gamma[0])
     for order in range(MAX_ORDER + 1):
@@ -141,7 +226,19 @@ def estimate_noise(
         if best is None or bic < best[0]:
             best = (bic, np.asarray(a), variance)
     assert best is not None
-    return NoiseModel(best[1], math.sqrt(best[2]), math.sqrt(gamma[0]), samples, "pre-trigger")
+    return best[1], best[2]
+
+
+def _rising(seen: Spectrum, flat: Slow) -> Slow | None:
+    """Return noise with a 1/f part where BIC prefers it to noise without, else None."""
+    price = math.log(seen.pieces * seen.samples)
+    best, least = None, -2.0 * flat.likelihood + flat.short.size * price
+    for order in range(min(flat.short.size, SHORT_ORDER) + 1):
+        found = noise_slow.with_slow_part(seen, order)
+        bic = -2.0 * found.likelihood + (order + 1) * price
+        if bic < least and found.corner < HIGHEST_CORNER:
+            best, least = found, bic
+    return best
 
 
 def noise_from_differences(signals: Sequence[NDArray[np.float64]]) -> NoiseModel:

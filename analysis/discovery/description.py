@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 from scipy.stats import spearmanr
 
+from analysis.discovery.noise_words import times_noise
 from analysis.discovery.stack import (
     by_pair_and_height,
     grid_for,
@@ -317,9 +318,13 @@ def sentences(found: Json) -> list[str]:
     }
     if ratio[worst] < QUIET:
         return [f"Before, during and after the contact the residual is noise{_repeats(found)}."]
-    said.append(f"The residual is largest {where[worst]}, {ratio[worst]:.3g} noise variances.")
+    said.append(
+        f"The residual is largest {where[worst]}: {times_noise(ratio[worst])} times the noise."
+    )
     if worst != "before" and "before" in ratio:
-        quiet = "noise" if ratio["before"] < QUIET else f"{ratio['before']:.3g} noise variances"
+        quiet = "noise"
+        if ratio["before"] >= QUIET:
+            quiet = f"{times_noise(ratio['before'])} times the noise"
         said.append(f"Before touch-down it is {quiet}.")
     peak = found["spectrum"]
     if peak["peak_ratio"] > 2:
@@ -362,6 +367,6 @@ def _contrast(by: Json, word: str) -> list[str]:
     if by[most] < 1.5 * by[least] or by[most] < QUIET:
         return []
     return [
-        f"It is largest {word} {most} ({by[most]:.3g} noise variances) and smallest {word} "
-        f"{least} ({by[least]:.3g})."
+        f"It is largest {word} {most} ({times_noise(by[most])} times the noise) and smallest "
+        f"{word} {least} ({times_noise(by[least])})."
     ]

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 from analysis.discovery.candidates import Refit, scopes_of
 from analysis.discovery.diagnosis import Diagnosis
+from analysis.discovery.noise_words import times_noise
 from analysis.discovery.ranking import PENALTY
 from analysis.discovery.trail import MIN_GAIN, Step
 from analysis.effects.library import effect_named
+
+WORSE = 1.0
+"""Whitened squares by which priors and unfinished steps may leave a larger model behind."""
 
 
 def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
@@ -29,6 +33,8 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
     taken = _taken(diagnosis, step)
     if refit is taken:
         return None
+    if not to_the_end(refit):
+        return "not fitted to the end: its search was far behind the others when they were taken on"
     if refit.at_bound:
         bounds = "; ".join(
             f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
@@ -42,6 +48,23 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
     return _beaten(diagnosis, step, refit, taken)
 
 
+def to_the_end(refit: Refit) -> bool:
+    """Tell whether a candidate's fit got as far as the model that it extends.
+
+    Parameters
+    ----------
+    refit : Refit
+        A candidate.
+
+    Returns
+    -------
+    bool
+        With its effect at nothing it would fit as well as the model without; one that fits worse
+        is still on its way from afar.
+    """
+    return refit.gain > -WORSE
+
+
 def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None) -> str:
     """Return why a candidate that helps and is possible was still not taken."""
     if taken is None and step is not diagnosis.steps[-1]:
@@ -50,7 +73,7 @@ def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None)
         return _left(refit) + "; what remains is still structured"
     if refit.owner in diagnosis.confusable and step is diagnosis.steps[0]:
         return f"these data cannot tell it from {taken.owner}"
-    return f"{_left(refit)}; {taken.owner} leaves {_chi2_per_dof(taken):.3g}"
+    return f"{_left(refit)}; {taken.owner} leaves {_times_noise(taken)}"
 
 
 def not_refitted(step: Step, owner: str) -> str:
@@ -100,4 +123,8 @@ def _chi2_per_dof(refit: Refit) -> float:
 
 
 def _left(refit: Refit) -> str:
-    return f"it leaves a residual of {_chi2_per_dof(refit):.3g} noise variances"
+    return f"it leaves a residual of {_times_noise(refit)} times the noise"
+
+
+def _times_noise(refit: Refit) -> str:
+    return times_noise(_chi2_per_dof(refit))

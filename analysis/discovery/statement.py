@@ -15,8 +15,10 @@ from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.evidence import Explained
 from analysis.discovery.localise import Located
 from analysis.discovery.named_model import definition_of
+from analysis.discovery.noise_words import noise_json
+from analysis.discovery.per_shot import parameters_by_shot
 from analysis.discovery.quality import heldout_or_none, quality
-from analysis.discovery.reasons import not_refitted, why_not
+from analysis.discovery.reasons import not_refitted, to_the_end, why_not
 from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
@@ -56,6 +58,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "sentence": sentence(diagnosis, before, after),
         "p_value": first.omnibus.p_value,
         "noise_rms_V": before.noise_rms,
+        "noise": noise_json(before),
         "effects": [
             _effect(refit, after, [r.owner for r in diagnosis.rivals.get(refit.owner, [])])
             for refit in diagnosis.chosen
@@ -179,13 +182,14 @@ def _effect(refit: Refit, after: FitResult, confusable: list[str]) -> Json:
         parameters = {
             n.removeprefix("sensor."): v for n, v in cell.items() if n.startswith("sensor.")
         }
+    told = {name: _quantity(value) for name, value in parameters.items()}
     return {
         "id": refit.owner,
         "form": refit.effect.id,
         "slot": refit.effect.slot,
         "title": refit.effect.title,
         "scope": refit.scope,
-        "parameters": {name: _quantity(value) for name, value in parameters.items()},
+        "parameters": told | parameters_by_shot(refit.effect, after),
         "confusable_with": list(confusable),
     }
 
@@ -199,7 +203,9 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
     """Return every effect of the library with what became of it in one turn, best first."""
     found = []
     for refit in step.refits:
-        held = heldout_or_none(refit.problem, refit.fitted) if refit.on_all_shots else None
+        ended = to_the_end(refit)
+        whole = ended and refit.on_all_shots
+        held = heldout_or_none(refit.problem, refit.fitted) if whole else None
         found.append(
             {
                 "id": refit.owner,
@@ -208,7 +214,7 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
                 "scope": refit.scope,
                 "numbers": refit.parameters,
                 "heldout_rms_V": held,
-                "delta_log_likelihood": refit.gain / 2.0,
+                "delta_log_likelihood": refit.gain / 2.0 if ended else None,
                 "at_bound": refit.at_bound,
                 "converged": refit.fitted.converged,
                 "why_not": why_not(diagnosis, step, refit),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from analysis.discovery.diagnosis import Diagnosis
+from analysis.discovery.noise_words import frequency
 from analysis.effects.library import library
 from analysis.fit.result import FitResult
 
@@ -30,7 +31,8 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     fall = f"the residual falls from {had} to {left} {unit} rms"
     noise = f"the noise is {floor} {unit}"
     if diagnosis.verdict == "adequate":
-        return f"The model {before.model} explains the data: its residual is noise."
+        rising = _rising(before)
+        return f"The model {before.model} explains the data: its residual is noise{rising}."
     if diagnosis.verdict == "identified":
         return f"Found: {names}; with it {fall}, which is noise ({noise})."
     if diagnosis.verdict == "family":
@@ -44,6 +46,16 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
             + _place(diagnosis)
         )
     return "These data could not show whether the model is complete."
+
+
+def _rising(result: FitResult) -> str:
+    """Return what a reader would else take for structure: that the noise rises like 1/f."""
+    corners = [
+        s.item.noise.corner * s.item.frame.sample_rate_hz
+        for s in result.shots
+        if s.item.noise.corner > 0.0
+    ]
+    return f", which rises like 1/f below {frequency(max(corners))}" if corners else ""
 
 
 def _place(diagnosis: Diagnosis) -> str:

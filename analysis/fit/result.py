@@ -210,9 +210,9 @@ class FitResult:
         return found
 
     def _distinct_noise(self) -> list[FitShot]:
-        seen: dict[int, FitShot] = {}
+        seen: dict[tuple[str, float], FitShot] = {}
         for s in self.shots:
-            seen.setdefault(id(s.item.noise), s.item)
+            seen.setdefault((s.item.shot.quantity, s.item.frame.sample_rate_hz), s.item)
         return list(seen.values())
 
 
@@ -222,7 +222,8 @@ def _noise_json(item: FitShot) -> Json:
         "quantity": item.shot.quantity,
         "rms": noise.rms,
         "innovation_rms": noise.innovation_rms,
-        "ar_coefficients": noise.coefficients.tolist(),
+        "ar_coefficients": (noise.coefficients if noise.short is None else noise.short).tolist(),
+        "one_over_f_below_Hz": noise.corner * item.frame.sample_rate_hz if noise.corner else None,
         "samples": noise.samples,
         "source": noise.source,
     }

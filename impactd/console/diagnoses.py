@@ -156,6 +156,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
             [(block["model"], *(block.get(key) for key in keys)) for block in blocks],
         )
         + f"\nnoise before the trigger: {document['noise_rms_V']:.4g} {unit} rms"
+        + "".join(f"\n{line}" for line in document.get("noise", {}).get("said", []))
     )
     parts += [
         f"Moduli under {block['model']}:\n{moduli_table(block['moduli'])}"

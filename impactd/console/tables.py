@@ -67,11 +67,15 @@ def measured(quantity: Any, *, scale: float = 1.0) -> str:
     Returns
     -------
     str
-        For example ``3.15 +- 0.12``; ``-`` for ``None``.
+        For example ``3.15 +- 0.12``; ``-`` for ``None``. Where shots have a value each, their
+        median and range: ``0.31 (0.02 to 0.6 over 54 shots)``.
     """
     if not isinstance(quantity, dict) or quantity.get("value") is None:
         return "-"
     value = quantity["value"] * scale
+    if quantity.get("shots"):
+        least, most = quantity["least"] * scale, quantity["most"] * scale
+        return f"{value:.3g} ({least:.3g} to {most:.3g} over {quantity['shots']} shots)"
     u = (quantity.get("u") or 0.0) * scale
     if not (math.isfinite(u) and u > 0):
         return f"{value:.5g}"

@@ -12,7 +12,6 @@ from string import Template
 from typing import Any
 
 from impactd.diagnosis import closure_figures, figures, sections, trail
-from impactd.diagnosis.markup import bullets
 from impactd.diagnosis.style import STYLE
 from impactd.diagnosis.unit import Unit, unit_of
 
@@ -102,7 +101,7 @@ def page(document: Json) -> str:
         headline=sections.headline(document),
         found=sections.found(document),
         quality=sections.quality(document),
-        seen=bullets(before["said"]),
+        seen=sections.seen(document),
         residual_before=_stack(
             before,
             noise,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import math
 from typing import Any
 
 from impactd.console.tables import measured
@@ -73,8 +74,14 @@ def _short(value: float, unit: Unit) -> str:
     return f"{unit.factor * value:.3g}"
 
 
+def seen(document: Json) -> str:
+    """Return what was seen, the noise that everything else is judged by first."""
+    noise = document.get("noise", {}).get("said", [])
+    return bullets([*noise, *document["residual"]["before"]["said"]])
+
+
 def phases(document: Json) -> str:
-    """Return where in time the residual lives, before and after, in noise variances."""
+    """Return where in time the residual lives, before and after, as multiples of the noise."""
     before, after = document["residual"]["before"], document["residual"]["after"]
     if not before.get("phases"):
         return ""
@@ -90,13 +97,17 @@ def phases(document: Json) -> str:
         ]
         rows.append((label, *cells))
     return (
-        '<p class="soft">Energy of the residual per sample, in units of the noise variance; '
-        "1 is noise.</p>" + table([html.escape(one) for one in head], rows)
+        '<p class="soft">Rms of the whitened residual, as a multiple of the noise; 1 is noise.</p>'
+        + table([html.escape(one) for one in head], rows)
     )
 
 
 def _times(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3g}" if value < 1000 else f"{value:,.0f}"
+    """Return the rms of a residual over the noise, of its square."""
+    if value is None:
+        return "-"
+    ratio = math.sqrt(value)
+    return f"{ratio:.3g}" if ratio < 1000 else f"{ratio:,.0f}"
 
 
 def found(document: Json) -> str:

@@ -107,7 +107,8 @@ def _not_fitted(lines: list[Json]) -> str:
         for line in lines
     ]
     return (
-        f"<details><summary>{len(rows)} more that were not fitted, and why</summary>"
+        f"<details><summary>{len(rows)} more that were not fitted, or not to the end, and why"
+        "</summary>"
         f"{table(('candidate', 'slot', 'why not'), rows)}</details>"
     )
 

@@ -1,0 +1,71 @@
+"""Numbers that every shot has for itself, told as one: the middle of them and how far they go."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.effects.effect import Effect
+from analysis.fit.measurand import Json
+from analysis.fit.result import FitResult
+
+SIZE = "size_rms"
+"""Name under which the free sizes of a shot are told: the rms of what they add to the record."""
+
+
+def parameters_by_shot(effect: Effect, result: FitResult) -> Json:
+    """Return the numbers of an effect that belong to single shots.
+
+    Parameters
+    ----------
+    effect : Effect
+        Part of the fitted model.
+    result : FitResult
+        The fit.
+
+    Returns
+    -------
+    dict
+        By parameter: ``value``, the median, with ``least``, ``most`` and the number of ``shots``.
+        ``u`` is null: the shots differ, and that is not an uncertainty. Empty where the effect has
+        no such number.
+    """
+    model = result.problem.model
+    own = next((e for e in model.effects if e.id == effect.id), None)
+    if own is None or not result.shots:
+        return {}
+    found: Json = {}
+    for parameter in own.parameters:
+        if parameter.scope == "shot":
+            at = model.nuisances.index(f"{own.id}.{parameter.name}")
+            values = [parameter.value(float(x)) for x in result.fitted.nuisances[:, at]]
+            found[parameter.name] = _told(values, parameter.unit)
+    if own.basis is not None:
+        unit = "V" if result.shots[0].item.shot.quantity == "voltage" else "of the signal"
+        found[SIZE] = _told([_size(own, result, row) for row in range(len(result.shots))], unit)
+    return found
+
+
+def _told(values: Sequence[float], unit: str) -> Json:
+    """Return values as their median and range."""
+    return {
+        "value": float(np.median(values)),
+        "u": None,
+        "unit": unit,
+        "least": float(np.min(values)),
+        "most": float(np.max(values)),
+        "shots": len(values),
+    }
+
+
+def _size(effect: Effect, result: FitResult, row: int) -> float:
+    """Return the rms of what an effect's free sizes add to one shot. [unit of the signal]"""
+    model, item = result.problem.model, result.problem.shots[row]
+    shared, _ = result.problem.shared_local(item, result.fitted.theta)
+    local = np.concatenate([shared, result.fitted.nuisances[row]])
+    without = local.copy()
+    first = model.names.index(f"{effect.id}.basis0")
+    without[first : first + effect.basis_size] = 0.0
+    added = model.predict(local, item.frame).signal - model.predict(without, item.frame).signal
+    return float(np.sqrt(np.mean(added**2)))

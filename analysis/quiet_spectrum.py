@@ -1,0 +1,239 @@
+r"""The spectrum of quiet stretches, what is slow enough to be mains hum taken off.
+
+Two things make a quiet stretch wander. Noise whose density rises like 1/f does it by chance, at
+all frequencies below its corner. Mains hum does it too, but over a few milliseconds it is a smooth
+curve of few numbers, and it is no noise: it is there to be found. So everything that a signal below
+`DRIFT_HZ` can do within a stretch is taken off by a polynomial, and what is left is noise.
+
+The powers of its cosine transform stand beside what they are expected to be for a flat density and
+for one of 1/f, the polynomial taken off there as well: no lines have to be thrown away, and no
+leakage is taken for a slope.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct, irfft, next_fast_len, rfft
+from scipy.special import sici
+
+Array = NDArray[np.float64]
+
+DRIFT_HZ = 420.0
+"""The seventh harmonic of 60 Hz: what lies below may be hum and is not taken for noise."""
+DEGREE_PER_RADIAN, LEAST_DEGREE = 0.63, 3
+LONGEST = 4096
+"""Quiet stretches are looked at in pieces of at most so many samples."""
+SHORTEST = 256
+"""In pieces shorter than this, drift and 1/f cannot be told apart."""
+LOWEST = 2.0**-16
+"""Cycles per sample below which a density of 1/f stays flat; no window is long enough to see it."""
+SINGLE, STEP = 64, 0.03
+"""So many lines stand for themselves, then bands of this relative width do."""
+KEPT = 0.5
+"""Lines of which the polynomial took more than this say nothing."""
+_EXACT_LINES = 384
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """Pooled powers of quiet stretches with their drift taken off.
+
+    Attributes
+    ----------
+    frequency : ndarray, shape (k,)
+        In cycles per sample. [1]
+    lines : ndarray, shape (k,)
+        How many were put together, more of them at high frequency.
+    power : ndarray, shape (k,)
+        Mean over pieces and lines. [unit of the signal squared]
+    white, slow : ndarray, shape (k,)
+        What it is expected to be for a density of 1 and of 1/f. [1]
+    pieces, samples : int
+        How many were pooled, of which length.
+    drift : float
+        Mean square of what was taken off, means aside. [unit of the signal squared]
+    drift_white, drift_slow : float
+        What it is expected to be for a density of 1 and of 1/f. [1]
+    degree : int
+        Of the polynomial.
+    """
+
+    frequency: Array
+    lines: Array
+    power: Array
+    white: Array
+    slow: Array
+    pieces: int
+    samples: int
+    drift: float
+    drift_white: float
+    drift_slow: float
+    degree: int
+
+
+def drift_degree(samples: int, sample_rate_hz: float) -> int:
+    """Return the degree of polynomial that follows anything below `DRIFT_HZ`.
+
+    Parameters
+    ----------
+    samples : int
+        Of a stretch.
+    sample_rate_hz : float
+        Its rate.
+
+    Returns
+    -------
+    int
+        About four per period of the fastest, and a few; at most a sixteenth of the samples.
+    """
+    radians = 2.0 * math.pi * DRIFT_HZ * samples / sample_rate_hz
+    wanted = math.ceil(DEGREE_PER_RADIAN * radians) + LEAST_DEGREE
+    return min(wanted, samples // 16)
+
+
+@lru_cache(maxsize=16)
+def _polynomials(samples: int, degree: int) -> Array:
+    """Return orthonormal polynomials over a stretch, the constant first."""
+    x = np.linspace(-1.0, 1.0, samples)
+    q = np.linalg.qr(np.polynomial.legendre.legvander(x, degree))[0]
+    q.flags.writeable = False
+    return np.asarray(q)
+
+
+def without_drift(stretch: Array, degree: int) -> Array:
+    """Return a stretch less its best polynomial.
+
+    Parameters
+    ----------
+    stretch : ndarray, shape (n,)
+        Samples.
+    degree : int
+        Of the polynomial; 0 takes off the mean.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        What is left.
+    """
+    if degree == 0:
+        return np.asarray(stretch - stretch.mean())
+    q = _polynomials(stretch.size, degree)
+    return np.asarray(stretch - q @ (q.T @ stretch))
+
+
+def slow_covariance(lags: int) -> Array:
+    r"""Return the autocovariance of noise with density 1/f.
+
+    .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(2 \pi f j) / f \, df
+        = 2 [Ci(\pi j) - Ci(2 \pi f_0 j)]
+
+    Parameters
+    ----------
+    lags : int
+        Largest lag.
+
+    Returns
+    -------
+    ndarray, shape (lags + 1,)
+        Flat below `LOWEST`. [1]
+
+    Notes
+    -----
+    Source: the cosine integral. Validation: against a sum over lines in
+    ``tests/analysis/test_quiet_spectrum.py``.
+    """
+    j = np.arange(1, lags + 1)
+    tail = 2.0 * (sici(np.pi * j)[1] - sici(2.0 * np.pi * LOWEST * j)[1])
+    flat = 2.0 * np.sinc(2.0 * LOWEST * np.arange(lags + 1))  # the part below LOWEST
+    return np.asarray(np.concatenate([[2.0 * math.log(0.5 / LOWEST)], tail]) + flat)
+
+
+@lru_cache(maxsize=16)
+def _expected(samples: int, degree: int) -> tuple[Array, Array, float]:
+    """Return each line's power for densities 1 and 1/f, and the drift's for 1/f."""
+    q = _polynomials(samples, degree)
+    white = 1.0 - np.sum(dct(q, type=2, norm="ortho", axis=0) ** 2, axis=1)
+    frequency = np.arange(samples) / (2.0 * samples)
+    slow = white / np.maximum(frequency, 0.25 / samples)
+    lines = min(_EXACT_LINES, samples)
+    basis = dct(np.eye(samples, lines), type=3, norm="ortho", axis=0)
+    basis -= q @ (q.T @ basis)
+    size = next_fast_len(2 * samples - 1)
+    gamma = slow_covariance(samples - 1)
+    circle = np.zeros(size)
+    circle[:samples] = gamma
+    circle[size - samples + 1 :] = gamma[:0:-1]
+    density = rfft(circle).real
+
+    def powers(columns: Array) -> Array:
+        """Return each column's variance."""
+        moved = irfft(density[:, None] * rfft(columns, size, axis=0), size, axis=0)
+        return np.asarray(np.sum(columns * moved[:samples], axis=0))
+
+    slow[:lines] = powers(basis)
+    return white, slow, float(np.sum(powers(np.asarray(q[:, 1:]))))
+
+
+def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectrum | None:
+    """Return the powers of quiet stretches with their drift taken off.
+
+    Parameters
+    ----------
+    segments : sequence of ndarray, shape (n_i,)
+        Quiet stretches. [unit of the signal]
+    sample_rate_hz : float
+        Theirs.
+
+    Returns
+    -------
+    Spectrum or None
+        None where they are too short to tell drift from noise.
+    """
+    sizes = sorted((s.size for s in segments), reverse=True)
+    if not sizes or sizes[0] < SHORTEST:
+        return None
+    # the length at which most samples can be used
+    samples = max((n * (k + 1), n) for k, n in enumerate(sizes))[1]
+    samples = min(samples, LONGEST)
+    if samples < SHORTEST:
+        return None
+    pieces = []
+    for segment in segments:
+        whole = segment.size // samples
+        pieces += np.split(segment[segment.size - whole * samples :], whole) if whole else []
+    degree = drift_degree(samples, sample_rate_hz)
+    q = _polynomials(samples, degree)
+    x = np.stack(pieces)
+    taken = x @ q
+    lines = dct(x - taken @ q.T, type=2, norm="ortho", axis=1)
+    white, slow, drift_slow = _expected(samples, degree)
+    keep = np.flatnonzero(white > KEPT)
+    single = np.arange(keep.size)
+    further = np.log(np.maximum(single, SINGLE) / SINGLE) // STEP
+    band = np.where(single < SINGLE, single, SINGLE + further)
+    first = np.flatnonzero(np.diff(band, prepend=-1))
+    count = np.diff(np.append(first, keep.size)).astype(np.float64)
+
+    def together(values: Array) -> Array:
+        """Return the means of bands."""
+        return np.asarray(np.add.reduceat(values[keep], first) / count)
+
+    return Spectrum(
+        frequency=together(np.arange(samples) / (2.0 * samples)),
+        lines=count,
+        power=together(np.mean(lines**2, axis=0)),
+        white=together(white),
+        slow=together(slow),
+        pieces=len(pieces),
+        samples=samples,
+        drift=float(np.mean(np.sum(taken[:, 1:] ** 2, axis=1))),
+        drift_white=float(degree),
+        drift_slow=drift_slow,
+        degree=degree,
+    )
