@@ -29,7 +29,6 @@ app = typer.Typer(
     name="impactd",
     help="Run a sphere-drop impact rig: from a drop to an elastic modulus.",
     no_args_is_help=True,
-    add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,  # drawing boxes costs a third of the half second `--help` may take
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -9,6 +9,7 @@ import logging
 import signal
 import socket
 import sys
+from collections.abc import Callable
 from types import FrameType
 
 import anyio
@@ -57,9 +58,15 @@ class Server(uvicorn.Server):
         Started; the caller stops it in the end.
     """
 
-    def __init__(self, config: uvicorn.Config, daemon: Daemon) -> None:
+    def __init__(
+        self,
+        config: uvicorn.Config,
+        daemon: Daemon,
+        announce: Callable[[str], None] | None = None,
+    ) -> None:
         super().__init__(config)
         self._daemon = daemon
+        self._announce = announce
         self.url = ""
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -69,6 +76,8 @@ class Server(uvicorn.Server):
             self.url = _url(self.servers[0].sockets[0].getsockname())
             await anyio.to_thread.run_sync(self._daemon.announce, self.url)
             structlog.get_logger("impactd").info("listening", url=self.url)
+            if self._announce is not None:
+                self._announce(self.url)
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """End event streams too, which would otherwise never end."""
@@ -82,13 +91,15 @@ class Server(uvicorn.Server):
         await super().shutdown(sockets)
 
 
-def make_server(daemon: Daemon) -> Server:
+def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -> Server:
     """Return a server for a daemon, not yet started.
 
     Parameters
     ----------
     daemon : Daemon
         Its settings say host and port.
+    announce : callable, optional
+        Told the address once it listens.
 
     Returns
     -------
@@ -108,16 +119,18 @@ def make_server(daemon: Daemon) -> Server:
         ws="none",
         timeout_graceful_shutdown=_GRACE_S,
     )
-    return Server(config, daemon)
+    return Server(config, daemon, announce)
 
 
-def serve(settings: Settings) -> None:
+def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> None:
     """Run the daemon until SIGTERM or SIGINT.
 
     Parameters
     ----------
     settings : Settings
         Checked whole.
+    announce : callable, optional
+        Told the address once it listens.
 
     Raises
     ------
@@ -135,7 +148,7 @@ def serve(settings: Settings) -> None:
     try:
         listener = listen(settings.server.host, settings.server.port)
         daemon.start()
-        make_server(daemon).run(sockets=[listener])
+        make_server(daemon, announce).run(sockets=[listener])
     finally:
         daemon.stop()
 

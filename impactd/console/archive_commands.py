@@ -49,7 +49,7 @@ def import_campaign(
     archive_files.import_campaign(campaign, config=config, data=data, as_json=as_json)
 
 
-def export(
+def export(  # noqa: PLR0917 - typer reads options from the parameters
     shots: Annotated[list[int], typer.Argument(metavar="SHOT...", help="Shot numbers.")],
     format: Annotated[
         ExportFormat, typer.Option("--format", help="csv and npz: a file per shot.")
@@ -59,11 +59,12 @@ def export(
     ),
     config: Config = None,
     data: Data = None,
+    as_json: Json = False,
 ) -> None:
     """Copy shots out of the archive."""
     from impactd.console import archive_files
 
-    archive_files.export(shots, format.value, out, config=config, data=data)
+    archive_files.export(shots, format.value, out, config=config, data=data, as_json=as_json)
 
 
 def verify(config: Config = None, data: Data = None, as_json: Json = False) -> None:
@@ -97,6 +98,7 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
     ] = "",
     config: Config = None,
     data: Data = None,
+    as_json: Json = False,
 ) -> None:
     """Fit every stored shot again with today's calibration; goes on where it was ended."""
     from impactd.console import refit as console
@@ -109,4 +111,5 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
         label=label,
         config=config,
         data=data,
+        as_json=as_json,
     )

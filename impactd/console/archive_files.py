@@ -59,7 +59,13 @@ def _ranges(numbers: Sequence[int]) -> str:
 
 
 def export(
-    numbers: Sequence[int], form: str, out: Path, *, config: Path | None, data: Path | None
+    numbers: Sequence[int],
+    form: str,
+    out: Path,
+    *,
+    config: Path | None,
+    data: Path | None,
+    as_json: bool,
 ) -> None:
     """Copy shots out of the archive and print the files.
 
@@ -73,10 +79,15 @@ def export(
         A folder; created when absent.
     config, data : Path or None
         As given on the command line.
+    as_json : bool
+        Print the files as JSON.
     """
     with open_archive(config, data) as archive:
-        for path in archive.export(numbers, form, out):
-            print(path)
+        files = [str(path) for path in archive.export(numbers, form, out)]
+    if as_json:
+        print_json({"format": form, "shots": list(numbers), "files": files})
+    else:
+        print("\n".join(files))
 
 
 def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:

@@ -4,6 +4,8 @@
 
 from __future__ import annotations
 
+import json
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -25,6 +27,9 @@ def serve(
     port: Annotated[
         int | None, typer.Option("--port", min=0, max=65535, help="TCP port; 0 takes a free one.")
     ] = None,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print address and process as JSON once it listens.")
+    ] = False,
 ) -> None:
     """Run the daemon until it is told to stop."""
     settings = settings_of(config, data)
@@ -36,7 +41,11 @@ def serve(
     DataLock(settings.storage.directory).release()
     from impactd.server import serve as run
 
-    run(settings.model_copy(update={"server": server}))
+    run(settings.model_copy(update={"server": server}), announce=_announce if as_json else None)
+
+
+def _announce(url: str) -> None:
+    print(json.dumps({"url": url, "pid": os.getpid()}), flush=True)
 
 
 def demo(
@@ -49,11 +58,14 @@ def demo(
     out: Annotated[Path, typer.Option("--out", help="Where the results go.")] = Path(
         "impactd-demo"
     ),
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the outcome as JSON; the story goes to stderr.")
+    ] = False,
 ) -> None:
     """Do the main job in one go on the simulated rig: drops, moduli, and what the model lacks."""
     from impactd.demo import run_demo
 
-    raise typer.Exit(run_demo(seed=seed, effect=effect, out=out))
+    raise typer.Exit(run_demo(seed=seed, effect=effect, out=out, as_json=as_json))
 
 
 def bench(

@@ -6,43 +6,22 @@ from __future__ import annotations
 
 import os
 import shutil
-import sys
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from impactd.console import doctor_checks
+from impactd.console.doctor_checks import Finding
 from impactd.console.failure import Failure, sentence
 from impactd.console.options import settings_of
-from impactd.console.tables import print_json
+from impactd.console.tables import paint, print_json
 
 if TYPE_CHECKING:
     from impactd.settings import Settings
 
 _SHOT_BYTES = 1_000_000
 """A stored shot of 0.4 s at 1 MS/s, generously. [byte]"""
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    name : str
-        What was looked at.
-    well : bool
-        Whether it is as it should be.
-    said : str
-        What was found, with values and units.
-    mend : str
-        What to do; empty when all is well.
-    """
-
-    name: str
-    well: bool
-    said: str
-    mend: str = ""
 
 
 def run(config: Path | None, data: Path | None, *, as_json: bool) -> None:
@@ -64,7 +43,8 @@ def run(config: Path | None, data: Path | None, *, as_json: bool) -> None:
     for finding in examine(config, data):
         found.append(finding)
         if not as_json:
-            print(f"{'ok  ' if finding.well else 'BAD '} {finding.name}: {finding.said}")
+            light = paint("ok  ", "green") if finding.well else paint("BAD ", "red")
+            print(f"{light} {finding.name}: {finding.said}")
             if finding.mend:
                 print(f"     -> {finding.mend}")
     if as_json:
@@ -87,11 +67,18 @@ def examine(config: Path | None, data: Path | None) -> Iterator[Finding]:
     Finding
         In the order in which they should be mended.
     """
-    yield _python()
+    yield doctor_checks.python()
+    there = doctor_checks.packages()
+    yield there
+    if not there.well:
+        return  # every other check would only stumble over what is missing
+    yield doctor_checks.compiled_code()
     try:
         settings = settings_of(config, data)
     except Exception as error:  # each check reports what it met, whatever it was
-        yield Finding("configuration", False, sentence(error), "Correct the named keys.")
+        said = sentence(error).removeprefix("impactd: ")
+        mend = "Correct what is named; config/rig.toml explains every key."
+        yield Finding("configuration", False, said, mend)
         return
     kind = "simulated" if settings.simulated else "real"
     yield Finding("configuration", True, f"rig {settings.rig.name!r} ({kind}) is described whole")
@@ -100,12 +87,8 @@ def examine(config: Path | None, data: Path | None) -> Iterator[Finding]:
             yield from check(settings)
         except Exception as error:  # as above
             remedy = getattr(error, "remedy", "") or "Read the sentence; then run this again."
-            yield Finding(name, False, sentence(error), remedy)
-
-
-def _python() -> Finding:
-    version = ".".join(str(part) for part in sys.version_info[:3])
-    return Finding("python", True, f"{version} at {sys.executable}")
+            said = sentence(error).removeprefix("impactd: ")
+            yield Finding(name, False, said, remedy)
 
 
 def _materials(settings: Settings) -> Iterator[Finding]:
@@ -138,23 +121,6 @@ def _disk(settings: Settings) -> Iterator[Finding]:
     said = f"{free / 1e9:.1f} GB free, reserve {reserve / 1e9:.1f} GB, room for {shots} shots"
     mend = "" if shots else "Free space, or lower storage.reserve_bytes."
     yield Finding("disk", shots > 0, said, mend)
-
-
-def _tokens(settings: Settings) -> Iterator[Finding]:
-    from impactd.storage.archive import Archive
-    from impactd.storage.moment import utc_now
-
-    storage = settings.storage
-    with Archive.open(storage.directory, reserve_bytes=storage.reserve_bytes) as archive:
-        usable = [
-            token
-            for token in archive.tokens.list()
-            if token.allows("operate")
-            and token.revoked_utc is None
-            and (token.expires_utc is None or token.expires_utc > utc_now())
-        ]
-    mend = "" if usable else "impactd token create --scope operate --name YOU"
-    yield Finding("tokens", bool(usable), f"{len(usable)} valid with scope operate or more", mend)
 
 
 def _devices(settings: Settings) -> Iterator[Finding]:
@@ -199,6 +165,8 @@ _CHECKS: dict[str, Callable[[Settings], Iterator[Finding]]] = {
     "materials": _materials,
     "data directory": _directory,
     "disk": _disk,
-    "tokens": _tokens,
+    "index": doctor_checks.index,
+    "tokens": doctor_checks.tokens,
+    "port": doctor_checks.port,
     "devices": _devices,
 }

@@ -9,7 +9,7 @@ from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.rig_commands import DROP_ENDED
-from impactd.console.tables import measured, print_json
+from impactd.console.tables import LIGHTS, measured, paint, print_json
 
 
 def login_name() -> str:
@@ -101,5 +101,6 @@ def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
         lines.append(f"Not analysed: {drop['problem']['detail']}")
     if shot["advice"]:
         because = ", because " + ", ".join(shot["reasons"]) if shot["reasons"] else ""
-        lines.append(f"Advice: {shot['advice']}{because}.")
+        advice = paint(shot["advice"], LIGHTS.get(shot["advice"], "white"))
+        lines.append(f"Advice: {advice}{because}.")
     return "\n".join(lines)

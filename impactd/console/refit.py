@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 from impactd.console.failure import Failure
 from impactd.console.options import settings_of
 from impactd.console.progress_bar import progress
+from impactd.console.tables import print_json
 from impactd.jobs.executors import WorkerExecutor, dask_executor
 from impactd.jobs.tasks import warm_up
 from impactd.jobs.worker_process import WorkerLimits
@@ -30,6 +32,7 @@ def run(
     label: str,
     config: Path | None,
     data: Path | None,
+    as_json: bool,
 ) -> None:
     """Fit the archive again and say how it went.
 
@@ -47,6 +50,8 @@ def run(
         See `impactd.refit.run_name`.
     config, data : Path or None
         As given on the command line.
+    as_json : bool
+        Print the report as JSON.
 
     Raises
     ------
@@ -73,10 +78,13 @@ def run(
             ),
         )
     progress("", last=True)
-    if report.before:
-        print(f"{report.before} shots had been done before.")
-    rate = report.fitted / report.duration_s if report.duration_s > 0 else 0.0
-    print(f"Fitted {report.fitted} shots in {report.duration_s:.1f} s ({rate:.0f} per second).")
+    if as_json:
+        print_json(asdict(report))
+    else:
+        if report.before:
+            print(f"{report.before} shots had been done before.")
+        rate = report.fitted / report.duration_s if report.duration_s > 0 else 0.0
+        print(f"Fitted {report.fitted} shots in {report.duration_s:.1f} s ({rate:.0f} per second).")
     if report.failed:
         reasons = [f"shot {n}: {why}" for n, why in sorted(report.failed.items())]
         more = len(reasons) - MOST_REASONS

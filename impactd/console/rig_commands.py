@@ -25,14 +25,16 @@ def add_to(app: typer.Typer) -> None:
 def status(url: Url = None, as_json: Json = False) -> None:
     """Say READY or NOT READY, why, and what to do."""
     from impactd.console.client import connect
-    from impactd.console.tables import print_json
+    from impactd.console.tables import paint, print_json
 
     with connect(url) as client:
         answer = client.get("/v1/status")
     if as_json:
         print_json(answer)
         return
-    print(answer["sentence"])
+    light = "READY" if answer["ready"] else "NOT READY"
+    colour = "green" if answer["ready"] else "red"
+    print(answer["sentence"].replace(light, paint(light, colour), 1))
     if answer["drop"]:
         print(f"Drop {answer['drop']} of {answer['owner']}: {answer['state']}.")
 

@@ -34,14 +34,14 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     ]
     columns = list(zip(headings, *cells, strict=True))
     widths = [max(len(cell) for cell in column) for column in columns]
-    lines = [list(headings), ["-" * width for width in widths], *cells]
-    return "\n".join(
+    lines = [
         "  ".join(
             cell.rjust(width) if to_right else cell.ljust(width)
             for cell, width, to_right in zip(line, widths, right, strict=True)
         ).rstrip()
-        for line in lines
-    )
+        for line in (list(headings), ["-" * width for width in widths], *cells)
+    ]
+    return "\n".join([paint(lines[0]), *lines[1:]])
 
 
 def _cell(value: Any) -> str:
@@ -91,15 +91,15 @@ def print_json(value: Any) -> None:
     print(json.dumps(value, indent=indent, allow_nan=False, ensure_ascii=False))
 
 
-def paint(text: str, colour: str) -> str:
-    """Return a text in bold colour on a terminal, and as it is everywhere else.
+def paint(text: str, colour: str | None = None) -> str:
+    """Return a text bold and in a colour on a terminal, and as it is everywhere else.
 
     Parameters
     ----------
     text : str
         What to print on standard output.
-    colour : str
-        As `typer.style` names them.
+    colour : str, optional
+        As `typer.style` names them; the terminal's own without it.
 
     Returns
     -------

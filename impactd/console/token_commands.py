@@ -27,7 +27,7 @@ class TokenScope(StrEnum):
 
 
 @app.command()
-def create(
+def create(  # noqa: PLR0917 - typer reads options from the parameters
     scope: Annotated[
         TokenScope, typer.Option("--scope", help="read: look. operate: drop. admin: everything.")
     ],
@@ -37,11 +37,19 @@ def create(
     ] = None,
     config: Config = None,
     data: Data = None,
+    as_json: Json = False,
 ) -> None:
     """Make a token and print it, once: only its hash is kept."""
     with open_archive(config, data) as archive:
-        _, secret = archive.tokens.create(name or scope.value, scope.value, days)
-    print(secret)
+        token, secret = archive.tokens.create(name or scope.value, scope.value, days)
+    if as_json:
+        from dataclasses import asdict
+
+        from impactd.console.tables import print_json
+
+        print_json({**asdict(token), "token": secret})
+    else:
+        print(secret)
 
 
 @app.command("list")
@@ -65,8 +73,16 @@ def revoke(
     number: Annotated[int, typer.Argument(help="Its id in `impactd token list`.")],
     config: Config = None,
     data: Data = None,
+    as_json: Json = False,
 ) -> None:
     """Take a token back, at once."""
     with open_archive(config, data) as archive:
         token = archive.tokens.revoke(number)
+    if as_json:
+        from dataclasses import asdict
+
+        from impactd.console.tables import print_json
+
+        print_json(asdict(token))
+        return
     print(f"Token {token.id} ({token.name}, {token.scope}) is revoked.")

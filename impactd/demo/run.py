@@ -33,7 +33,9 @@ _RESULTS = (
 _WIDTH_IN_A_PIPE = 110
 
 
-def run_demo(*, out: Path, seed: int | None = None, effect: str = "random") -> int:
+def run_demo(
+    *, out: Path, seed: int | None = None, effect: str = "random", as_json: bool = False
+) -> int:
     """Do the main job in one go on the simulated rig.
 
     Parameters
@@ -45,6 +47,8 @@ def run_demo(*, out: Path, seed: int | None = None, effect: str = "random") -> i
     effect : str
         What the instrument hides from the first drop on: an effect's id, ``random`` (one in four
         from outside the library) or ``none``.
+    as_json : bool, optional
+        Print ``moduli.json`` on standard output in the end; the story goes to standard error.
 
     Returns
     -------
@@ -57,9 +61,9 @@ def run_demo(*, out: Path, seed: int | None = None, effect: str = "random") -> i
         In one sentence.
     """
     began = time.monotonic()
-    console = Console()
+    console = Console(stderr=as_json)
     if not console.is_terminal:
-        console = Console(width=_WIDTH_IN_A_PIPE)
+        console = Console(stderr=as_json, width=_WIDTH_IN_A_PIPE)
     seed = secrets.randbelow(10_000) if seed is None else seed
     _make_room(out)
     settings = out / _SETTINGS
@@ -93,6 +97,8 @@ def run_demo(*, out: Path, seed: int | None = None, effect: str = "random") -> i
     terminal.show(console, outcome)
     took_s = time.monotonic() - began
     console.print(f"\n{took_s:.0f} s. Look at {out / 'report.html'}", highlight=False)
+    if as_json:
+        print((out / "moduli.json").read_text(encoding="utf-8"), end="")
     return 0
 
 

@@ -1,0 +1,110 @@
+"""What a person sees on a terminal and what a pipe gets, told apart by a real terminal."""
+
+from __future__ import annotations
+
+import os
+import pty
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from impactd.cli import app
+
+COLOUR = "\x1b["
+BAR = (
+    "import time\nfrom impactd.console.progress_bar import progress\n"
+    "for done in range(4): progress('fitting', share=done / 4); time.sleep(0.15)\n"
+    "progress('', last=True)\nprint('done')"
+)
+
+
+def on_a_terminal(*words: str, **environment: str) -> str:
+    """Return what a command writes to a terminal."""
+    ours, theirs = pty.openpty()
+    clean = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "TERM")}
+    process = subprocess.Popen(
+        words, stdin=theirs, stdout=theirs, stderr=theirs, close_fds=True,
+        env={**clean, "TERM": "xterm", **environment},
+    )  # fmt: skip
+    os.close(theirs)
+    seen = b""
+    try:
+        while chunk := os.read(ours, 4096):
+            seen += chunk
+    except OSError:  # the other end is closed
+        pass
+    os.close(ours)
+    process.wait(timeout=60)
+    return seen.decode()
+
+
+def test_colours_are_for_terminals_that_want_them():
+    """A bad finding is red on a terminal, plain with NO_COLOR, on a dumb one, and in a pipe."""
+    words = [sys.executable, "-m", "impactd", "doctor", "--config", "/none.toml"]
+    assert f"{COLOUR}31m" in on_a_terminal(*words)
+    assert COLOUR not in on_a_terminal(*words, NO_COLOR="1")
+    assert COLOUR not in on_a_terminal(*words, TERM="dumb")
+    piped = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert COLOUR not in piped.stdout + piped.stderr
+    assert "BAD  configuration" in piped.stdout
+
+
+def test_a_bar_is_for_terminals_and_leaves_no_trace():
+    """It tells what and how far; a pipe sees nothing of it."""
+    seen = on_a_terminal(sys.executable, "-c", BAR)
+    assert "fitting" in seen
+    assert "75%" in seen
+    assert seen.rstrip().endswith("done")
+    words = [sys.executable, "-c", BAR]
+    piped = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert (piped.stdout, piped.stderr) == ("done\n", "")
+
+
+def test_every_command_speaks_json():
+    """Each command has --json, those that only group others excepted."""
+    for command in (
+        *app.registered_commands,
+        *app.registered_groups[0].typer_instance.registered_commands,
+    ):
+        assert command.callback is not None
+        parameters = command.callback.__annotations__
+        assert {"as_json", "json_out"} & set(parameters), command.callback.__name__
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_a_shell_completes_commands(shell):
+    """The script that each shell loads is written, and the program answers what it asks."""
+    script = subprocess.run(
+        [sys.executable, "-m", "impactd"], capture_output=True, text=True, check=False, timeout=60,
+        env={**os.environ, "_IMPACTD_COMPLETE": f"source_{shell}"},
+    ).stdout  # fmt: skip
+    assert "_IMPACTD_COMPLETE" in script
+    asked = {"bash": {"COMP_WORDS": "impactd cal", "COMP_CWORD": "1"}}.get(
+        shell, {"_TYPER_COMPLETE_ARGS": "impactd cal", "_TYPER_COMPLETE_FISH_ACTION": "get-args"}
+    )
+    found = subprocess.run(
+        [sys.executable, "-m", "impactd"], capture_output=True, text=True, check=False, timeout=60,
+        env={**os.environ, "_IMPACTD_COMPLETE": f"complete_{shell}", **asked},
+    ).stdout  # fmt: skip
+    assert "calibrate" in found
+    assert "shots" not in found
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
+def test_bash_itself_completes(tmp_path: Path):
+    """A real bash loads the script and completes the word that was begun."""
+    script = tmp_path / "impactd.bash"
+    command = f"{Path(sys.executable).parent / 'impactd'}"
+    script.write_text(
+        f'export PATH="{Path(command).parent}:$PATH"\n'
+        'eval "$(_IMPACTD_COMPLETE=source_bash impactd)"\n'
+        "COMP_WORDS=(impactd exp); COMP_CWORD=1; _impactd_completion impactd exp impactd\n"
+        'echo "${COMPREPLY[@]}"\n'
+    )
+    made = subprocess.run(
+        ["bash", str(script)], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert made.stdout.strip() == "export", made.stderr
