@@ -56,6 +56,8 @@ class Server(uvicorn.Server):
         With the application of `daemon`.
     daemon : Daemon
         Started; the caller stops it in the end.
+    announce : callable, optional
+        Told the address once it listens.
     """
 
     def __init__(

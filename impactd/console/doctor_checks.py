@@ -103,7 +103,18 @@ def _writable(place: Path) -> bool:
 
 
 def port(settings: Settings) -> Iterator[Finding]:
-    """Say whether the daemon can listen where the settings say; a running one may do so already."""
+    """Say whether the daemon can listen where the settings say; a running one may do so already.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the command.
+
+    Yields
+    ------
+    Finding
+        What was found.
+    """
     from impactd.data_lock import read_holder
 
     server = settings.server
@@ -127,7 +138,18 @@ def port(settings: Settings) -> Iterator[Finding]:
 
 
 def index(settings: Settings) -> Iterator[Finding]:
-    """Say whether the archive's index opens and holds together."""
+    """Say whether the archive's index opens and holds together.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the command.
+
+    Yields
+    ------
+    Finding
+        What was found.
+    """
     import sqlite3
 
     from impactd.storage.archive import INDEX_NAME
@@ -149,7 +171,18 @@ def index(settings: Settings) -> Iterator[Finding]:
 
 
 def tokens(settings: Settings) -> Iterator[Finding]:
-    """Say whether somebody may move the rig, and whether the token at hand is one of them."""
+    """Say whether somebody may move the rig, and whether the token at hand is one of them.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the command.
+
+    Yields
+    ------
+    Finding
+        What was found.
+    """
     from impactd.console.client import token_from_environment
     from impactd.storage.archive import Archive
     from impactd.storage.moment import utc_now
