@@ -1,8 +1,9 @@
 """Closures learned for real: what generic columns repair, judged on shots they were not learned on.
 
 The evidence is first order around one fit. Here the fit moves: columns and model are fitted to
-each other in turn until they agree, as one would a named effect, and the error on held-out shots is
-that of the repaired prediction.
+each other until they agree, as one would a named effect, and the error on held-out shots is
+that of the repaired prediction. Numbers that every shot has for itself are fitted to a held-out
+shot as its speed and its touch-down are.
 """
 
 from __future__ import annotations
@@ -16,25 +17,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import extended
-from analysis.discovery.evidence import PARTS, Evidence, System, gather, scale_of
+from analysis.discovery.closure_point import Part, Point, form_of
+from analysis.discovery.closure_search import Ground, Reached, best_width, descend, reach, settled
+from analysis.discovery.columns import Scale
+from analysis.discovery.evidence import Evidence
+from analysis.discovery.families import scale_of
 from analysis.discovery.quality import heldout_or_none
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_folds
-from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
-Part = tuple[str, str]
 
-ROUNDS = 7
+ROUNDS, FOLD_ROUNDS = 6, 3
 WIDTHS = (0.5, 0.1, 0.02, 4e-3)
 """Sizes a coefficient may be thought of; the one that holds best on other shots is taken."""
 FORCE_WIDTH = 1.0
 """A free force is thought of as at most Hertz's own."""
-FOLD_ROUNDS = 2
-FIT_STEPS = 8
-AGREED = 1e-3
-"""Relative fall of the whitened squares at which columns and model agree."""
+FORCE_STEPS = 8
 
 
 @dataclass(frozen=True)
@@ -46,11 +47,9 @@ class Learned:
     parts : tuple of tuple
         (family, scope) of its columns.
     problem, fitted : JointProblem, Fitted
-        The base model fitted to the records less what the closure adds.
-    evidence : Evidence
-        Around that fit, with the closure's columns.
+        The model that the columns were added to, a free force included, and where it ended.
     coefficients : dict
-        Label, with its owner, to coefficient.
+        Label, with its owner, to coefficient; those of single shots are left out.
     added : list of ndarray
         What it adds to each shot. [unit of the signal]
     residual : list of ndarray
@@ -64,7 +63,6 @@ class Learned:
     parts: tuple[Part, ...]
     problem: JointProblem
     fitted: joint.Fitted
-    evidence: Evidence
     coefficients: dict[str, float]
     added: list[Array]
     residual: list[Array]
@@ -83,105 +81,9 @@ class Learned:
         return "+".join(s for _, s in self.parts)
 
 
-def _whole(parts: Sequence[Part]) -> list[str]:
-    """Return the families that hold the columns of some parts."""
-    return list(dict.fromkeys(PARTS[f][0] if f in PARTS else f for f, _ in parts))
-
-
-def _without(problem: JointProblem, added: Sequence[Array]) -> JointProblem:
-    """Return the problem with what a closure adds taken off the records."""
-    shots = [_taken_off(item, a) for item, a in zip(problem.shots, added, strict=True)]
-    return dataclasses.replace(problem, shots=shots)
-
-
-def _taken_off(item: FitShot, added: Array) -> FitShot:
-    window = dataclasses.replace(item.window, signal=item.window.signal - added)
-    return dataclasses.replace(item, window=window)
-
-
-def _added(evidence: Evidence, system: System, coefficients: Array) -> list[Array]:
-    """Return what coefficients add to each shot, by the evidence's columns."""
-    found = []
-    for row, shot in enumerate(evidence.shots):
-        s = shot.chain.shape[0]
-        own = system.chains[row][s:, system.globals_ :] @ coefficients
-        found.append(shot.columns @ own)
-    return found
-
-
-def _ridged(system: System, coefficients: Array, width: float) -> tuple[Array, Array]:
-    """Return the normal equations with the coefficients' ridge about zero."""
-    ridge = np.zeros(system.load.size)
-    ridge[system.globals_ :] = width**-2
-    load = system.load.copy()
-    load[system.globals_ :] -= coefficients * width**-2
-    return system.whole + np.diag(ridge), load
-
-
-@dataclass(frozen=True)
-class _Place:
-    """One point of the search: a fit, its evidence, and where it would go next."""
-
-    found: Learned
-    system: System
-    coefficients: Array
-    step: Array
-    width: float
-
-
-def _look(
-    problem: JointProblem,
-    begin: joint.Fitted,
-    parts: tuple[Part, ...],
-    *,
-    added: list[Array],
-    coefficients: Array | None,
-    width: float | None,
-    refit: bool,
-) -> _Place | None:
-    """Return the fit to the records less an addition, None where there is none."""
-    reduced = _without(problem, added)
-    fitted = begin
-    if refit:
-        fitted = joint.fit(reduced, begin.nuisances, theta=begin.theta, max_iterations=FIT_STEPS)
-    if not fitted.blocks:
-        return None
-    evidence = gather(reduced, fitted, wanted=_whole(parts))
-    system = evidence.system(parts)
-    size = np.zeros(len(system.labels)) if coefficients is None else coefficients
-    if width is None:
-        width = evidence.best_width(system, WIDTHS)
-    whole, load = _ridged(system, size, width)
-    step = np.asarray(np.linalg.solve(whole, load))[system.globals_ :]
-    found = dataclasses.replace(_learned(parts, evidence, system, size), added=added)
-    return _Place(found, system, size, step, width)
-
-
-def _descend(problem: JointProblem, here: _Place, rounds: int) -> tuple[_Place, bool]:
-    """Return where a search ends, and whether any step made it better."""
-    share, moved = 1.0, False
-    for _ in range(rounds):
-        coefficients = here.coefficients + share * here.step
-        ahead = _look(
-            problem,
-            here.found.fitted,
-            here.found.parts,
-            added=_added(here.found.evidence, here.system, coefficients),
-            coefficients=coefficients,
-            width=here.width,
-            refit=True,
-        )
-        if ahead is None or not ahead.found.chi2 < here.found.chi2:
-            share /= 4
-            continue
-        agreed = ahead.found.chi2 > (1.0 - AGREED) * here.found.chi2
-        here, moved, share = ahead, True, min(1.0, 2 * share)
-        if agreed:
-            break
-    return here, moved
-
-
-def learn(problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part]) -> Learned | None:
+def learn(
+    problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part], scale: Scale | None = None
+) -> Learned | None:
     """Fit a closure and the present model to each other.
 
     Parameters
@@ -190,92 +92,83 @@ def learn(problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part]) ->
         The present model at its best.
     parts : sequence of tuple
         (family, scope) of the columns.
+    scale : Scale, optional
+        Sizes of the columns, with the frequencies of tuned families.
 
     Returns
     -------
     Learned or None
         The best that was reached; None where no step made it better.
     """
-    nothing = [np.zeros(s.frame.samples) for s in problem.shots]
-    start = _look(
-        problem, fitted, tuple(parts), added=nothing, coefficients=None, width=None, refit=False
+    sizes = scale or scale_of(problem, fitted)
+    form = form_of(problem, fitted.theta, fitted.nuisances, tuple(parts), sizes)
+    count = len(problem.shots)
+    begin = Point(
+        fitted.theta, fitted.nuisances, np.zeros(form.shared), np.zeros((count, form.own))
     )
+    ground = Ground(problem, form, list(range(count)), WIDTHS[0])
+    start = reach(ground, begin)
     if start is None:
         return None
-    here, moved = _descend(problem, start, ROUNDS)
-    if not moved:
+    folds = heldout_folds(problem)
+    if folds and form.shared:
+        width, _ = best_width(ground, start, folds, WIDTHS)
+        ground = Ground(problem, form, ground.places, width)
+    end = descend(ground, start, ROUNDS)
+    if not end.cost < start.cost:
         return None
-    return dataclasses.replace(here.found, heldout_rms=_heldout(problem, here))
-
-
-def _learned(
-    parts: tuple[Part, ...], evidence: Evidence, system: System, coefficients: Array
-) -> Learned:
-    """Return a point of the search as a closure, not yet tried on held-out shots."""
-    residual = [s.residual for s in evidence.shots]
-    squares = sum(float(r @ r) for r in residual)
+    moved = joint.Fitted(
+        end.point.theta, end.point.nuisances, fitted.blocks, fitted.covariance, end.cost, 0, True
+    )
+    residual = [b.residual for b in end.blocks]
     return Learned(
-        parts,
-        evidence.problem,
-        evidence.fitted,
-        evidence,
-        dict(zip(system.labels, map(float, coefficients), strict=True)),
-        [],
+        tuple(parts),
+        problem,
+        moved,
+        dict(zip(form.labels, map(float, end.point.shared), strict=True)),
+        [b.added for b in end.blocks],
         residual,
-        evidence.chi2,
-        math.sqrt(squares / sum(r.size for r in residual)),
-        None,
+        sum(b.chi2 for b in end.blocks),
+        _rms(residual),
+        _heldout(ground, end, folds),
     )
 
 
-def _heldout(problem: JointProblem, here: _Place) -> float | None:
-    """Return the residual of shots that neither globals nor closure were fitted to.
+def _rms(residual: Sequence[Array]) -> float:
+    return math.sqrt(sum(float(r @ r) for r in residual) / sum(r.size for r in residual))
 
-    Folds as for any other model. Globals and coefficients are learned anew on the other shots; the
-    fold's own nuisances are then fitted with everything shared fixed.
-    """
-    folds = heldout_folds(problem)
+
+def _heldout(ground: Ground, end: Reached, folds: Sequence[Sequence[int]]) -> float | None:
+    """Return the residual of shots that neither globals nor shared coefficients were fitted to."""
     if not folds:
         return None
     squares, count = 0.0, 0
     for fold in folds:
-        kept = [i for i in range(len(problem.shots)) if i not in fold]
-        learned = _learned_on(problem, here, kept)
-        if learned is None:
+        kept = [i for i in range(len(end.blocks)) if i not in fold]
+        others = ground.part(kept)
+        begin = reach(others, _rows(end.point, kept))
+        if begin is None:
             return None
-        theta, coefficients = learned
-        own = _without(problem, _added(here.found.evidence, here.system, coefficients))
-        own = dataclasses.replace(own, shots=[own.shots[i] for i in fold])
-        begin = here.found.fitted.nuisances[fold]
-        nuisances = joint.settle(own, theta, begin)
-        for item, nuisance in zip(own.shots, nuisances, strict=True):
-            shared, _ = own.shared_local(item, theta)
-            seen = own.model.predict(np.concatenate([shared, nuisance]), item.frame)
-            r = item.window.signal - seen.signal
-            squares += float(r @ r)
-            count += r.size
+        learned = descend(others, begin, FOLD_ROUNDS)
+        if learned is begin and ground.form.shared:
+            return None  # what the held-out shots had a say in would still stand
+        known = Point(
+            learned.point.theta,
+            end.point.nuisances[list(fold)],
+            learned.point.shared,
+            end.point.own[list(fold)],
+        )
+        found = settled(ground.part(fold), known)
+        if found is None:
+            return None
+        squares += sum(float(b.residual @ b.residual) for b in found.blocks)
+        count += sum(b.residual.size for b in found.blocks)
     return math.sqrt(squares / count)
 
 
-def _learned_on(
-    problem: JointProblem, here: _Place, kept: list[int]
-) -> tuple[Array, Array] | None:
-    """Return globals and coefficients that some of the shots lead to."""
-    few = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
-    fitted = here.found.fitted
-    start = _look(
-        few,
-        dataclasses.replace(fitted, nuisances=fitted.nuisances[kept]),
-        here.found.parts,
-        added=[here.found.added[i] for i in kept],
-        coefficients=here.coefficients,
-        width=here.width,
-        refit=True,
-    )
-    if start is None or start.coefficients.size != here.coefficients.size:
-        return None
-    end, _ = _descend(few, start, FOLD_ROUNDS)
-    return end.found.fitted.theta, end.coefficients
+def _rows(point: Point, rows: Sequence[int]) -> Point:
+    at = list(rows)
+    return Point(point.theta, point.nuisances[at], point.shared, point.own[at])
 
 
 def learn_force(
@@ -310,28 +203,57 @@ def learn_force(
         size = len(theta) - found.theta.size
         for j in range(theta.size - size, theta.size):
             wide.prior_precision[j, j] = FORCE_WIDTH**-2
-        ahead = joint.fit(wide, nuisances, theta=theta)
+        ahead = joint.fit(wide, nuisances, theta=theta, max_iterations=FORCE_STEPS)
         if not ahead.blocks:
             return None
         found = ahead
-    ending = gather(wide, found, wanted=("speed",))
-    residual = [s.residual for s in ending.shots]
-    squares = sum(float(r @ r) for r in residual)
+    residual = _residual(wide, found)
     first = len(problem.names)
     coefficients = {
         name.removeprefix("closure_"): float(value)
         for name, value in zip(wide.names[first:], found.theta[first:], strict=True)
     }
-    added = [old.residual - r for old, r in zip(evidence.shots, residual, strict=True)]
     return Learned(
         tuple((f"force_{form}", scope) for form in forms),
         wide,
         found,
-        ending,
         coefficients,
-        added,
+        [old.residual - r for old, r in zip(evidence.shots, residual, strict=True)],
         residual,
-        ending.chi2,
-        math.sqrt(squares / sum(r.size for r in residual)),
+        sum(b.chi2 for b in found.blocks),
+        _rms(residual),
         heldout_or_none(wide, found),
     )
+
+
+def on_top(first: Learned, second: Learned) -> Learned:
+    """Return a closure that was learned on top of a free force as one with it.
+
+    Parameters
+    ----------
+    first : Learned
+        The force, from `learn_force`.
+    second : Learned
+        Learned with the force's ``problem`` and ``fitted``.
+
+    Returns
+    -------
+    Learned
+        With the parts and coefficients of both.
+    """
+    before = [a + r for a, r in zip(first.added, first.residual, strict=True)]
+    return dataclasses.replace(
+        second,
+        parts=(*first.parts, *second.parts),
+        coefficients=first.coefficients | second.coefficients,
+        added=[b - r for b, r in zip(before, second.residual, strict=True)],
+    )
+
+
+def _residual(problem: JointProblem, fitted: joint.Fitted) -> list[Array]:
+    found = []
+    for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
+        shared, _ = problem.shared_local(item, fitted.theta)
+        seen = problem.model.predict(np.concatenate([shared, nuisance]), item.frame)
+        found.append(item.window.signal - seen.signal)
+    return found

@@ -14,7 +14,8 @@ family          what it can take up
 ``cell``        the cell's own four numbers, where they change with surface, shot or time
 ``speed``       the impact speed that a drop height promises
 ``locked``      anything additive that comes at a fixed time after touch-down
-``template``    the same, sample by sample; only learned, never asked about
+``template``    the same, sample by sample, in step with the contact; only learned, never asked
+``outline``     the same with fewer numbers, for each pair its own
 ==============  ====================================================================================
 """
 
@@ -22,7 +23,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,9 @@ BUMPS_US = (
     1400,
     1900,
 )
-TEMPLATE_KNOTS, TEMPLATE_FINENESS, TEMPLATE_GROWTH = 160, 24, 1.04
+TEMPLATES = {"template": (24, 120), "outline": (14, 64)}
+"""Knots a contact time, and in all."""
+TEMPLATE_FINE_UNTIL, TEMPLATE_GROWTH = 3.0, 1.04
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
 
@@ -79,15 +82,21 @@ class Scale:
         Median impact speed. [m/s]
     pulse_s : float
         Median width of the pulses. [s]
+    contact_s : float
+        Median contact time by Hertz. [s]
     window_s : float
         Longest window. [s]
+    tuned_hz : dict
+        Frequency by family, of those that were looked for along the residual. [Hz]
     """
 
     top: float
     indentation_m: float
     speed_m_per_s: float
     pulse_s: float
+    contact_s: float
     window_s: float
+    tuned_hz: dict[str, float] = field(default_factory=dict)
 
 
 def _delayed(signal: Array, samples: float) -> Array:
@@ -139,9 +148,14 @@ def dynamic_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str]
 
 def _hats(t: Array, knots: Array, size: float) -> Array:
     """Return piecewise linear bumps over knots, the outer two of which only end the last bumps."""
-    triples = zip(knots[:-2], knots[1:-1], knots[2:], strict=True)
-    columns = [size * np.interp(t, three, [0.0, 1.0, 0.0]) for three in triples]
-    return np.column_stack(columns)
+    at = np.searchsorted(knots, t, side="right") - 1
+    inside = (at >= 0) & (at < knots.size - 1)
+    rows, left = np.flatnonzero(inside), at[inside]
+    share = (t[inside] - knots[left]) / (knots[left + 1] - knots[left])
+    whole = np.zeros((t.size, knots.size))
+    whole[rows, left] = size * (1.0 - share)
+    whole[rows, left + 1] = size * share
+    return whole[:, 1:-1]
 
 
 def locked_columns(
@@ -158,29 +172,77 @@ def locked_columns(
     return labels, _hats(t, np.array([before, *knots_us, after]), size)
 
 
-def template_knots_us(scale: Scale, rate: float) -> tuple[float, ...]:
-    """Return knots that follow a pulse sample by sample, then the ring more and more coarsely.
+def template_knots(pulse_us: float, rate: float, *, fineness: int, count: int) -> tuple[float, ...]:
+    """Return knots that follow a pulse closely, then the ring more and more coarsely.
 
     Parameters
     ----------
-    scale : Scale
-        Of the campaign.
+    pulse_us : float
+        Usual contact time. [us]
     rate : float
         Samples per second. [Hz]
+    fineness, count : int
+        Knots a contact time, and in all.
 
     Returns
     -------
     tuple of float
-        After touch-down, at most `TEMPLATE_KNOTS`. [us]
+        After touch-down. [us]
     """
-    step = max(1e6 / rate, scale.pulse_s * 1e6 / TEMPLATE_FINENESS)
+    step = max(1e6 / rate, pulse_us / fineness)
     knots, at = [0.0], 0.0
-    while at < scale.window_s * 1e6 and len(knots) < TEMPLATE_KNOTS:
-        if at > 3e6 * scale.pulse_s:
+    while len(knots) < count:
+        if at > TEMPLATE_FINE_UNTIL * pulse_us:
             step *= TEMPLATE_GROWTH
         at += step
         knots.append(at)
     return tuple(knots)
+
+
+def template_columns(
+    samples: int,
+    rate: float,
+    touch_down_us: float,
+    size: float,
+    *,
+    family: str,
+    contact_us: float,
+    usual_us: float,
+) -> tuple[list[str], Array]:
+    """Return hat functions of a time in which every contact lasts equally long.
+
+    Parameters
+    ----------
+    samples : int
+        Of the shot.
+    rate : float
+        Samples per second. [Hz]
+    touch_down_us : float
+        Of the shot. [us]
+    size : float
+        Of the shot. [unit of the signal]
+    family : str
+        ``template``, or ``outline`` with fewer knots.
+    contact_us : float
+        Of the shot: within the contact time is stretched to the usual one, beyond it only moved.
+        [us]
+    usual_us : float
+        Contact time of the campaign. [us]
+
+    Returns
+    -------
+    labels : list of str
+        One a column.
+    columns : ndarray, shape (samples, q)
+        [unit of the signal]
+    """
+    fineness, count = TEMPLATES[family]
+    knots = template_knots(usual_us, rate, fineness=fineness, count=count)
+    t = np.arange(samples) / rate * 1e6 - touch_down_us
+    stretched = np.where(t < contact_us, t * usual_us / contact_us, t - contact_us + usual_us)
+    before, after = -knots[1], 2 * knots[-1] - knots[-2]
+    labels = [f"{at:.4g} us after touch-down" for at in knots]
+    return labels, _hats(stretched, np.array([before, *knots, after]), size)
 
 
 def contact_labels(*, sphere_only: bool) -> list[str]:

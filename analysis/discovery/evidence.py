@@ -21,18 +21,9 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
 from analysis.discovery.candidates import Proposal, column
-from analysis.discovery.columns import (
-    BUMPS_US,
-    Scale,
-    cell_names,
-    contact_columns,
-    contact_labels,
-    dynamic_columns,
-    locked_columns,
-    response_columns,
-    static_columns,
-    template_knots_us,
-)
+from analysis.discovery.columns import Scale
+from analysis.discovery.families import View, family_columns, scale_of, tuned
+from analysis.discovery.owners import owners
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
@@ -46,6 +37,7 @@ PARTS = {
     "memory": ("response", ("lag", "slope", "curvature", "decay")),
     "bend": ("static", ("square", "cube")),
     "top": ("static", ("top",)),
+    "zero": ("curve", ("at -0.02", "at -0.006", "at -0.002", "at 0 ", "at 0.002", "at 0.006")),
 }
 """Families made of some columns of another: its name, and how their labels begin."""
 RIDGE = 0.5
@@ -75,8 +67,6 @@ class ShotEvidence:
         The same, whitened. [1]
     touch_down : float
         Sample of the window at which the contact begins.
-    columns : ndarray, shape (n, q)
-        Of all families. [unit of the signal]
     """
 
     item: FitShot
@@ -86,7 +76,6 @@ class ShotEvidence:
     residual: Array
     white: Array
     touch_down: float
-    columns: Array
 
 
 @dataclass(frozen=True)
@@ -160,12 +149,15 @@ class Evidence:
         In order of time.
     families : dict
         Positions of each family's columns, and their labels.
+    scale : Scale
+        Sizes that the columns are measured in.
     """
 
     problem: JointProblem
     fitted: Fitted
     shots: list[ShotEvidence]
     families: dict[str, tuple[list[int], list[str]]]
+    scale: Scale
 
     # -- owners ----------------------------------------------------------------------------------
     def owners(self, scope: str) -> list[list[tuple[str, float]]]:
@@ -174,32 +166,14 @@ class Evidence:
         Parameters
         ----------
         scope : str
-            rig, surface, sphere, pair, height or order.
+            As `analysis.discovery.owners.owners` knows it.
 
         Returns
         -------
         list of list of tuple
             (owner, weight) for each shot.
         """
-        count = len(self.shots)
-        found: list[list[tuple[str, float]]] = []
-        for place, shot in enumerate(self.shots):
-            record = shot.item.shot
-            if scope == "rig":
-                found.append([("", 1.0)])
-            elif scope == "surface":
-                found.append([(str(record.surface), 1.0)])
-            elif scope == "sphere":
-                found.append([(str(record.sphere), 1.0)])
-            elif scope == "pair":
-                found.append([(shot.item.pair, 1.0)])
-            elif scope == "height":
-                height = record.drop_height_m
-                found.append([("?" if height is None else f"{height * 1e3:.1f} mm", 1.0)])
-            else:
-                t = 2.0 * place / max(count - 1, 1) - 1.0
-                found.append([("trend", t), ("bow", 1.5 * t * t - 0.5)])
-        return found
+        return owners(self.problem, scope)
 
     def explain(self, family: str, scope: str = "rig", *, heldout: bool = True) -> Explained:
         """Return what one family of columns explains, and what of it holds on other shots.
@@ -287,12 +261,6 @@ class Evidence:
             matrices, vectors, sum(matrices) + prior, sum(vectors) + pull, chains, labels, globals_
         )
 
-    def best_width(self, system: System, widths: Sequence[float]) -> float:
-        """Return how large coefficients should be taken to be, by what holds on other shots."""
-        folds = self._folds()
-        gains = {w: _heldout_gain(folds, system, w) for w in widths}
-        return max(gains, key=lambda w: gains[w])
-
     def _folds(self) -> list[list[int]]:
         """Return the shots to hold out together: each height, each sphere."""
         folds = []
@@ -335,7 +303,7 @@ def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Arra
     return gain, int(keep.sum()), ridged
 
 
-def _heldout_gain(folds: list[list[int]], system: System, width: float = RIDGE) -> float:
+def _heldout_gain(folds: list[list[int]], system: System) -> float:
     """Return the fall of held-out squares that the columns bring, averaged over ways to fold.
 
     A global that only the held-out shots know (the modulus of a sphere that is left out) is no
@@ -346,7 +314,7 @@ def _heldout_gain(folds: list[list[int]], system: System, width: float = RIDGE) 
     total, covered = 0.0, 0
     size = whole.shape[0]
     ridge = np.zeros(size)
-    ridge[globals_:] = width**-2
+    ridge[globals_:] = RIDGE**-2
     for fold in folds:
         inside = np.sum([matrices[i] for i in fold], axis=0)
         own = np.sum([vectors[i] for i in fold], axis=0)
@@ -370,23 +338,6 @@ def _fall(x: Array, inside: Array, own: Array, alone: list[int]) -> float:
         gradient = own - inside @ x
         x[alone] += np.linalg.solve(inside[np.ix_(alone, alone)], gradient[alone])
     return float(2 * x @ own - x @ inside @ x)
-
-
-def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
-    """Return the sizes that the generic columns of a fitted campaign are measured in."""
-    depths, speeds = [], []
-    for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
-        shared, _ = problem.shared_local(item, fitted.theta)
-        speed = math.exp(nuisance[0])
-        depths.append((1.25 * item.frame.mass_kg * speed**2 / math.exp(shared[0])) ** 0.4)
-        speeds.append(speed)
-    return Scale(
-        top=max(s.window.peak for s in problem.shots),
-        indentation_m=float(np.median(depths)),
-        speed_m_per_s=float(np.median(speeds)),
-        pulse_s=float(np.median([s.window.width_s for s in problem.shots])),
-        window_s=max(s.frame.samples / s.frame.sample_rate_hz for s in problem.shots),
-    )
 
 
 def gather(
@@ -414,7 +365,7 @@ def gather(
     Evidence
         Ready to be asked.
     """
-    scale = scale_of(problem, fitted)
+    scale = tuned(problem, fitted, scale_of(problem, fitted), wanted)
     families: dict[str, tuple[list[int], list[str]]] = {}
     shots = []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
@@ -430,7 +381,7 @@ def gather(
                 wanted=wanted,
             )
         )
-    return Evidence(problem, fitted, shots, families | _parts_of(families))
+    return Evidence(problem, fitted, shots, families | _parts_of(families), scale)
 
 
 def _parts_of(
@@ -443,46 +394,6 @@ def _parts_of(
             at, labels = families[whole]
             own = [j for j, label in enumerate(labels) if label.startswith(first_words)]
             found[name] = ([at[j] for j in own], [labels[j] for j in own])
-    return found
-
-
-def family_columns(
-    problem: JointProblem,
-    item: FitShot,
-    *,
-    local: Array,
-    clean: Array,
-    jacobian: Array,
-    scale: Scale,
-    wanted: Sequence[str] = GENERIC,
-) -> list[tuple[str, list[str], Array, Array | None, Array | None]]:
-    """Return (family, labels, signal, rebound, speed) of families for one shot."""
-    model = problem.model
-    rate = item.frame.sample_rate_hz
-    touch_down_us = float(local[len(model.shared) + 2])
-    found: list[tuple[str, list[str], Array, Array | None, Array | None]] = []
-    for family in wanted:
-        if family == "response":
-            found.append((family, *response_columns(clean, rate), None, None))
-        elif family == "static":
-            found.append((family, *static_columns(clean, scale), None, None))
-        elif family == "dynamic":
-            found.append((family, *dynamic_columns(clean, rate, scale), None, None))
-        elif family in ("locked", "template"):
-            knots = BUMPS_US if family == "locked" else template_knots_us(scale, rate)
-            hats = locked_columns(clean.size, rate, touch_down_us, item.window.peak, knots)
-            found.append((family, *hats, None, None))
-        elif family in ("contact", "loss"):
-            only = family == "loss"
-            signal, rebound = contact_columns(model, local, item, scale, sphere_only=only)
-            found.append((family, contact_labels(sphere_only=only), signal, rebound, None))
-        elif family == "cell":
-            names = cell_names(model)
-            places = [model.shared.index(n) for n in names]
-            found.append((family, names, 0.1 * jacobian[:, places], None, None))
-        else:
-            nothing = np.zeros((clean.size, 1))
-            found.append((family, ["speed"], nothing, None, np.array([0.1])))
     return found
 
 
@@ -502,15 +413,8 @@ def _shot_evidence(
     local = np.concatenate([shared, nuisance])
     found, jacobian, gradient = model.linearise(local, item.frame)
     clean = found.signal - local[len(model.shared) + 3]
-    parts = family_columns(
-        problem,
-        item,
-        local=local,
-        clean=clean,
-        jacobian=jacobian,
-        scale=scale,
-        wanted=wanted,
-    )
+    view = View(model, item, local, clean, jacobian, scale)
+    parts = [(f, *family_columns(view, f)) for f in wanted]
     for proposal in tried:
         columns, shift = column(proposal, model, local, item, found.signal)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
@@ -546,7 +450,6 @@ def _shot_evidence(
         residual=residual,
         white=white,
         nuisance=nuisance,
-        columns=signal,
     )
 
 
@@ -560,7 +463,6 @@ def _eliminated(
     residual: Array,
     white: Array,
     nuisance: Array,
-    columns: Array,
 ) -> ShotEvidence:
     inner = np.linalg.solve(
         matrix[keep:, keep:], np.column_stack([matrix[keep:, :keep], vector[keep:]])
@@ -574,5 +476,4 @@ def _eliminated(
         residual,
         white,
         float(nuisance[2]) * 1e-6 * item.frame.sample_rate_hz,
-        columns,
     )

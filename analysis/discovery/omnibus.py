@@ -38,21 +38,24 @@ SLOTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("contact", "sphere"),
         ("loss", "rig"),
         ("loss", "surface"),
+        ("stiffness", "drift"),
     ),
-    "mounting": (("response", "surface"), ("cell", "surface")),
-    "sensor": (("ringing", "rig"), ("bend", "rig")),
+    "mounting": (("mode", "surface"), ("mode", "shot"), ("pitch", "surface"), ("pitch", "drift")),
+    "sensor": (("ringing", "rig"), ("bend", "rig"), ("creep", "rig"), ("path", "rig"),
+               ("gain", "shot")),
     "electronics": (
         ("memory", "rig"),
         ("top", "rig"),
+        ("curve", "rig"),
         ("dynamic", "rig"),
-        ("cell", "order"),
-        ("cell", "shot"),
+        ("droop", "rig"),
+        ("gain", "drift"),
+        ("swing", "shot"),
+        ("clock", "shot"),
     ),
-}
-"""Whose closures stand for which slot. A chain that rings is taken for the sensor, one that delays,
-decays or tops out for the electronics; where neither is much better, neither is named alone."""
-
-LOCATING = tuple(f for families in SLOTS.values() for f in families)
+}  # fmt: skip
+"""Whose closures bound what an effect of a slot could explain. Several slots share a behaviour, so
+this does not decide which it is: `slots` does."""
 
 
 @dataclass(frozen=True)
@@ -81,27 +84,19 @@ class Omnibus:
         return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
 
 
-def ask(evidence: Evidence, *, heldout: bool = False) -> Omnibus:
+def ask(evidence: Evidence) -> Omnibus:
     """Return whether a fit's residual has structure.
 
     Parameters
     ----------
     evidence : Evidence
         Of the fit.
-    heldout : bool
-        Also compute each family's gain on held-out shots, and ask those that locate.
 
     Returns
     -------
     Omnibus
         p-value corrected by Bonferroni.
     """
-    answers = {}
-    for family, scope in ASKED:
-        answers[family, scope] = evidence.explain(family, scope, heldout=heldout)
+    answers = {part: evidence.explain(*part, heldout=False) for part in ASKED}
     p = min(a.p_value for a in answers.values()) * len(answers)
-    if heldout:
-        for family, scope in LOCATING:
-            if (family, scope) not in answers:
-                answers[family, scope] = evidence.explain(family, scope)
     return Omnibus(float(np.minimum(p, 1.0)), answers)

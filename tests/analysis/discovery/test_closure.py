@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from analysis.discovery.closure import learn
+import numpy as np
+
+from analysis.discovery.closure import learn, learn_force, on_top
 from analysis.discovery.localise import formula, locate
 from analysis.fit.campaign_fit import heldout_rms
 
@@ -29,3 +31,25 @@ def test_a_short_formula_holds_on_held_out_shots(leaky):
     found = formula(evidence, evidence.explain("memory", "rig"))
     assert found
     assert all("decay" in label or "lag" in label for label, _ in found)
+
+
+def test_numbers_of_single_shots_repair_held_out_shots_too(leaky):
+    """They are fitted to a held-out shot as its speed and touch-down are."""
+    first = leaky.steps[0]
+    before = heldout_rms(first.problem, first.fitted)
+    learned = learn(first.problem, first.fitted, [("gain", "shot")])
+    assert learned.heldout_rms < before
+    assert learned.coefficients == {}
+
+
+def test_a_closure_beside_a_force_is_one_with_it(leaky):
+    """Parts, coefficients and what both add are those of the two together."""
+    first = leaky.steps[0]
+    force = learn_force(
+        first.problem, first.fitted, first.evidence, forms=("elastic",), scope="rig"
+    )
+    more = on_top(force, learn(force.problem, force.fitted, [("creep", "rig")]))
+    assert more.parts == (("force_elastic", "rig"), ("creep", "rig"))
+    assert set(force.coefficients) < set(more.coefficients)
+    for shot, added, left in zip(first.evidence.shots, more.added, more.residual, strict=True):
+        assert np.allclose(shot.residual, added + left)

@@ -1,0 +1,147 @@
+"""Which closures are worth learning, and which repairs held-out shots best."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from analysis.discovery.closure import Learned, learn, learn_force, on_top
+from analysis.discovery.evidence import Evidence, Explained
+from analysis.discovery.slots import Part, worth
+from analysis.discovery.trail import Progress, Step
+
+FORCES = ("elastic", "rate")
+FORCED = ("contact", "loss")
+"""Families that stand for a free contact force."""
+ALSO = {"locked": "outline", "wander": "pieces"}
+"""What is learned where a family explains much that has too many numbers, or too coarse ones."""
+REFINED = {"curve": ("fine", "rig")}
+"""Tried as well, as it costs more."""
+LEARNABLE: tuple[Part, ...] = (
+    *((f, "rig") for f in ("response", "creep", "curve", "path", "droop", "dynamic", "contact",
+                           "loss", "mode")),
+    *((f, "surface") for f in ("response", "creep", "curve", "path", "contact", "loss", "mode",
+                               "pitch", "gain")),
+    *((f, "sphere") for f in ("response", "path", "contact", "loss", "gain")),
+    *((f, "shot") for f in ("stiffness", "gain", "pitch", "cell", "swing", "clock", "mode",
+                            "wander")),
+    *((f, "drift") for f in ("stiffness", "gain", "pitch")),
+    ("stiffness", "sphere drift"), ("stiffness", "surface drift"),
+    ("locked", "pair"),
+)  # fmt: skip
+MOST_LEARNED = 3
+WORTH_LEARNING = 0.15
+"""Share of the best first-order gain from which a closure is learned for real."""
+BROADER = 1.02
+"""A closure with an owner among several must bring so much more than the rig's one."""
+ENOUGH = 1.002
+"""Error on held-out shots over the noise at which nothing is left to repair."""
+BETTER = 0.9995
+"""Share of the error that one closure more must leave at most."""
+
+
+def best_closure(
+    step: Step, evidence: Evidence, answers: dict[Part, Explained], progress: Progress
+) -> Learned | None:
+    """Return the closure that repairs held-out shots best.
+
+    Parameters
+    ----------
+    step : Step
+        The present model.
+    evidence : Evidence
+        With the answers' families; it knows the tuned frequencies.
+    answers : dict
+        What each family explains, to first order.
+    progress : callable
+        Told what is being done and a share between 0 and 1.
+
+    Returns
+    -------
+    Learned or None
+        One closure, or two together where both are needed; None where none could be learned.
+    """
+    level = math.sqrt(float(np.mean([s.item.noise.rms**2 for s in evidence.shots])))
+    wanted = candidates(answers)
+    found: list[Learned] = []
+    for place, part in enumerate(wanted):
+        progress(f"learning a closure: {part[0]} by {part[1]}", 0.7 * place / len(wanted))
+        one = _learned(step, evidence, None, part)
+        if one is not None:
+            found.append(one)
+            if _error(one) < ENOUGH * level:
+                return one
+    if not found:
+        return None
+    found.sort(key=_error)
+    best = found[0]
+    seconds = [f.parts[0] for f in found[1:3] if not f.parts[0][0].startswith("force")]
+    for place, part in enumerate(dict.fromkeys([*seconds, ("outline", "pair")])):
+        if part in best.parts or _error(best) < ENOUGH * level:
+            continue
+        progress(f"learning {part[0]} by {part[1]} beside it", 0.7 + 0.1 * place)
+        both = _learned(step, evidence, best, part)
+        if both is not None and _error(both) < BETTER * _error(best):
+            best = both
+    return best
+
+
+def candidates(answers: dict[Part, Explained]) -> list[Part]:
+    """Return the closures worth learning, the most promising first.
+
+    Parameters
+    ----------
+    answers : dict
+        What each family explains, to first order.
+
+    Returns
+    -------
+    list of tuple
+        (family, scope), at most `MOST_LEARNED`; each family once, or with its finer form.
+    """
+    gains = {part: worth(answers[part]) for part in LEARNABLE if part in answers}
+    most = max(gains.values(), default=0.0)
+    ranked = sorted(gains, key=lambda p: -gains[p])
+    chosen: dict[str, Part] = {}
+    for family, scope in ranked:
+        kind = "contact" if family in FORCED else family
+        if gains[family, scope] < WORTH_LEARNING * most:
+            break
+        old = chosen.get(kind)
+        room = old is None and len(chosen) < MOST_LEARNED
+        if room or (old and scope == "rig" and gains[old] < BROADER * gains[family, scope]):
+            chosen[kind] = (family, scope)
+    return [(ALSO.get(kind, family), scope) for kind, (family, scope) in chosen.items()]
+
+
+def _error(found: Learned) -> float:
+    error = found.heldout_rms
+    return error if error is not None and math.isfinite(error) else math.inf
+
+
+def _learned(step: Step, evidence: Evidence, beside: Learned | None, part: Part) -> Learned | None:
+    """Return a closure learned, beside another one where that is wanted."""
+    family, scope = part
+    forced = beside is not None and beside.parts[0][0].startswith("force")
+    try:
+        if family in FORCED:
+            return learn_force(step.problem, step.fitted, step.evidence, forms=FORCES, scope=scope)
+        if beside is None:
+            return _refined(step, evidence, part)
+        if forced:
+            more = learn(beside.problem, beside.fitted, [part], evidence.scale)
+            return None if more is None else on_top(beside, more)
+        return learn(step.problem, step.fitted, [*beside.parts, part], evidence.scale)
+    except np.linalg.LinAlgError:
+        return None
+
+
+def _refined(step: Step, evidence: Evidence, part: Part) -> Learned | None:
+    """Return a closure, or its finer form where that holds better."""
+    coarse = learn(step.problem, step.fitted, [part], evidence.scale)
+    finer = REFINED.get(part[0])
+    if finer is None or coarse is None:
+        return coarse
+    fine = learn(step.problem, step.fitted, [finer], evidence.scale)
+    return fine if fine is not None and _error(fine) < _error(coarse) else coarse

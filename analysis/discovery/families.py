@@ -1,0 +1,234 @@
+"""A shot's columns by the name of their family, and the sizes they are measured in."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.discovery.columns import (
+    BUMPS_US,
+    TEMPLATES,
+    Scale,
+    cell_names,
+    contact_columns,
+    contact_labels,
+    dynamic_columns,
+    locked_columns,
+    response_columns,
+    static_columns,
+    template_columns,
+)
+from analysis.discovery.slot_columns import (
+    OF_PARAMETERS,
+    OF_SIGNAL,
+    parameter_columns,
+    piece_columns,
+    wander_columns,
+)
+from analysis.discovery.tuned import TUNED, best_frequency, tuned_columns
+from analysis.fit.joint import Fitted
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.impact_model import ImpactModel
+
+Array = NDArray[np.float64]
+Columns = tuple[list[str], Array, Array | None, Array | None]
+"""Labels, signal, and where there are any: change of the rebound, of the promised ln v0."""
+
+TOUCH_DOWN, BASELINE = 2, 3
+"""Places among a shot's own parameters."""
+TUNED_BY = 3
+"""Every so manieth shot is asked for a frequency."""
+
+
+@dataclass(frozen=True)
+class View:
+    """One shot as the present model sees it.
+
+    Attributes
+    ----------
+    model : ImpactModel
+        The model.
+    item : FitShot
+        The shot.
+    local : ndarray, shape (p,)
+        Its local parameters.
+    clean : ndarray, shape (n,)
+        The model's signal without the baseline. [unit of the signal]
+    jacobian : ndarray, shape (n, p)
+        Of the signal.
+    scale : Scale
+        Of the campaign.
+    """
+
+    model: ImpactModel
+    item: FitShot
+    local: Array
+    clean: Array
+    jacobian: Array
+    scale: Scale
+
+    @property
+    def rate(self) -> float:
+        """Return the sampling rate. [Hz]"""
+        return self.item.frame.sample_rate_hz
+
+    @property
+    def touch_down_us(self) -> float:
+        """Return when the contact begins, after the window. [us]"""
+        return float(self.local[len(self.model.shared) + TOUCH_DOWN])
+
+    @property
+    def contact_us(self) -> float:
+        """Return how long the contact lasts by Hertz. [us]"""
+        return 1e6 * hertz_time_s(self.item, self.local, len(self.model.shared))
+
+
+def _locked(view: View) -> Columns:
+    peak = view.item.window.peak
+    return (
+        *locked_columns(view.clean.size, view.rate, view.touch_down_us, peak, BUMPS_US),
+        None,
+        None,
+    )
+
+
+def _template(view: View, family: str) -> Columns:
+    labels, columns = template_columns(
+        view.clean.size,
+        view.rate,
+        view.touch_down_us,
+        view.item.window.peak,
+        family=family,
+        contact_us=view.contact_us,
+        usual_us=1e6 * view.scale.contact_s,
+    )
+    return labels, columns, None, None
+
+
+def _force(view: View, *, sphere_only: bool) -> Columns:
+    signal, rebound = contact_columns(
+        view.model, view.local, view.item, view.scale, sphere_only=sphere_only
+    )
+    return contact_labels(sphere_only=sphere_only), signal, rebound, None
+
+
+def _cell(view: View) -> Columns:
+    names = cell_names(view.model)
+    places = [view.model.shared.index(n) for n in names]
+    return names, 0.1 * view.jacobian[:, places], None, None
+
+
+def _speed(view: View) -> Columns:
+    return ["speed"], np.zeros((view.clean.size, 1)), None, np.array([0.1])
+
+
+_BY_NAME: dict[str, Callable[[View], Columns]] = {
+    "response": lambda v: (*response_columns(v.clean, v.rate), None, None),
+    "static": lambda v: (*static_columns(v.clean, v.scale), None, None),
+    "dynamic": lambda v: (*dynamic_columns(v.clean, v.rate, v.scale), None, None),
+    "locked": _locked,
+    "contact": lambda v: _force(v, sphere_only=False),
+    "loss": lambda v: _force(v, sphere_only=True),
+    "cell": _cell,
+    "speed": _speed,
+    "pieces": lambda v: (
+        *piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us), None, None
+    ),
+    "wander": lambda v: (*wander_columns(v.clean, v.rate, v.touch_down_us), None, None),
+}  # fmt: skip
+
+
+def family_columns(view: View, family: str) -> Columns:
+    """Return one family's columns of one shot.
+
+    Parameters
+    ----------
+    view : View
+        The shot.
+    family : str
+        Any of `columns`, `slot_columns` and `tuned`.
+
+    Returns
+    -------
+    tuple
+        Labels, signal of shape (n, q) [unit of the signal], and where there are any the changes of
+        the rebound ratio and of the promised ln v0, of shape (q,).
+    """
+    if family in TEMPLATES:
+        return _template(view, family)
+    if family in TUNED:
+        frequency = view.scale.tuned_hz[family]
+        labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
+        return labels, tuned_columns(family, view.clean, view.rate, frequency), None, None
+    if family in OF_SIGNAL:
+        return *OF_SIGNAL[family](view.clean, view.rate, view.scale), None, None
+    if family in OF_PARAMETERS:
+        return *parameter_columns(family, view.model, view.jacobian), None, None
+    return _BY_NAME[family](view)
+
+
+def hertz_time_s(item: FitShot, local: Array, speed_at: int) -> float:
+    """Return how long an elastic contact of this shot lasts. [s]
+
+    Notes
+    -----
+    Source: Hertz; K. L. Johnson, Contact Mechanics (1985), 11.4. Only a scale of time here.
+    """
+    stiffness, speed = math.exp(local[0]), math.exp(local[speed_at])
+    depth = (1.25 * item.frame.mass_kg * speed**2 / stiffness) ** 0.4
+    return float(2.94 * depth / speed)
+
+
+def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
+    """Return the sizes that the generic columns of a fitted campaign are measured in."""
+    depths, speeds, contacts = [], [], []
+    for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
+        shared, _ = problem.shared_local(item, fitted.theta)
+        speed = math.exp(nuisance[0])
+        depths.append((1.25 * item.frame.mass_kg * speed**2 / math.exp(shared[0])) ** 0.4)
+        speeds.append(speed)
+        contacts.append(hertz_time_s(item, np.array([*shared, *nuisance]), len(shared)))
+    return Scale(
+        top=max(s.window.peak for s in problem.shots),
+        indentation_m=float(np.median(depths)),
+        speed_m_per_s=float(np.median(speeds)),
+        pulse_s=float(np.median([s.window.width_s for s in problem.shots])),
+        contact_s=float(np.median(contacts)),
+        window_s=max(s.frame.samples / s.frame.sample_rate_hz for s in problem.shots),
+    )
+
+
+def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[str]) -> Scale:
+    """Return the scale with the frequencies of those families that need one.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The present model, along whose residual they are looked for.
+    scale : Scale
+        From `scale_of`.
+    wanted : sequence of str
+        Families.
+
+    Returns
+    -------
+    Scale
+        Frequencies it already has are kept.
+    """
+    families = [f for f in wanted if f in TUNED and f not in scale.tuned_hz]
+    if not families:
+        return scale
+    signals, residuals, rates = [], [], []
+    for item, nuisance in list(zip(problem.shots, fitted.nuisances, strict=True))[::TUNED_BY]:
+        shared, _ = problem.shared_local(item, fitted.theta)
+        found = problem.model.predict(np.concatenate([shared, nuisance]), item.frame)
+        signals.append(found.signal - nuisance[BASELINE])
+        residuals.append(item.window.signal - found.signal)
+        rates.append(item.frame.sample_rate_hz)
+    best = {f: best_frequency(f, signals, residuals, rates) for f in families}
+    return dataclasses.replace(scale, tuned_hz=scale.tuned_hz | best)

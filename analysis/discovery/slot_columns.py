@@ -1,0 +1,170 @@
+r"""Columns that tell slots apart: what only one part of an instrument is likely to do.
+
+They are never asked whether there is structure (`columns` is), only where it lives.
+
+==============  ====================================================================================
+family          what it can take up
+==============  ====================================================================================
+``gain``        the cell's gain
+``pitch``       the cell's frequency and damping
+``stiffness``   the stiffness of the contact
+``creep``       memory from tens of microseconds to milliseconds
+``slow``        a slow ring that the impact sets off
+``curve``       a memoryless curve of the signal, both signs, fine near zero
+``fine``        the same in even steps of a hundredth; only learned
+``path``        the same, another one for the way up and the way down
+``droop``       a gain that sinks with what the signal has been
+``pieces``      a gain that changes within the contact; only learned
+``wander``      a time axis that swings
+==============  ====================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from analysis.discovery.columns import Scale, locked_columns
+from analysis.model.impact_model import ImpactModel
+
+Array = NDArray[np.float64]
+
+CREEPS_S = (2e-5, 8e-5, 3.2e-4, 1.3e-3, 5e-3)
+SLOW_HZ = (300.0, 600.0, 1200.0, 2400.0)
+SLOW_ZETA = 0.1
+CURVE_KNOTS = (-0.2, -0.06, -0.02, -0.006, -0.002, 0.0, 0.002, 0.006, 0.02, 0.06,
+               0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)  # fmt: skip
+PATH_KNOTS = (-0.1, -0.03, 0.0, 0.03, 0.1, 0.25, 0.45, 0.7, 1.0)
+FINE_KNOTS = tuple((np.arange(-12, 97) / 96).tolist())
+DROOPS_S = (2e-4, 1e-3, 5e-3)
+PIECES = (0.15, 0.5, 0.85, 1.2)
+WANDERS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620)
+CHANGE = 0.05
+"""Relative change of a parameter that a coefficient of one stands for."""
+
+
+def forgetting(signal: Array, rate: float, tau_s: float) -> Array:
+    """Return the signal's mean over the last so many seconds, exponentially forgotten."""
+    decay = math.exp(-1 / (rate * tau_s))
+    return np.asarray(lfilter([1 - decay], [1, -decay], signal))
+
+
+def ringing(signal: Array, rate: float, frequency_hz: float, zeta: float) -> tuple[Array, Array]:
+    """Return what a resonance makes of a signal, in phase and out of it."""
+    pole = np.exp((-zeta + 1j) * 2 * math.pi * frequency_hz / rate)
+    found = lfilter([1 - abs(pole)], [1, -pole], signal)
+    return found.real, found.imag
+
+
+def _hats(values: Array, knots: Array) -> Array:
+    """Return piecewise linear functions, one at each knot and flat beyond. Shape (n, knots)."""
+    inside = np.clip(values, knots[0], knots[-1])
+    at = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, knots.size - 2)
+    share = (inside - knots[at]) / (knots[at + 1] - knots[at])
+    found = np.zeros((values.size, knots.size))
+    rows = np.arange(values.size)
+    found[rows, at] = 1.0 - share
+    found[rows, at + 1] = share
+    return found
+
+
+def _creep(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del scale
+    labels = [f"memory {t * 1e3:g} ms" for t in CREEPS_S]
+    return labels, np.column_stack([forgetting(signal, rate, t) for t in CREEPS_S])
+
+
+def _slow(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del scale
+    labels = [f"slow ring {f:g} Hz {p}" for f in SLOW_HZ for p in ("cos", "sin")]
+    return labels, np.column_stack(
+        [c for f in SLOW_HZ for c in ringing(signal, rate, f, SLOW_ZETA)]
+    )
+
+
+def _curve(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del rate
+    return [f"at {k:g} of the top" for k in CURVE_KNOTS], _bent(signal, scale, CURVE_KNOTS)
+
+
+def _bent(signal: Array, scale: Scale, knots: tuple[float, ...]) -> Array:
+    return 0.1 * scale.top * _hats(signal / scale.top, np.array(knots))
+
+
+def _fine(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del rate
+    return [f"at {k:.4g} of the top" for k in FINE_KNOTS], _bent(signal, scale, FINE_KNOTS)
+
+
+def _path(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del rate
+    both = _bent(signal, scale, PATH_KNOTS)
+    up = np.gradient(signal) > 0.0
+    labels = [f"{way} at {k:g} of the top" for way in ("up", "down") for k in PATH_KNOTS]
+    return labels, np.hstack([both * up[:, None], both * ~up[:, None]])
+
+
+def _droop(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    labels = [f"signal times memory {t * 1e3:g} ms" for t in DROOPS_S]
+    columns = [
+        signal * forgetting(np.abs(signal), rate, t) * t * rate / (50.0 * scale.top)
+        for t in DROOPS_S
+    ]
+    return labels, np.column_stack(columns)
+
+
+def wander_columns(signal: Array, rate: float, touch_down_us: float) -> tuple[list[str], Array]:
+    """Return the signal's slope in pieces of time after touch-down. Labels and shape (n, q)."""
+    slope = np.gradient(signal) * rate * 1e-6
+    labels, pieces = locked_columns(signal.size, rate, touch_down_us, 1.0, WANDERS_US)
+    return [f"clock at {label}" for label in labels], pieces * slope[:, None]
+
+
+def piece_columns(
+    signal: Array, rate: float, touch_down_us: float, contact_us: float
+) -> tuple[list[str], Array]:
+    """Return the signal in pieces: early, middle and late contact, and all that follows.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The model's. [unit of the signal]
+    rate : float
+        Sampling rate. [Hz]
+    touch_down_us, contact_us : float
+        Of the shot. [us]
+
+    Returns
+    -------
+    labels : list of str
+        One a column.
+    columns : ndarray, shape (n, 4)
+        [unit of the signal]
+    """
+    t = (np.arange(signal.size) / rate * 1e6 - touch_down_us) / contact_us
+    labels = [f"gain at {k:g} contact times" for k in PIECES]
+    return labels, 0.1 * signal[:, None] * _hats(t, np.array(PIECES))
+
+
+OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] = {
+    "creep": _creep,
+    "slow": _slow,
+    "curve": _curve,
+    "fine": _fine,
+    "path": _path,
+    "droop": _droop,
+}
+"""Families that are functions of the model's signal alone."""
+
+OF_PARAMETERS = {"gain": ("ln_S",), "pitch": ("ln_w", "ln_z"), "stiffness": ("ln_K",)}
+"""Families that are changes of the model's own parameters."""
+
+
+def parameter_columns(family: str, model: ImpactModel, jacobian: Array) -> tuple[list[str], Array]:
+    """Return a change of the model's own parameters as columns. Labels and shape (n, q)."""
+    names = [n for n in OF_PARAMETERS[family] if n in model.shared]
+    return names, CHANGE * jacobian[:, [model.shared.index(n) for n in names]]

@@ -1,0 +1,146 @@
+r"""Which slot? A multinomial logistic regression on what generic families explain.
+
+For each family k of `BANK` the evidence gives how far the whitened squares fall, g_k, twice the
+number of coefficients taken off. What counts is how much of the best a family leaves:
+
+.. math::
+
+    x_k = -\log_{10} \frac{1.02\, g_{max} - g_k + 10}{1.02\, g_{max} + 10}, \qquad
+    p_s \propto \exp\Big(b_s + \sum_k w_{sk} \frac{x_k - m_k}{d_k}\Big)
+
+Two numbers stand beside these: how much slow unrest there is before the trigger, and log g_max.
+The table of b, w, m, d is in `slot_table`, with how it was made and how well it does.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.discovery.evidence import Evidence, Explained
+from analysis.discovery.slot_table import BIAS, CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
+from analysis.fit.problem import FitShot
+from analysis.fit.window import quiet_part
+
+Array = NDArray[np.float64]
+Part = tuple[str, str]
+
+FAMILIES = (
+    "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "gain", "pitch",
+    "stiffness", "creep", "slow", "curve", "path", "droop", "wander", "swing", "clock", "mode",
+)  # fmt: skip
+"""What has to be gathered for `BANK`."""
+
+BANK: tuple[Part, ...] = (
+    *((family, "shot") for family in (
+        "speed", "stiffness", "gain", "pitch", "cell", "slow", "ringing", "wander", "swing",
+        "clock", "mode", "locked",
+    )),
+    *((family, "rig") for family in (
+        "response", "memory", "ringing", "creep", "slow", "curve", "zero", "top", "bend", "path",
+        "droop", "dynamic", "contact", "loss", "locked", "mode",
+    )),
+    *((family, "surface") for family in (
+        "gain", "pitch", "response", "ringing", "creep", "slow", "curve", "path", "contact",
+        "loss", "locked", "cell", "mode",
+    )),
+    *((family, "sphere") for family in (
+        "gain", "pitch", "response", "slow", "curve", "path", "contact", "loss", "locked",
+    )),
+    *((family, "pair") for family in ("stiffness", "gain", "contact", "locked")),
+    *((family, "height") for family in ("speed", "stiffness", "gain", "pitch")),
+    *((family, "drift") for family in ("stiffness", "gain", "pitch", "locked")),
+    ("stiffness", "sphere drift"),
+    ("stiffness", "surface drift"),
+    ("cell", "order"),
+)  # fmt: skip
+"""(family, scope) in the order of the table."""
+
+LEAST = 10.0
+"""Whitened squares that chance brings."""
+PRICE = 2.0
+"""Of a coefficient, in whitened squares."""
+CALM_TERMS = 16
+"""Slowest cosines of the quiet part that are looked at."""
+LEAST_QUIET = 200
+MOST_UNREST = 1.0
+
+
+def ask_bank(evidence: Evidence) -> dict[Part, Explained]:
+    """Return what each family of `BANK` explains, to first order.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        Gathered with `FAMILIES`.
+
+    Returns
+    -------
+    dict
+        By (family, scope); a family that cannot be solved for is left out.
+    """
+    found = {}
+    for family, scope in BANK:
+        if not evidence.families[family][0]:
+            continue  # a rigid cell has no pitch
+        try:
+            found[family, scope] = evidence.explain(family, scope, heldout=False)
+        except np.linalg.LinAlgError:
+            continue
+    return found
+
+
+def worth(found: Explained) -> float:
+    """Return a gain with its coefficients paid for. [1]"""
+    return max(found.gain - PRICE * found.dof, 0.0)
+
+
+def unrest(shots: list[FitShot]) -> float:
+    """Return the whitened power of the slowest part of the quiet stretch, 1 for plain noise."""
+    squares: list[float] = []
+    for item in shots:
+        quiet = item.window.polarity * quiet_part(item.shot)
+        if quiet.size < LEAST_QUIET:
+            continue
+        place = (np.arange(quiet.size) + 0.5) / quiet.size
+        slow = np.cos(np.pi * np.outer(place, np.arange(1, CALM_TERMS + 1)))
+        basis, _ = np.linalg.qr(item.noise.whiten(slow))
+        squares += list(np.square(basis.T @ item.noise.whiten(quiet - quiet.mean())))
+    return float(np.mean(squares)) if squares else 1.0
+
+
+def features(answers: dict[Part, Explained], shots: list[FitShot]) -> Array:
+    """Return the numbers that tell slots apart. Shape (len(BANK) + 2,).
+
+    Parameters
+    ----------
+    answers : dict
+        From `ask_bank`.
+    shots : list of FitShot
+        With their quiet stretches.
+    """
+    gains = np.array([worth(answers[k]) if k in answers else 0.0 for k in BANK])
+    most = max(float(gains.max()), LEAST)
+    left = (1.02 * most - gains + LEAST) / (1.02 * most + LEAST)
+    calm = min(max(math.log(max(unrest(shots), 1.0)), 0.0), MOST_UNREST)
+    return np.array([*(-np.log10(left)), calm, math.log10(most) - 3.0])
+
+
+def probabilities(found: Array) -> dict[str, float]:
+    """Return how likely each slot is.
+
+    Parameters
+    ----------
+    found : ndarray, shape (f,)
+        From `features`.
+
+    Returns
+    -------
+    dict
+        Slot to probability.
+    """
+    score = BIAS + WEIGHTS @ ((found - CENTRE) / SPREAD)
+    odds = np.exp(score - score.max())
+    return dict(zip(SLOT_NAMES, map(float, odds / odds.sum()), strict=True))

@@ -1,0 +1,87 @@
+"""Slots are told by what generic families explain; frequencies and owners are found as stated."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from analysis.discovery.evidence import gather
+from analysis.discovery.owners import owners
+from analysis.discovery.slots import BANK, FAMILIES, ask_bank, features, probabilities, unrest
+from analysis.discovery.tuned import TUNED, best_frequency, tuned_columns
+
+RATE = 1e6
+
+
+@pytest.fixture(scope="module")
+def answers(leaky):
+    """What the bank says of a campaign through a leaky coupler."""
+    first = leaky.steps[0]
+    return ask_bank(gather(first.problem, first.fitted, wanted=FAMILIES))
+
+
+def test_probabilities_are_of_five_slots_and_sum_to_one(leaky, answers):
+    """Whatever the answers, one of the slots it is."""
+    found = probabilities(features(answers, leaky.steps[0].problem.shots))
+    assert sorted(found) == ["contact", "electronics", "mounting", "release", "sensor"]
+    assert math.isclose(sum(found.values()), 1.0)
+    assert min(found.values()) >= 0.0
+
+
+def test_every_feature_has_its_column_in_the_table(leaky, answers):
+    """A family without an answer counts as explaining nothing."""
+    shots = leaky.steps[0].problem.shots
+    assert features(answers, shots).shape == (len(BANK) + 2,)
+    assert np.all(np.isfinite(features({}, shots)))
+
+
+def test_quiet_stretches_of_plain_noise_have_no_unrest(clean):
+    """The slowest part of white noise is as strong as any other."""
+    assert unrest(clean.steps[0].problem.shots) == pytest.approx(1.0, abs=0.35)
+
+
+def test_an_oscillation_before_the_trigger_is_unrest(clean):
+    """A slow swing of the noise's size stands out of its slowest part."""
+    rng = np.random.default_rng(5)
+    swinging = []
+    for item in clean.steps[0].problem.shots:
+        t = np.arange(item.shot.signal.size) / item.shot.sample_rate_hz
+        swing = item.noise.rms * np.sin(2 * math.pi * 1500.0 * t + rng.uniform(0.0, 6.0))
+        record = dataclasses.replace(item.shot, signal=item.shot.signal + swing)
+        swinging.append(dataclasses.replace(item, shot=record))
+    assert unrest(swinging) > 5.0
+
+
+@pytest.mark.parametrize("family", sorted(TUNED))
+def test_a_shared_frequency_is_found_whatever_the_phases(family):
+    """Sizes and phases differ from shot to shot, the frequency does not."""
+    rng = np.random.default_rng(11)
+    t = np.arange(2000) / RATE
+    truth = TUNED[family][20]
+    signals, residuals = [], []
+    for _ in range(4):
+        pulse = np.exp(-(((t - 3e-4) / 2e-5) ** 2)) + 0.0 * t
+        columns = tuned_columns(family, pulse, RATE, truth)
+        signals.append(pulse)
+        residuals.append(columns @ rng.standard_normal(2))
+    assert best_frequency(family, signals, residuals, [RATE] * 4) == truth
+
+
+def test_owners_with_a_speed_have_a_second_coefficient_that_sums_to_little(clean):
+    """It stands for the change with the logarithm of the speed, from the usual one on."""
+    problem = clean.steps[0].problem
+    found = owners(problem, "pair speed")
+    assert {len(own) for own in found} == {2}
+    for own, item in zip(found, problem.shots, strict=True):
+        assert own[0] == (item.pair, 1.0)
+        assert abs(own[1][1]) < 1.0
+
+
+def test_a_drift_has_a_trend_from_minus_one_to_one(clean):
+    """Whatever the number of shots."""
+    found = owners(clean.steps[0].problem, "drift")
+    assert dict(found[0])["trend"] == -1.0
+    assert dict(found[-1])["trend"] == 1.0
