@@ -83,6 +83,7 @@ class CalibrationRunner:
         self._lock = threading.Lock()
         self._thread: threading.Thread | None = None
         self._ending = threading.Event()
+        self._told: dict[str, Any] | None = None
 
     def request(
         self,
@@ -173,6 +174,11 @@ class CalibrationRunner:
         thread = self._thread
         return thread is not None and thread.is_alive()
 
+    def progress(self) -> dict[str, Any] | None:
+        """Return how far the run under way is, as `calibration.progress` told it last."""
+        told = self._told
+        return dict(told) if told is not None and self.running() else None
+
     # Admission
 
     def _plan(self, plan: Sequence[Mapping[str, Any]] | None) -> list[dict[str, Any]]:
@@ -221,6 +227,7 @@ class CalibrationRunner:
     def _run(self, run: Calibration, drops: list[PlannedDrop], reservation: Reservation) -> None:
         began_s = time.monotonic()
         try:
+            self._told = None
             self._archive.calibrations.set_state(run.number, "running")
             self._tell("calibration.started", run, {"drops": len(drops)})
             for index, planned in enumerate(drops):
@@ -230,6 +237,7 @@ class CalibrationRunner:
             with self._archive.transaction():
                 self._archive.calibrations.set_state(run.number, "fitting")
                 request_calibration_fit(self._archive, run.number)
+            self._told = None
             self._tell("calibration.fitting", run, {"drops": len(drops)})
         except Exception as error:  # the run ends with a reason, whatever it was
             self._fail(run, error)
@@ -290,20 +298,18 @@ class CalibrationRunner:
     ) -> None:
         # An estimate from the drops so far; before the first one nobody knows the technician.
         each_s = (time.monotonic() - began_s) / done if done else None
-        self._tell(
-            "calibration.progress",
-            run,
-            {
-                "done": done,
-                "of": of,
-                "remaining_s": None if each_s is None else each_s * (of - done),
-                "next": {
-                    "sphere": planned.sphere,
-                    "surface": planned.surface,
-                    "drop_height_m": planned.drop_height_m,
-                },
+        told: dict[str, Any] = {
+            "done": done,
+            "of": of,
+            "remaining_s": None if each_s is None else each_s * (of - done),
+            "next": {
+                "sphere": planned.sphere,
+                "surface": planned.surface,
+                "drop_height_m": planned.drop_height_m,
             },
-        )
+        }
+        self._told = {"number": run.number, **told}
+        self._tell("calibration.progress", run, told)
 
     def _fail(self, run: Calibration, error: Exception) -> None:
         if isinstance(error, _EndedEarlyError):

@@ -22,6 +22,7 @@ from analysis.errors import UnknownModelError
 from analysis.model.impact_model import model_named
 from impactd import __version__
 from impactd.acquisition.service import AcquisitionService
+from impactd.alarms import Alarms
 from impactd.calibration_run import CalibrationRunner
 from impactd.data_lock import DataLock
 from impactd.events import EventBus
@@ -57,6 +58,8 @@ class Daemon:
         Digitizer and valve, real or simulated.
     bus : EventBus
         What happens.
+    alarms : Alarms
+        What went wrong, until somebody has seen it.
     service : AcquisitionService
         Drops.
     jobs : JobRunner
@@ -90,7 +93,8 @@ class Daemon:
             self.archive.close()
             self.lock.release()
             raise
-        publish = self.bus.publish
+        self.alarms = Alarms(self.bus, self.archive.alarms)
+        publish = self.alarms.publish
         self.jobs = JobRunner(self.archive, settings, publish, materials=self.materials)
         self.service = AcquisitionService(self.rig, self.archive, settings, self.materials, publish)
         self.calibrations = CalibrationRunner(self.service, self.archive, settings)
@@ -131,12 +135,14 @@ class Daemon:
         Returns
         -------
         dict
-            ``ready``, ``sentence``, ``state``, ``owner``, ``drop``, checks, calibration, alarms.
+            ``ready``, ``sentence``, ``state``, ``owner``, ``drop``, checks, calibration, alarms,
+            and ``series``: how far a calibration run is, ``None`` where none makes drops.
         """
         status = asdict(self.service.status())
         status["rig"] = {"name": self.rig.name, "simulated": self.rig.simulated}
         status["jobs_waiting"] = self.archive.jobs.waiting()
         status["active_model"] = self.archive.models.active()
+        status["series"] = self.calibrations.progress()
         status["version"] = __version__
         return status
 

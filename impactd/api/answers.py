@@ -77,6 +77,21 @@ def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
     return answer
 
 
+def shot_summary(shot: Shot, fits: list[Fit]) -> ShotAnswer:
+    """Return a shot for a list: with what to do with it and its modulus, without its fits."""
+    answer = shot_answer(shot)
+    answer.advice, answer.reasons = advice(shot, fits)
+    best = best_fit(fits)
+    answer.reduced_modulus_Pa = None if best is None else best.result.get("reduced_modulus_Pa")
+    answer.model = None if best is None else best.model
+    return answer
+
+
+def best_fit(fits: list[Fit]) -> Fit | None:
+    """Return the fit that speaks for a shot: the first with a cell that moves, else any."""
+    return next((fit for fit in fits if fit.model.startswith("kv")), fits[0] if fits else None)
+
+
 def advice(shot: Shot, fits: list[Fit]) -> tuple[Any, list[str]]:
     """Return what to do with a shot, and why.
 
@@ -93,9 +108,9 @@ def advice(shot: Shot, fits: list[Fit]) -> tuple[Any, list[str]]:
         ``use``, ``check`` or ``repeat``; ``None`` while there is no fit yet.
     """
     reasons = ["clipped"] if shot.clipped else []
-    if not fits:
+    best = best_fit(fits)
+    if best is None:
         return ("repeat" if reasons else None), reasons
-    best = next((fit for fit in fits if fit.model.startswith("kv")), fits[0])
     reasons += [str(flag) for flag in best.result.get("flags") or [] if flag not in reasons]
     if shot.clipped:
         return "repeat", reasons
@@ -114,7 +129,8 @@ def fit_answer(fit: Fit) -> FitAnswer:
         model=fit.model,
         calibration=fit.calibration,
         created_utc=fit.created_utc,
-        result=without_nan(fit.result),
+        # The curve has a route of its own; nobody reads it as text.
+        result=without_nan({key: fit.result[key] for key in fit.result if key != "curve"}),
     )
 
 

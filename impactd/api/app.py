@@ -10,12 +10,14 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from impactd import __version__
+from impactd.api.audit import Audit
 from impactd.api.finite import without_nan
 from impactd.api.gate import MAX_BODY_BYTES, Gate
 from impactd.api.links import add_links, mark_open_routes
 from impactd.api.metrics import Metrics
 from impactd.api.problems import MEDIA_TYPE, ProblemError, document_schema, from_status
 from impactd.api.routes import (
+    alarms,
     calibrations,
     diagnoses,
     drops,
@@ -23,8 +25,11 @@ from impactd.api.routes import (
     events,
     fits,
     health,
+    log,
     models,
     moduli,
+    page,
+    rig,
     session,
     shots,
     status,
@@ -44,9 +49,13 @@ _ROUTERS = (
     effects.router,
     models.router,
     status.router,
+    rig.router,
+    alarms.router,
+    log.router,
     events.router,
     session.router,
     health.router,
+    page.router,
 )
 _DESCRIPTION = """\
 Runs a sphere-drop impact rig and turns each drop into an elastic modulus.
@@ -92,6 +101,7 @@ def create_app(daemon: Daemon) -> FastAPI:
         Gate,
         allowed_hosts=allowed_hosts(daemon),
         observe=metrics.observe,
+        record=Audit(daemon.bus.publish).record,
         max_body_bytes=MAX_BODY_BYTES,
     )
     app.add_exception_handler(HTTPException, _http_problem)

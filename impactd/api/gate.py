@@ -16,6 +16,7 @@ import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from impactd.api.audit import WRITES, Written
 from impactd.api.problems import MEDIA_TYPE, ProblemError, from_status
 
 MAX_BODY_BYTES = 64 * 1024
@@ -32,6 +33,7 @@ _SECURITY_HEADERS = {
 _KEPT = ("allow", "content-range", "retry-after", "www-authenticate")
 
 Observer = Callable[[Scope, int, float], None]
+Recorder = Callable[[Written], None]
 _log = structlog.get_logger("impactd.api")
 
 
@@ -66,6 +68,8 @@ class Gate:
         Host names the daemon answers to, without port; against DNS rebinding.
     observe : callable
         Called with scope, status and seconds once per answered request.
+    record : callable
+        Called in a thread with every write, after its answer has gone out.
     max_body_bytes : int, optional
         Largest request body. [byte]
     """
@@ -76,11 +80,13 @@ class Gate:
         *,
         allowed_hosts: Sequence[str],
         observe: Observer,
+        record: Recorder,
         max_body_bytes: int = MAX_BODY_BYTES,
     ) -> None:
         self._app = app
         self._hosts = frozenset(name.lower() for name in allowed_hosts)
         self._observe = observe
+        self._record = record
         self._max_body_bytes = max_body_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -89,6 +95,7 @@ class Gate:
             await self._app(scope, receive, send)
             return
         reply = _Reply(scope, send, self._observe)
+        scope.setdefault("state", {})
         try:
             self._check(scope)
             await self._app(scope, self._counted(receive), reply.send)
@@ -107,6 +114,9 @@ class Gate:
                 ),
                 receive,
             )
+        if scope["method"] in WRITES and reply.started:
+            written = Written(scope, reply.status, reply.location)
+            await anyio.to_thread.run_sync(self._record, written)
 
     def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)
@@ -159,6 +169,8 @@ class _Reply:
         self._observe = observe
         self._began_s = time.perf_counter()
         self.started = False
+        self.status = 0
+        self.location: str | None = None
         self._foreign: ProblemError | None = None
 
     async def send(self, message: Message) -> None:
@@ -182,6 +194,8 @@ class _Reply:
             headers.setdefault(name, value)
         message["headers"] = headers.raw
         self.started = True
+        self.status = message["status"]
+        self.location = headers.get("location")
         self._observe(self._scope, message["status"], time.perf_counter() - self._began_s)
         await self._send(message)
 

@@ -177,6 +177,10 @@ class ShotAnswer(Answer):
     fits: list[FitAnswer] | None = Field(None, description="The latest of each model.")
     advice: Literal["use", "check", "repeat"] | None = None
     reasons: list[str] | None = None
+    reduced_modulus_Pa: dict[str, Any] | None = Field(  # noqa: N815 - the unit's own capital
+        None, description="Of the fit that speaks for the shot; in lists with `summary`."
+    )
+    model: str | None = Field(None, description="Of that fit.")
 
 
 class TraceAnswer(Answer):
@@ -333,6 +337,62 @@ class StatusAnswer(Answer):
     state: str
     owner: str | None
     drop: int | None
+
+
+class AlarmAnswer(Answer):
+    """Something that went wrong."""
+
+    id: int
+    kind: str = Field(description="The event that raised it.")
+    sentence: str
+    remedy: str
+    times: int = Field(description="How often it happened while it was open.")
+    first_utc: str
+    last_utc: str
+    acknowledged_utc: str | None
+    acknowledged_by: str | None
+
+
+class AlarmPage(Answer):
+    """Alarms, newest first."""
+
+    open: list[AlarmAnswer]
+    acknowledged: list[AlarmAnswer]
+
+
+class LogEntry(Answer):
+    """Something that happened."""
+
+    id: int
+    utc: str
+    kind: str = Field(description="`request` for what somebody asked for, else an event's kind.")
+    data: dict[str, Any]
+
+
+class LogPage(Answer):
+    """The log, newest first."""
+
+    items: list[LogEntry]
+    next: str | None
+
+
+class CurveAnswer(Answer):
+    """What one model makes of a shot, over the stretch that was fitted."""
+
+    fit: int
+    model: str
+    start_s: float = Field(description="First moment, from the trigger. [s]")
+    interval_s: float = Field(description="From sample to sample. [s]")
+    signal: list[float]
+
+
+class CurvesAnswer(Answer):
+    """The models' curves of a shot; as its trace, in the unit of its signal."""
+
+    number: int
+    unit: str
+    items: list[CurveAnswer]
+    missing: list[str] = Field(description="Models whose fit has kept no curve.")
 
 
 class DropPage(Answer):

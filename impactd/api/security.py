@@ -47,7 +47,9 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/v1/shots/{number}"): Scope.READ,
     ("GET", "/v1/shots/{number}.h5"): Scope.READ,
     ("HEAD", "/v1/shots/{number}.h5"): Scope.READ,
+    ("GET", "/v1/shots/{number}.csv"): Scope.READ,
     ("GET", "/v1/shots/{number}/trace"): Scope.READ,
+    ("GET", "/v1/shots/{number}/curves"): Scope.READ,
     ("POST", "/v1/fits"): Scope.OPERATE,
     ("GET", "/v1/fits/{fit_id}"): Scope.READ,
     ("GET", "/v1/moduli"): Scope.READ,
@@ -65,6 +67,10 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/v1/models"): Scope.READ,
     ("PUT", "/v1/models/active"): Scope.ADMIN,
     ("GET", "/v1/status"): LOOPBACK,
+    ("GET", "/v1/rig"): Scope.READ,
+    ("GET", "/v1/alarms"): Scope.READ,
+    ("POST", "/v1/alarms/{number}/acknowledge"): Scope.OPERATE,
+    ("GET", "/v1/log"): Scope.READ,
     ("POST", "/v1/abort"): Scope.OPERATE,
     ("POST", "/v1/acknowledge"): Scope.OPERATE,
     ("GET", "/v1/events"): Scope.READ,
@@ -75,6 +81,8 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/readyz"): PUBLIC,
     ("GET", "/metrics"): LOOPBACK,
     ("GET", "/openapi.json"): PUBLIC,
+    ("GET", "/"): PUBLIC,
+    ("GET", "/page/{folder}/{name}"): PUBLIC,
 }
 
 _PATTERNS = {path: re.compile(re.sub(r"\{\w+\}", "[^/]+", path)) for _, path in ROUTE_SCOPES}
@@ -207,6 +215,7 @@ async def authorize(
             headers={"WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{name}"'},
             scope=name,
         )
+    request.state.caller_name = caller.name  # for the log of who asked for what
     return caller
 
 

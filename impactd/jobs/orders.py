@@ -147,6 +147,8 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
         "model": model,
         "base": job.payload.get("base", "kv"),
         "definitions": _definitions(archive, [*models, model]),
+        # For drawing. A re-fit of a whole archive keeps none: they would double its size.
+        "with_curves": True,
     }
 
 

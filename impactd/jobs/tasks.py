@@ -20,6 +20,7 @@ from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface
 from analysis.discovery.named_model import fit_named
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
+from impactd.jobs.curves import curve_of
 from impactd.jobs.progress import report
 from impactd.jobs.rebound import check_rebound, with_restitution
 from impactd.storage.assemble import assemble_campaign
@@ -72,6 +73,8 @@ def fit_shot(order: Json) -> Json:
             checked = check_rebound(stored.about, order["shots"][0].get("rebound_height_m"), result)
             flags = sorted({*found["flags"], *checked.pop("flags", ())})
             found |= {**checked, "flags": flags}
+            if order.get("with_curves") and result.shots:
+                found["curve"] = curve_of(result.shots[0])
         except AnalysisError as error:
             # This model cannot be fitted to this shot; the others may. An outcome, not a failure.
             outcome = {"status": "not_evaluable", "message": str(error)}

@@ -23,6 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from drivers.digitizer import Record
+from impactd.storage.alarms import AlarmTable
 from impactd.storage.calibrations import Calibration, CalibrationTable
 from impactd.storage.diagnoses import DIAGNOSES_NAME, DiagnosisStore
 from impactd.storage.drops import ACTIVE_STATES, FINAL_STATES, Drop, DropRequest, DropTable
@@ -107,7 +108,7 @@ class Archive:
 
     Attributes
     ----------
-    jobs, fits, calibrations, events, tokens, models : table
+    jobs, fits, calibrations, events, alarms, tokens, models : table
         One table each; see their files.
     diagnoses : DiagnosisStore
         Finished diagnoses as files.
@@ -126,6 +127,7 @@ class Archive:
         self.fits = FitTable(index)
         self.calibrations = CalibrationTable(index, directory / CALIBRATIONS_NAME)
         self.events = EventTable(index)
+        self.alarms = AlarmTable(index)
         self.tokens = TokenTable(index)
         self.models = ModelTable(index, directory)
         self.diagnoses = DiagnosisStore(index, directory / DIAGNOSES_NAME)
@@ -391,12 +393,19 @@ class Archive:
         surface: str | None = None,
         since: str | None = None,
         until: str | None = None,
+        search: str | None = None,
         limit: int = 50,
         before: int | None = None,
     ) -> list[Shot]:
         """Return shots, newest first; see `ShotTable.find`."""
         return self._shots.find(
-            sphere=sphere, surface=surface, since=since, until=until, limit=limit, before=before
+            sphere=sphere,
+            surface=surface,
+            since=since,
+            until=until,
+            search=search,
+            limit=limit,
+            before=before,
         )
 
     def shot_path(self, number: int) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,6 +61,34 @@ class EventTable:
         """Return the events after one, oldest first."""
         rows = self._index.rows(
             "SELECT * FROM events WHERE id > ? ORDER BY id LIMIT ?", (number, limit)
+        )
+        return [Event(row["id"], row["utc"], row["kind"], from_text(row["data"])) for row in rows]
+
+    def latest(
+        self, *, limit: int, before: int | None = None, kinds: Sequence[str] = ()
+    ) -> list[Event]:
+        """Return events, newest first.
+
+        Parameters
+        ----------
+        limit : int
+            At most so many.
+        before : int, optional
+            Only numbers below this one (the next page).
+        kinds : sequence of str, optional
+            Only these kinds; all of them without it.
+
+        Returns
+        -------
+        list of Event
+            May be empty.
+        """
+        marks = ", ".join("?" * len(kinds))
+        chosen = f"kind IN ({marks})" if kinds else "1"
+        rows = self._index.rows(
+            f"SELECT * FROM events WHERE {chosen} AND (? IS NULL OR id < ?) "  # noqa: S608 - marks
+            "ORDER BY id DESC LIMIT ?",
+            (*kinds, before, before, limit),
         )
         return [Event(row["id"], row["utc"], row["kind"], from_text(row["data"])) for row in rows]
 

@@ -202,7 +202,19 @@ def _facts(one: StoredShot) -> dict[str, object]:
     return {**found, "file_sha256": one.shot.sha256}
 
 
-def _export_csv(one: StoredShot, out: Path) -> Path:
+def csv_text(one: StoredShot) -> str:
+    """Return a shot's samples as text.
+
+    Parameters
+    ----------
+    one : StoredShot
+        The shot.
+
+    Returns
+    -------
+    str
+        A header line, then time from the trigger [s] and signal [its unit], one sample per line.
+    """
     buffer = io.StringIO()
     np.savetxt(
         buffer,
@@ -212,8 +224,12 @@ def _export_csv(one: StoredShot, out: Path) -> Path:
         header=f"time_s,{_CSV_COLUMNS[one.recording.quantity]}",
         comments="",
     )
+    return buffer.getvalue()
+
+
+def _export_csv(one: StoredShot, out: Path) -> Path:
     path = out / f"shot{one.shot.number:06d}.csv"
-    publish(path, buffer.getvalue().encode())
+    publish(path, csv_text(one).encode())
     facts = json.dumps(_facts(one), allow_nan=False, indent=1) + "\n"
     publish(path.with_suffix(".json"), facts.encode())
     return path

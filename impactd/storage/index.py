@@ -100,6 +100,14 @@ _MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
     ALTER TABLE drops ADD COLUMN u_rebound_height_m REAL;
     """,
     checksums.migration(),
+    # What went wrong is shown until somebody says that it was seen, over restarts.
+    (
+        "CREATE TABLE alarms (id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT NOT NULL, "
+        "sentence TEXT NOT NULL, remedy TEXT NOT NULL, times INTEGER NOT NULL, "
+        "first_utc TEXT NOT NULL, last_utc TEXT NOT NULL, acknowledged_utc TEXT, "
+        "acknowledged_by TEXT) STRICT",
+        *checksums.statements_of("alarms"),
+    ),
 )
 
 

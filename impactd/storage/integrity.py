@@ -32,6 +32,7 @@ _KEPT_TABLES = (
     "tokens",
     "named_models",
     "active_models",
+    "alarms",
 )
 
 _LOST_CALIBRATION = Problem(

@@ -69,6 +69,12 @@ class Shot:
     clipped: bool
 
 
+_SEARCH = (
+    "instr(lower(number || ' ' || ifnull(sphere, '') || ' ' || ifnull(surface, '') || ' ' || "
+    "operator || ' ' || origin), lower(?)) > 0"
+)
+
+
 class ShotTable:
     """The table of shots.
 
@@ -112,6 +118,7 @@ class ShotTable:
         surface: str | None = None,
         since: str | None = None,
         until: str | None = None,
+        search: str | None = None,
         limit: int = 50,
         before: int | None = None,
     ) -> list[Shot]:
@@ -123,6 +130,8 @@ class ShotTable:
             Names.
         since, until : str, optional
             First moment that counts and first that does not, in the form of `moment.utc_now`.
+        search : str, optional
+            A shot's number, or a part of sphere, surface, operator or origin; case does not count.
         limit : int
             At most so many.
         before : int, optional
@@ -141,6 +150,8 @@ class ShotTable:
             "number < ?": before,
         }
         given = {text: value for text, value in conditions.items() if value is not None}
+        if search is not None:
+            given[_SEARCH] = search
         where = "WHERE " + " AND ".join(given) if given else ""
         rows = self._index.rows(
             f"SELECT * FROM shots {where} ORDER BY number DESC LIMIT ?",  # noqa: S608 - fixed texts

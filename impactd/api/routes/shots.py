@@ -9,11 +9,13 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import FileResponse
 
-from impactd.api.answers import moment, next_page, shot_answer
+from impactd.api.answers import moment, next_page, shot_answer, shot_summary
 from impactd.api.decimate import MAX_POINTS, min_max_indices
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import (
     Before,
+    CurveAnswer,
+    CurvesAnswer,
     Limit,
     Moment,
     Number,
@@ -22,6 +24,8 @@ from impactd.api.schemas import (
     TraceAnswer,
 )
 from impactd.api.security import TheDaemon
+from impactd.jobs.curves import samples_of
+from impactd.storage.exchange import csv_text
 from impactd.storage.shot_about import QUANTITIES
 
 router = APIRouter(prefix="/v1/shots", tags=["shots"])
@@ -46,21 +50,38 @@ def list_shots(  # noqa: PLR0917 - the framework fills them by name
     surface: _Filter = None,
     since: Moment = None,
     until: Moment = None,
+    search: Annotated[
+        str | None,
+        Query(
+            min_length=1,
+            max_length=64,
+            description="A number, or a part of sphere, surface, operator or origin.",
+        ),
+    ] = None,
+    summary: Annotated[
+        bool, Query(description="With advice and reduced modulus; takes a look at every fit.")
+    ] = False,
     limit: Limit = 50,
     before: Before = None,
 ) -> ShotPage:
-    """List shots, newest first, by pair and time."""
+    """List shots, newest first, by pair, time and words."""
     shots = daemon.archive.shots(
         sphere=sphere,
         surface=surface,
         since=moment("since", since),
         until=moment("until", until),
+        search=search,
         limit=limit,
         before=before,
     )
     query = {"sphere": sphere, "surface": surface, "since": since, "until": until}
+    query |= {"search": search, "summary": "true" if summary else None}
+    fits = daemon.archive.fits
     return ShotPage(
-        items=[shot_answer(shot) for shot in shots],
+        items=[
+            shot_summary(shot, fits.for_shot(shot.number)) if summary else shot_answer(shot)
+            for shot in shots
+        ],
         next=next_page("/v1/shots", [shot.number for shot in shots], limit, query),
     )
 
@@ -84,6 +105,20 @@ def download(number: Number, request: Request, daemon: TheDaemon) -> Response:
         return Response(status_code=304, headers=headers)
     return FileResponse(
         path, media_type="application/x-hdf5", filename=f"shot-{number:06d}.h5", headers=headers
+    )
+
+
+_CSV: dict[int | str, dict[str, Any]] = {200: {"content": {"text/csv": {}}}}
+
+
+@router.get("/{number}.csv", response_class=Response, responses=_CSV)
+def download_csv(number: Number, daemon: TheDaemon) -> Response:
+    """Download a shot's samples as text: time from the trigger, and the signal in its unit."""
+    name = f"shot-{number:06d}.csv"
+    return Response(
+        csv_text(daemon.archive.read_shot(number)),
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": f'attachment; filename="{name}"'},
     )
 
 
@@ -143,4 +178,27 @@ def trace(
         decimated=bool(kept.size < part.size),
         time_s=((kept + first - trigger) / rate_hz).tolist(),
         signal=part[kept].tolist(),
+    )
+
+
+@router.get("/{number}/curves")
+def curves(number: Number, daemon: TheDaemon) -> CurvesAnswer:
+    """Return the models' curves of a shot, for drawing; time is 0 at the trigger."""
+    shot = daemon.archive.shot(number)
+    fits = daemon.archive.fits.for_shot(number)
+    kept = [fit for fit in fits if "curve" in fit.result]
+    return CurvesAnswer(
+        number=number,
+        unit=QUANTITIES[shot.quantity],
+        items=[
+            CurveAnswer(
+                fit=fit.id,
+                model=fit.model,
+                start_s=(fit.result["curve"]["first"] - shot.trigger_index) / shot.sample_rate_hz,
+                interval_s=1.0 / shot.sample_rate_hz,
+                signal=samples_of(fit.result["curve"]).tolist(),
+            )
+            for fit in kept
+        ],
+        missing=[fit.model for fit in fits if fit not in kept],
     )

@@ -165,9 +165,9 @@ def test_an_older_index_gets_its_checksums(tmp_path: Path, monkeypatch: pytest.M
     steps = "impactd.storage.index._MIGRATIONS"
     from impactd.storage.index import _MIGRATIONS  # noqa: PLC0415 - replaced below
 
-    before = [step for step in _MIGRATIONS if step != checksums.migration()]
+    before = _MIGRATIONS[: _MIGRATIONS.index(checksums.migration())]
     with monkeypatch.context() as older:
-        older.setattr(steps, tuple(before))
+        older.setattr(steps, before)
         older.setattr(Index, "_check_form", lambda _: None)  # it knows the present form only
         index = Index(tmp_path / "index.sqlite")
         index.write("INSERT INTO events (utc, kind, data) VALUES ('x', 'x', '{}')")

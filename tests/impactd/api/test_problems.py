@@ -182,6 +182,7 @@ def broken_url():
         _broken_app,
         allowed_hosts=["127.0.0.1"],
         observe=lambda _scope, status, _seconds: seen.append(status),
+        record=lambda _written: None,
     )
     server = uvicorn.Server(uvicorn.Config(gate, lifespan="off", log_config=None))
     listener = listen("127.0.0.1", 0)

@@ -1,0 +1,162 @@
+"""Which events are alarms: they stay on the page until somebody says that they were seen.
+
+::
+
+    any thread ── Alarms.publish ──> event bus ──> clients
+                                └─> archive's table of alarms, when the event is one
+
+A drop that missed its trigger or was aborted is no alarm: whoever asked for it is told.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import structlog
+
+from impactd.events import EventBus
+from impactd.storage.alarms import Alarm, AlarmTable
+from impactd.storage.errors import ArchiveError
+
+Json = dict[str, Any]
+Words = tuple[str, str]
+
+_log = structlog.get_logger("impactd.alarms")
+_CALLING_TYPES = frozenset({"internal", "storage", "disk-full", "overrun", "bad-record"})
+"""Failed drops whose reason reaches beyond the drop."""
+
+
+class Alarms:
+    """The event bus, with a memory for what went wrong.
+
+    Parameters
+    ----------
+    bus : EventBus
+        Gets every event.
+    table : AlarmTable
+        Gets the alarms among them.
+    """
+
+    def __init__(self, bus: EventBus, table: AlarmTable) -> None:
+        self._bus = bus
+        self._table = table
+
+    def publish(self, kind: str, data: dict[str, Any]) -> None:
+        """Tell an event, and raise an alarm when it is one; callable from any thread.
+
+        Parameters
+        ----------
+        kind : str
+            For example ``rig.fault``.
+        data : dict
+            JSON-ready.
+        """
+        self._bus.publish(kind, data)
+        words = alarm_words(kind, data)
+        if words is None:
+            return
+        try:
+            alarm = self._table.raise_alarm(kind, *words)
+        except ArchiveError as error:  # what raised it has been told already
+            _log.warning("an alarm could not be kept", kind=kind, why=error.what)
+            return
+        self._bus.publish("alarm.raised", {"id": alarm.id, "sentence": alarm.sentence})
+
+    def acknowledge(self, number: int, *, by: str) -> Alarm:
+        """Say that an alarm was seen.
+
+        Parameters
+        ----------
+        number : int
+            The alarm.
+        by : str
+            Who saw it.
+
+        Returns
+        -------
+        Alarm
+            As it is now; the first acknowledgement counts.
+
+        Raises
+        ------
+        NotFoundError
+            If there is none of that number.
+        """
+        open_before = self._table.get(number).acknowledged_utc is None
+        alarm = self._table.acknowledge(number, by)
+        if open_before:
+            self._bus.publish("alarm.acknowledged", {"id": number, "by": by})
+        return alarm
+
+
+def alarm_words(kind: str, data: dict[str, Any]) -> tuple[str, str] | None:
+    """Return what an alarm says and what to do about it.
+
+    Parameters
+    ----------
+    kind : str
+        Of an event.
+    data : dict
+        Its members.
+
+    Returns
+    -------
+    tuple of str or None
+        Sentence and remedy; ``None`` for an event that is no alarm.
+    """
+    words = _WORDS.get(kind)
+    return None if words is None else words(data)
+
+
+def _rig_fault(data: Json) -> Words:
+    return str(data["detail"]), str(data.get("remedy") or "")
+
+
+def _drop_interrupted(data: Json) -> Words:
+    return (
+        f"Drop {data['number']} was interrupted by a restart and is not repeated; "
+        "see `impactd shots`.",
+        "Look where the sphere is, then ask for a new drop.",
+    )
+
+
+def _drop_failed(data: Json) -> Words | None:
+    if data.get("type") not in _CALLING_TYPES:
+        return None
+    return f"Drop {data['number']} failed: {data['detail']}", str(data.get("remedy") or "")
+
+
+def _calibration_failed(data: Json) -> Words | None:
+    if data.get("type") in ("aborted", "shutdown"):
+        return None
+    return (
+        f"Calibration {data['number']} failed: {data['reason']}",
+        "Mend what it names, then calibrate again; the calibration before stays in force.",
+    )
+
+
+def _job_failed(data: Json) -> Words | None:
+    if data.get("kind") == "calibrate":  # its run has an alarm already
+        return None
+    return (
+        f"The analysis of {data['subject']} failed: {data['reason']}",
+        "The shots are safe. Look at their traces, then ask for another fit.",
+    )
+
+
+def _job_lost(data: Json) -> Words:
+    return (
+        f"The fit of shot {data['shot']} could not be queued: {data['detail']}",
+        "The shot is safe; ask for its fit by hand.",
+    )
+
+
+_WORDS: dict[str, Callable[[Json], Words | None]] = {
+    "rig.fault": _rig_fault,
+    "drop.interrupted": _drop_interrupted,
+    "drop.failed": _drop_failed,
+    "calibration.failed": _calibration_failed,
+    "job.failed": _job_failed,
+    "job.lost": _job_lost,
+}

@@ -1,0 +1,28 @@
+"""Alarms: what went wrong, until somebody says that it was seen."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+
+from fastapi import APIRouter
+
+from impactd.api.schemas import AlarmAnswer, AlarmPage, Number
+from impactd.api.security import TheCaller, TheDaemon
+
+router = APIRouter(prefix="/v1/alarms", tags=["rig"])
+
+
+@router.get("")
+def list_alarms(daemon: TheDaemon) -> AlarmPage:
+    """List the open alarms, and the last ones that were acknowledged; a restart ends none."""
+    table = daemon.archive.alarms
+    return AlarmPage(
+        open=[AlarmAnswer(**asdict(alarm)) for alarm in table.open()],
+        acknowledged=[AlarmAnswer(**asdict(alarm)) for alarm in table.acknowledged()],
+    )
+
+
+@router.post("/{number}/acknowledge")
+def acknowledge_alarm(number: Number, daemon: TheDaemon, caller: TheCaller) -> AlarmAnswer:
+    """Say that an alarm was seen; this does not clear a fault of the rig."""
+    return AlarmAnswer(**asdict(daemon.alarms.acknowledge(number, by=caller.name)))

@@ -1,0 +1,75 @@
+"""A model's curve as a fit keeps it: for drawing, small, and beside the numbers it belongs to."""
+
+from __future__ import annotations
+
+import base64
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from analysis.fit.shot_fit import ShotFit
+
+Json = dict[str, Any]
+_TYPE = np.dtype("<i4")
+_STEPS = 30_000
+"""Steps from zero to the highest sample: finer than the converter's, a screen's and the noise."""
+
+
+def curve_of(fitted: ShotFit) -> Json:
+    """Return the model's curve over the fit window.
+
+    Parameters
+    ----------
+    fitted : ShotFit
+        One shot's part of a fit.
+
+    Returns
+    -------
+    dict
+        See `packed`; ``first`` is the index of the curve's first sample in the record.
+    """
+    return packed(fitted.prediction, first=int(fitted.item.window.first))
+
+
+def packed(samples: NDArray[np.float64], *, first: int) -> Json:
+    """Return a curve in a fifth of the size of numbers as text.
+
+    Parameters
+    ----------
+    samples : ndarray, shape (n,)
+        In the unit of the signal.
+    first : int
+        Index of the first one in its record.
+
+    Returns
+    -------
+    dict
+        ``first``, ``step`` (the unit of the signal) and ``differences``: from sample to sample, in
+        steps, as little-endian 32-bit integers, deflated, in base64.
+    """
+    step = float(np.max(np.abs(samples), initial=0.0)) / _STEPS or 1.0
+    codes = np.round(samples / step).astype(_TYPE)
+    differences = np.diff(codes, prepend=_TYPE.type(0)).astype(_TYPE)
+    content = base64.b64encode(zlib.compress(differences.tobytes(), 9)).decode("ascii")
+    return {"first": first, "step": step, "differences": content}
+
+
+def samples_of(curve: Json) -> NDArray[np.float64]:
+    """Return the samples of a kept curve.
+
+    Parameters
+    ----------
+    curve : dict
+        From `packed`.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        In the unit of the signal, to half a step.
+    """
+    content = zlib.decompress(base64.b64decode(curve["differences"]))
+    differences = np.frombuffer(content, dtype=_TYPE).astype(np.float64)
+    return np.asarray(np.cumsum(differences) * float(curve["step"]), dtype=np.float64)

@@ -1,0 +1,70 @@
+// The page begins here: who is there, then the frame, then the view of the address.
+
+import { whenSignedOut } from "./api.js";
+import { byId } from "./dom.js";
+import { live } from "./live.js";
+import { addView, endView, showView } from "./router.js";
+import { forget, resume } from "./session.js";
+import { startAbort } from "../parts/abort.js";
+import { startLight } from "../parts/light.js";
+import { showNav } from "../parts/nav.js";
+import { showNotices, startNotices } from "../parts/notices.js";
+import { showRig } from "../views/rig.js";
+import { showShots } from "../views/shots.js";
+import { showShot } from "../views/shot.js";
+import { showCompare } from "../views/compare.js";
+import { showCalibration } from "../views/calibration.js";
+import { showDiagnoses } from "../views/diagnoses.js";
+import { showModels } from "../views/models.js";
+import { showLog } from "../views/log.js";
+import { showSignIn } from "../views/sign_in.js";
+
+addView(/^\/rig$/, "Drop", showRig);
+addView(/^\/shots$/, "Shots", showShots);
+addView(/^\/shots\/(\d+)$/, (match) => `Shot ${match[1]}`, showShot);
+addView(/^\/compare\/([\d,]+)$/, "Compare shots", showCompare);
+addView(/^\/calibration$/, "Calibration", showCalibration);
+addView(/^\/diagnoses$/, "Diagnoses", showDiagnoses);
+addView(/^\/models$/, "Models", showModels);
+addView(/^\/log$/, "Log", showLog);
+
+let signedIn = false;
+
+function enter() {
+  signedIn = true;
+  byId("nav").hidden = false;
+  showNav();
+  live.start({ withEvents: true });
+  showNotices();
+  showView();
+}
+
+function leave(why) {
+  const first = !signedIn && byId("main").querySelector("form");
+  if (first && !why) return;
+  signedIn = false;
+  forget();
+  endView();
+  byId("nav").hidden = true;
+  live.start({ withEvents: false });
+  showSignIn(byId("main"), { why, enter });
+}
+
+async function begin() {
+  startLight();
+  startNotices(() => signedIn);
+  startAbort(() => signedIn);
+  whenSignedOut(() => { if (signedIn) leave("You were signed out: the daemon was started again, or your token has ended. Nothing is lost."); });
+  live.addEventListener("found", async () => { if (!signedIn && await resume().catch(() => false)) enter(); });
+  window.addEventListener("hashchange", () => { if (signedIn) showView(); });
+  window.addEventListener("signed-out", () => leave());
+  try {
+    if (await resume()) enter();
+    else leave();
+  } catch {
+    live.start({ withEvents: false });
+    leave();
+  }
+}
+
+begin();

@@ -1,0 +1,56 @@
+// Numbers as people read them, each with its unit.
+
+const K_95 = 1.96;
+
+/** Return "1.595 ± 0.018", with two digits of the expanded uncertainty U (95 %). */
+export function measured(quantity, scale = 1) {
+  const value = quantity?.value;
+  if (value === null || value === undefined) return "–";
+  const expanded = (quantity.expanded?.U ?? K_95 * (quantity.u ?? 0)) * scale;
+  if (!(expanded > 0)) return significant(value * scale, 5);
+  const digits = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(expanded))));
+  return `${(value * scale).toFixed(digits)} ± ${expanded.toFixed(digits)}`;
+}
+
+/** Return the scale and unit in which a modulus is easy to read. */
+export function modulusUnit(pascal) {
+  return Math.abs(pascal) >= 1e9 ? [1e-9, "GPa"] : Math.abs(pascal) >= 1e6 ? [1e-6, "MPa"] : [1e-3, "kPa"];
+}
+
+/** Return "1.595 ± 0.018 GPa", or null where there is no modulus. */
+export function modulus(quantity) {
+  if (quantity?.value === null || quantity?.value === undefined) return null;
+  const [scale, unit] = modulusUnit(quantity.value);
+  return `${measured(quantity, scale)} ${unit}`;
+}
+
+export function significant(value, digits = 3) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  return String(Number(value.toPrecision(digits)));
+}
+
+export const millimetres = (metres) => (metres === null || metres === undefined ? "–" : `${significant(metres * 1e3, 4)} mm`);
+
+/** Return a duration in words: "about 40 s", "about 3 min". */
+export function duration(seconds) {
+  if (seconds === null || seconds === undefined) return null;
+  if (seconds < 90) return `about ${Math.max(1, Math.round(seconds))} s`;
+  if (seconds < 5400) return `about ${Math.round(seconds / 60)} min`;
+  return `about ${significant(seconds / 3600, 2)} h`;
+}
+
+const DAY = new Intl.DateTimeFormat("en-GB", { day: "numeric", month: "short", year: "numeric" });
+const MOMENT = new Intl.DateTimeFormat("en-GB", { day: "numeric", month: "short", year: "numeric", hour: "2-digit", minute: "2-digit" });
+const CLOCK = new Intl.DateTimeFormat("en-GB", { hour: "2-digit", minute: "2-digit", second: "2-digit" });
+
+export const day = (utc) => (utc ? DAY.format(new Date(utc)) : "–");
+export const moment = (utc) => (utc ? MOMENT.format(new Date(utc)) : "–");
+export const clock = (when) => CLOCK.format(new Date(when));
+
+/** Return how far off a day is: "in 12 days", "today", "3 days ago". */
+export function inDays(utc) {
+  const days = Math.round((new Date(utc) - Date.now()) / 86400e3);
+  if (days === 0) return "today";
+  const many = `${Math.abs(days)} ${Math.abs(days) === 1 ? "day" : "days"}`;
+  return days > 0 ? `in ${many}` : `${many} ago`;
+}

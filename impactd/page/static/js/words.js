@@ -1,0 +1,98 @@
+// The daemon's short words in plain English. An unknown word is shown as it is, never hidden.
+
+const FLAGS = {
+  clipped: "the record is clipped: it sits on a limit of the converter or amplifier. Lower the height, or use a lighter sphere.",
+  inverted_polarity: "the signal is upside down: check how the load cell is wired.",
+  residual_above_noise: "the model leaves more than the noise. The uncertainty was widened; a diagnosis may find out why.",
+  restitution_above_one: "the sphere seems to come back faster than it fell: check the drop height.",
+  restitution_disagrees: "the bounce and the trace tell two stories about the rebound.",
+  rebound_height_disagrees: "the rebound height that was entered does not agree with the bounce in the record.",
+  noise_not_measured: "there was too little record before the impact to measure the noise.",
+  references_contradicted: "the known materials had to move far from their stated moduli.",
+  rigid_cell_model: "this model takes the load cell as rigid.",
+  contact_law_not_identifiable: "the shot does not tell enough about the contact law.",
+  not_converged: "the fit did not settle.",
+  not_evaluable: "this model cannot be fitted to this shot.",
+};
+
+const words = (text) => String(text).replaceAll("_", " ");
+
+export const flag = (name) => FLAGS[name] ?? `${words(name)}.`;
+
+export const ADVICE = {
+  use: { word: "Use", sign: "✓", badge: "good", sentence: "Use this shot." },
+  check: { word: "Check", sign: "!", badge: "warn", sentence: "Check this shot, because" },
+  repeat: { word: "Repeat", sign: "↻", badge: "bad", sentence: "Repeat this drop, because" },
+};
+
+export const VERDICTS = {
+  adequate: "Adequate: nothing is missing",
+  identified: "Identified",
+  family: "A family of effects",
+  partial: "Explained in part",
+  unknown: "Unknown",
+  not_identifiable: "Not identifiable",
+};
+
+/** Return the badge of a state of a drop, calibration or diagnosis. */
+export function stateBadge(state) {
+  if (["done", "analysed", "stored"].includes(state)) return "good";
+  if (["failed", "interrupted"].includes(state)) return "bad";
+  if (["aborted", "cancelled"].includes(state)) return "warn";
+  return "busy";
+}
+
+export const materials = (sphere, surface) => `${words(sphere ?? "unknown sphere")} on ${words(surface ?? "unknown surface")}`;
+export const material = (name) => words(name ?? "unknown");
+export const modelName = (name) => {
+  const [base, ...effects] = String(name).split("+");
+  return [base.toUpperCase(), ...effects.map(words)].join(" + ");
+};
+
+const REQUESTS = [
+  [/^POST \/v1\/drops$/, "asked for a drop"],
+  [/^PATCH \/v1\/drops\/(\d+)$/, "entered the rebound of drop $1"],
+  [/^DELETE \/v1\/drops\/(\d+)$/, "aborted drop $1"],
+  [/^POST \/v1\/abort$/, "pressed Abort"],
+  [/^POST \/v1\/acknowledge$/, "acknowledged a fault of the rig"],
+  [/^POST \/v1\/alarms\/(\d+)\/acknowledge$/, "acknowledged alarm $1"],
+  [/^POST \/v1\/calibrations$/, "asked for a calibration"],
+  [/^POST \/v1\/fits$/, "asked for a fit"],
+  [/^POST \/v1\/diagnoses$/, "asked for a diagnosis"],
+  [/^DELETE \/v1\/diagnoses\/(\d+)$/, "cancelled diagnosis $1"],
+  [/^POST \/v1\/diagnoses\/(\d+)\/next-drop$/, "made the drop that diagnosis $1 asks for"],
+  [/^PUT \/v1\/models\/active$/, "chose a model"],
+  [/^POST \/v1\/session$/, "signed in"],
+  [/^DELETE \/v1\/session$/, "signed out"],
+];
+
+/** Return who asked for what, as one sentence. */
+export function requestSentence({ by, method, path, status, location }) {
+  const line = `${method} ${path}`;
+  const known = REQUESTS.find(([pattern]) => pattern.test(line));
+  const what = known ? line.replace(known[0], known[1]) : line;
+  const where = location ? ` (${location.replace(/^\/v1\//, "").replace(/s\/(\d+)$/, " $1")})` : "";
+  return `${by} ${what}${where}${status >= 400 ? `; refused (${status})` : ""}.`;
+}
+
+/** Return an event as one sentence. */
+export function eventSentence({ kind, data }) {
+  switch (kind) {
+    case "request": return requestSentence(data);
+    case "drop.stored": return `Drop ${data.number} of ${data.owner}: ${materials(data.sphere, data.surface)} is stored as shot ${data.shot}.`;
+    case "drop.failed": return `Drop ${data.number} failed: ${data.detail}`;
+    case "drop.aborted": return data.detail ?? `Drop ${data.number} was aborted.`;
+    case "drop.interrupted": return `Drop ${data.number} was interrupted by a restart.`;
+    case "calibration.done": return `Calibration ${data.number} is done.`;
+    case "calibration.failed": return `Calibration ${data.number} ended: ${data.reason}`;
+    case "diagnosis.done": return `Diagnosis ${data.id}: ${data.sentence}`;
+    case "job.failed": return `The analysis of ${data.subject} failed: ${data.reason}`;
+    case "job.cancelled": return `The analysis of ${data.subject} was cancelled.`;
+    case "model.chosen": return `${data.by} made ${modelName(data.name)} the active model.`;
+    case "rig.fault": return `Fault: ${data.detail}`;
+    case "rig.abort": return `${data.by} aborted. ${data.sentence ?? ""}`;
+    case "rig.acknowledged": return `${data.by} acknowledged the fault.`;
+    case "alarm.acknowledged": return `${data.by} acknowledged alarm ${data.id}.`;
+    default: return words(kind);
+  }
+}

@@ -1,0 +1,56 @@
+// Fields for gloves: tiles to choose from, numbers to step, words to type.
+
+import { h } from "../js/dom.js";
+
+let last = 0;
+const freshId = () => `field-${(last += 1)}`;
+
+/** Return a group of tiles; `options` are { value, name, detail }. */
+export function tiles({ legend, name, options, value, onChange }) {
+  return h("fieldset", {},
+    h("legend", {}, legend),
+    h("div", { class: "tiles" }, options.map((option) => h("label", { class: "tile" },
+      h("input", { type: "radio", name, value: option.value, checked: option.value === value, on: { change: () => onChange?.(option.value) } }),
+      h("span", {}, option.name),
+      option.detail && h("small", {}, option.detail)))));
+}
+
+/** Return a number with buttons beside it; its `.input` is the field. */
+export function stepper({ label, unit, value, min, max, step, coarse = step }) {
+  const id = freshId();
+  const input = h("input", { id, type: "number", inputmode: "decimal", value, min, max, step: "any", required: true });
+  const move = (by) => () => {
+    const next = Math.round((Number(input.value) + by) / step) * step;
+    input.value = Number(Math.min(max, Math.max(min, next)).toFixed(6));
+    input.dispatchEvent(new Event("input", { bubbles: true }));
+  };
+  const what = label.toLowerCase();
+  const element = h("div", { class: "stack" },
+    h("label", { class: "label", for: id }, unit ? `${label} / ${unit}` : label),
+    h("div", { class: "stepper" },
+      h("button", { class: "button", type: "button", "aria-label": `Less ${what}`, on: { click: move(-coarse) } }, "−"),
+      input,
+      h("button", { class: "button", type: "button", "aria-label": `More ${what}`, on: { click: move(coarse) } }, "+")));
+  element.input = input;
+  return element;
+}
+
+/** Return a labelled field; its `.input` is the field itself. */
+export function field(label, attributes = {}, { hint } = {}) {
+  const id = freshId();
+  const input = h("input", { type: "text", ...attributes, id, "aria-describedby": hint ? `${id}-hint` : null });
+  const element = h("div", { class: "stack" },
+    h("label", { class: "label", for: id }, label), input,
+    hint && h("p", { class: "soft", id: `${id}-hint` }, hint));
+  element.input = input;
+  return element;
+}
+
+/** Return a labelled choice; `options` are [value, words] pairs. */
+export function choice(label, options, value = "") {
+  const id = freshId();
+  const input = h("select", { id }, options.map(([key, words]) => h("option", { value: key, selected: key === value }, words)));
+  const element = h("div", { class: "stack" }, h("label", { class: "label", for: id }, label), input);
+  element.input = input;
+  return element;
+}

@@ -1,0 +1,35 @@
+// The one honest light, in the same words as `impactd status`.
+
+import { byId, say } from "../js/dom.js";
+import { live, on } from "../js/live.js";
+import { clock } from "../js/numbers.js";
+
+/** Keep the light up to date for as long as the page is open. */
+export function startLight() {
+  const light = byId("light");
+  let said = "";
+
+  const show = (look, word, why) => {
+    light.dataset.light = look;
+    byId("light-word").textContent = word;
+    byId("light-why").textContent = why;
+  };
+
+  on("status", (status) => {
+    // "NOT READY: why. What to do." The first colon parts the word from the rest.
+    const at = status.sentence.indexOf(":");
+    const word = status.sentence.slice(0, at + 1);
+    const busy = !status.ready && status.owner !== null && status.state !== "FAULT";
+    show(status.ready ? "ready" : busy ? "busy" : "not-ready", word, status.sentence.slice(at + 1).trim());
+    byId("rig-name").textContent = status.rig?.name ?? "";
+    byId("abort").dataset.underWay = String(busy);
+    if (word !== said) say(status.sentence);
+    said = word;
+  });
+  on("lost", () => {
+    const since = live.seenAt ? ` since ${clock(live.seenAt)}` : "";
+    show("unknown", "NOT KNOWN", `The daemon has not answered${since}. The rig may be doing anything: look at it.`);
+    said = "";
+  });
+  on("unknown", () => show("unknown", "NOT KNOWN", "Sign in to see how the rig is."));
+}

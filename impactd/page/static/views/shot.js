@@ -1,0 +1,82 @@
+// One shot: result, whole record, circumstances, downloads.
+
+import { get, post } from "../js/api.js";
+import { fill, freshKey, h } from "../js/dom.js";
+import { on } from "../js/live.js";
+import { millimetres, moment, significant } from "../js/numbers.js";
+import { remember } from "../js/memory.js";
+import { may } from "../js/session.js";
+import { material, materials } from "../js/words.js";
+import { drawRecord } from "../charts/trace.js";
+import { showResult } from "../parts/shot_result.js";
+import { tell } from "../parts/notices.js";
+
+export async function showShot(place, { parameters: [number], signal }) {
+  const result = h("section", { class: "card", "aria-label": "Result" });
+  const rest = h("div", { class: "cards" });
+  fill(place, h("h1", {}, `Shot ${number}`), result, rest);
+  const show = async () => {
+    try {
+      const shot = await showResult(result, number, signal);
+      if (!signal.aborted && !rest.hasChildNodes()) fill(rest, actions(shot), circumstances(shot), await record(shot, signal));
+    } catch (problem) {
+      fill(result, h("p", { class: "wrong" }, problem.message), h("p", {}, h("a", { class: "button", href: "#/shots" }, "All shots")));
+    }
+  };
+  on("happened", ({ kind, shot }) => { if (kind === "fit.done" && String(shot) === number) show(); }, signal);
+  await show();
+}
+
+function actions(shot) {
+  const again = () => {
+    remember("drop", { sphere: shot.sphere, surface: shot.surface, drop_height_m: shot.drop_height_m });
+    location.hash = "#/rig";
+  };
+  const fit = async (event) => {
+    event.currentTarget.disabled = true;
+    const button = event.currentTarget;
+    try {
+      for (const model of ["hsd", "kv"]) await post("/v1/fits", { shots: [shot.number], model }, { key: freshKey() });
+      tell("info", `Shot ${shot.number} is being fitted again.`, { passing: true });
+    } catch (problem) {
+      tell("bad", problem.message);
+    }
+    button.disabled = false;
+  };
+  const name = `shot-${String(shot.number).padStart(6, "0")}`;
+  return h("section", { class: "card", "aria-label": "Download and go on" },
+    h("div", { class: "row" },
+      h("a", { class: "button", href: `/v1/shots/${shot.number}.h5`, download: `${name}.h5` }, "Download HDF5"),
+      h("a", { class: "button", href: `/v1/shots/${shot.number}.csv`, download: `${name}.csv` }, "Download CSV"),
+      h("a", { class: "button", href: `/v1/shots/${shot.number}`, download: `${name}.json` }, "Download JSON")),
+    h("p", { class: "soft" }, "HDF5 holds the raw codes and everything around them; CSV time and signal; JSON the fits."),
+    may("operate") && h("div", { class: "row" },
+      shot.sphere && shot.surface && shot.drop_height_m && h("button", { class: "button", type: "button", on: { click: again } }, "Drop with the same settings"),
+      h("button", { class: "button", type: "button", on: { click: fit } }, "Fit again"),
+      h("a", { class: "button", href: `#/diagnoses?shots=${shot.number}` }, "Diagnose")));
+}
+
+function circumstances(shot) {
+  const facts = [
+    ["Sphere and surface", materials(shot.sphere, shot.surface)],
+    ["Drop height", millimetres(shot.drop_height_m)],
+    ["Operator", shot.operator || "–"],
+    ["Recorded", moment(shot.started_utc)],
+    ["Peak", `${significant(shot.peak, 4)} ${{ voltage: "V", force_N: "N", acceleration_m_per_s2: "m/s²" }[shot.quantity] ?? ""}`],
+    ["Samples", `${shot.samples.toLocaleString("en-GB")} at ${significant(shot.sample_rate_hz / 1e6, 4)} MHz`],
+    ["Source", shot.source === "import" ? `import: ${shot.origin}` : `this rig, ${material("drop")} ${shot.number}`],
+    ["SHA-256 of the file", shot.sha256],
+  ];
+  return h("section", { class: "card", "aria-labelledby": "circumstances" },
+    h("h2", { id: "circumstances" }, "Circumstances"),
+    h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))));
+}
+
+async function record(shot, signal) {
+  const trace = await get(`/v1/shots/${shot.number}/trace?points=4000`);
+  const place = h("div", { class: "chart flat" });
+  requestAnimationFrame(() => drawRecord(place, trace, signal));
+  return h("section", { class: "card", "aria-labelledby": "record" },
+    h("h2", { id: "record" }, "The whole record"), place,
+    h("p", { class: "soft" }, `${trace.samples.toLocaleString("en-GB")} samples${trace.decimated ? `, drawn as ${trace.time_s.length.toLocaleString("en-GB")}: of each stretch the smallest and the largest` : ""}. Later bumps are the sphere coming down again.`));
+}

@@ -1,0 +1,92 @@
+"""Series, abort, a clipped record, the same again."""
+
+from __future__ import annotations
+
+import re
+
+
+def _latest(visitor) -> int:
+    drops = visitor.page.evaluate("fetch('/v1/drops?limit=1').then((answer) => answer.json())")
+    return drops["items"][0]["number"] if drops["items"] else 0
+
+
+def test_a_series_asks_for_the_next_sphere_and_ends_by_itself(visitor):
+    """Two drops from one press: progress, what to load, how long to go, both shots."""
+    page = visitor.page
+    visitor.sign_in()
+    before = _latest(visitor)
+    visitor.choose("acetal", "polycarbonate", 25, drops=2)
+    visitor.arm_and_drop()
+    series = page.get_by_role("region", name="Series")
+    series.get_by_role("heading", name="1 of 2 drops done").wait_for()
+    assert "Load the next sphere: acetal" in series.inner_text()
+    assert re.search(r"about \d+ s to go", series.inner_text())
+    page.get_by_text("All 2 drops are done.").wait_for()
+    visitor.shot(before + 2)
+    page.get_by_role("button", name="Repeat with the same settings").click()
+    visitor.shot(before + 3)
+    visitor.assert_clean()
+
+
+def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
+    """From another view, with the key or the button; nothing more is dropped, and it is told."""
+    visitor = slow_hands
+    page = visitor.page
+    visitor.sign_in()
+    visitor.choose("acetal", "specimen", 20, drops=5)
+    visitor.arm_and_drop()
+    page.get_by_text("Load the sphere: acetal").wait_for()
+    page.keyboard.press("Escape")
+    page.locator(".instruction.bad").get_by_text("aborted drop").wait_for()
+    page.locator("#light[data-light=ready]").wait_for()
+    assert _latest(visitor) == 1
+    visitor.arm_and_drop()
+    page.get_by_text("Load the sphere: acetal").wait_for()
+    for view in ("Shots", "Calibration", "Diagnoses", "Models", "Log"):
+        visitor.go(view)
+        assert page.get_by_role("button", name="Abort").is_visible()
+    page.get_by_role("button", name="Abort").click()
+    visitor.go("Drop")
+    page.locator("#light[data-light=ready]").wait_for()
+    assert _latest(visitor) == 2
+    visitor.go("Log")
+    page.get_by_text("the operate pressed Abort.").first.wait_for()
+    visitor.assert_clean()
+
+
+def test_a_clipped_record_says_repeat_and_why(visitor):
+    """The advice is in words, with what to do; the history shows it, too."""
+    page = visitor.page
+    visitor.sign_in()
+    number = _latest(visitor) + 1
+    visitor.choose("ptfe", "aluminium", 150)
+    visitor.arm_and_drop()
+    visitor.shot(number)
+    advice = page.locator("[data-advice=repeat]")
+    advice.wait_for()
+    assert "Repeat this drop, because" in advice.inner_text()
+    assert "Lower the height" in advice.inner_text()
+    visitor.go("Shots")
+    page.get_by_label("Advice").select_option("repeat")
+    row = page.get_by_role("row").filter(has=page.get_by_role("link", name=str(number), exact=True))
+    row.get_by_text("Repeat").wait_for()
+    visitor.assert_clean()
+
+
+def test_a_height_the_rig_does_not_allow_is_refused_before_it_is_asked(visitor):
+    """The sentence names the limits, the field is marked, and nothing is dropped."""
+    page = visitor.page
+    visitor.sign_in()
+    before = _latest(visitor)
+    visitor.choose("acetal", "specimen", 999)
+    visitor.arm_and_drop()
+    page.get_by_text("This rig drops from 2 mm to 150 mm.").wait_for()
+    assert page.get_by_label("Drop height / mm").get_attribute("aria-invalid") == "true"
+    assert _latest(visitor) == before
+
+
+def test_a_read_token_sees_everything_and_moves_nothing(visitor):
+    """The button says so; the API would refuse, too."""
+    visitor.sign_in("read")
+    visitor.page.get_by_text("may look and not touch").wait_for()
+    assert visitor.page.locator(".go button").get_attribute("aria-disabled") == "true"

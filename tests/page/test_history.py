@@ -1,0 +1,62 @@
+"""Shots: search, compare, download."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+
+import h5py
+import pytest
+
+
+@pytest.fixture
+def two_shots(visitor):
+    """Sign in and make two shots of two pairs; return the visitor and the numbers."""
+    visitor.sign_in()
+    made = []
+    for sphere, surface in (("acetal", "specimen"), ("hdpe", "pvc")):
+        visitor.choose(sphere, surface, 20)
+        visitor.arm_and_drop()
+        words = visitor.page.get_by_text(f"{sphere} on {surface} from 20 mm, Ada")
+        words.nth(1).wait_for()  # over the steps, and over the result
+        visitor.page.locator(".modulus").wait_for()
+        heading = visitor.page.get_by_role("region", name="The latest shot").get_by_role("heading")
+        made.append(int(heading.inner_text().split()[1]))
+    return visitor, made
+
+
+def test_shots_are_found_compared_and_taken_away(two_shots, tmp_path):
+    """Search by material and number; traces over each other; HDF5, CSV and JSON as files."""
+    visitor, (first, second) = two_shots
+    page = visitor.page
+    visitor.go("Shots")
+    page.get_by_label("Search").fill("HDPE")
+    page.get_by_role("link", name=str(first), exact=True).wait_for(state="detached")
+    page.get_by_label(f"Choose shot {second}").check()
+    page.get_by_label("Search").fill("specimen")
+    page.get_by_label(f"Choose shot {first}").check()
+    page.get_by_role("link", name="Compare traces").click()
+    page.locator(".legendtext").nth(1).wait_for(state="attached")
+    names = page.locator(".legendtext").all_text_contents()
+    assert names == [f"{first}: acetal on specimen", f"{second}: hdpe on pvc"]
+
+    page.goto(f"{visitor.daemon.url}/#/shots/{first}")
+    files = {}
+    for form in ("HDF5", "CSV", "JSON"):
+        with page.expect_download() as download:
+            page.get_by_role("link", name=f"Download {form}").click()
+        files[form] = tmp_path / download.value.suggested_filename
+        download.value.save_as(files[form])
+    shot = json.loads(files["JSON"].read_text())
+    content = files["HDF5"].read_bytes()
+    assert hashlib.sha256(content).hexdigest() == shot["sha256"]
+    with h5py.File(files["HDF5"]) as file:
+        assert "entry" in file
+    with files["CSV"].open(newline="") as text:
+        rows = list(csv.reader(text))
+    assert rows[0] == ["time_s", "volts"]
+    assert len(rows) == shot["samples"] + 1
+    assert max(float(volts) for _, volts in rows[1:]) == pytest.approx(shot["peak"], abs=0.01)
+    assert files["HDF5"].name == f"shot-{first:06d}.h5"
+    visitor.assert_clean()
