@@ -1,12 +1,12 @@
 """Whether every sample arrived: the count against the clock, and blocks against themselves.
 
 A status word tells of an overrun. A packet that the bus or a driver loses or hands over twice tells
-nothing; it shows only in this:
+nothing, and no counter of samples is known of the board. It shows only in this:
 
-- A transfer cannot arrive before its last sample was converted, and on a host that is not busy it
-  arrives soon after. The earliest arrival so far, counted from the stream's beginning, is the
-  floor. Behind a lost packet every transfer is late by the packet's length, for ever; behind a busy
-  moment the next ones are on time again.
+- No sample arrives before it was converted, and none was converted before the command that started
+  the converter was sent. Behind a lost packet every transfer is later than that by the packet's
+  length, for ever. One single transfer that is less late proves that nothing was lost before it,
+  however busy the host is; if none comes in time, the record is refused.
 - A packet handed over twice is equal to the one before it to the last bit, which noise of a few
   codes never is.
 """
@@ -23,26 +23,39 @@ from drivers.errors import OverrunError
 
 PACKET_SAMPLES = 256
 """A USB 2.0 bulk packet has 512 bytes: the least that can get lost. [1]"""
-PATIENCE_S = 0.2
-"""So long a record waits for one transfer that arrives on time. [s]"""
+PATIENCE_S = 0.5
+"""So long a record waits for one transfer that proves it whole. [s]"""
+BEGINNING_SAMPLES = 40_000
+"""Arrivals so near the start tell the board's latency; later ones carry the rate's error. [1]"""
 _RATE_SIGMAS = 5.0
-# The start of a stream is known well enough only if its command was over within a quarter of a
-# packet at 1 MS/s; on a real bus it rarely is, and then the run's own earliest arrival must do.
+# A start command that took longer than this, and than usual, was interrupted somewhere: the sooner
+# of its two ends is then too soon, and a whole record could not be told from one with a gap.
 _SHARP_START_S = 6e-5
-_FIRST_SAMPLES = 4096
+_USUAL_STARTS = 2.0
+# A board whose own latency takes up the better part of a packet can prove nothing by the bound:
+# what is usual for it takes its place, and half a packet. A few runs tell it from a busy moment.
+_SHORT_LATENCY = 0.75
+_LEARNING_RUNS = 3
 
 
 @dataclass
 class Latency:
-    """The shortest time from a sample to the host that one opened board has ever shown.
+    """What is usual of one opened board.
 
     Attributes
     ----------
     shortest_s : float
-        Over all runs whose start was sharp. [s]
+        The least that ever passed from the start command to a first sample on the host, that
+        sample's age taken off. [s]
+    start_s : float
+        The shortest start command. [s]
+    runs : int
+        How many runs it was learned from. [1]
     """
 
     shortest_s: float = float("inf")
+    start_s: float = float("inf")
+    runs: int = 0
 
 
 class Pace:
@@ -53,41 +66,56 @@ class Pace:
     sample_rate_hz, sample_rate_u_hz : float
         Calibrated rate and its standard uncertainty. [Hz]
     latency : Latency, optional
-        Shared by all runs: on a host that is busy for a whole run no arrival is early, and the
-        floor of other runs shows it.
+        Shared by all runs of an opened board.
+
+    Attributes
+    ----------
+    late_s : float
+        By how much the last transfer came later than one can that follows no gap. [s]
     """
 
     def __init__(
         self, sample_rate_hz: float, sample_rate_u_hz: float, latency: Latency | None = None
     ) -> None:
-        self._latency = latency or Latency()
-        self._start_s: float | None = None
+        self._usual = latency or Latency()
         self._rate_hz = sample_rate_hz
+        self._packet_s = PACKET_SAMPLES / sample_rate_hz
         self._drift = _RATE_SIGMAS * sample_rate_u_hz / sample_rate_hz
+        self._start_s: float | None = None
         self._began_s: float | None = None
         self._floor_s = float("inf")
+        self._doubt_s = float("inf")
         self.late_s = 0.0
 
     @property
     def late_samples(self) -> int:
-        """By how many samples the last transfer was later than the earliest. [1]"""
+        """By how many samples the last transfer was late. [1]"""
         return round(self.late_s * self._rate_hz)
 
     @property
     def on_time(self) -> bool:
-        """Whether the last transfer was late by less than half a packet."""
-        return self.late_s * self._rate_hz < PACKET_SAMPLES / 2
+        """Whether the last transfer proves that nothing was lost before it."""
+        return self._doubt_s < 0.0
 
-    def started(self, before_s: float, after_s: float) -> None:
+    def started(self, before_s: float, after_s: float) -> bool:
         """Note between which moments the converter was started.
 
         Parameters
         ----------
         before_s, after_s : float
             Around the command that starts it, on the monotonic clock. [s]
+
+        Returns
+        -------
+        bool
+            ``False`` where the command took so long that another start is worth its while.
         """
-        if after_s - before_s <= _SHARP_START_S:
-            self._start_s = before_s
+        took_s = after_s - before_s
+        usual_s = max(_SHARP_START_S, _USUAL_STARTS * self._usual.start_s)
+        self._usual.start_s = min(self._usual.start_s, took_s)
+        self._usual.runs += 1
+        self._start_s = before_s
+        return took_s <= usual_s
 
     def arrived(self, samples: int, now_s: float) -> None:
         """Note a transfer.
@@ -102,19 +130,26 @@ class Pace:
         if self._began_s is None:
             self._began_s = now_s
         delay_s = now_s - samples / self._rate_hz
-        self._floor_s = min(self._floor_s, delay_s)
-        if self._start_s is not None:
-            # A duplicate would make arrivals early; what is found twice is refused elsewhere.
-            known = self._latency
-            if samples <= _FIRST_SAMPLES:  # later ones would carry an error of the rate along
-                known.shortest_s = min(known.shortest_s, self._floor_s - self._start_s)
-            self._floor_s = min(self._floor_s, self._start_s + known.shortest_s)
         allowed_s = self._drift * (now_s - self._began_s)
-        self.late_s = delay_s - self._floor_s - allowed_s
+        if self._start_s is None:
+            # Nobody knows when it began: the run's own earliest arrival must do.
+            self._floor_s = min(self._floor_s, delay_s)
+            self.late_s = delay_s - self._floor_s - allowed_s
+            self._doubt_s = self.late_s - self._packet_s / 2
+            return
+        since_s = delay_s - self._start_s
+        if samples <= BEGINNING_SAMPLES:
+            self._usual.shortest_s = min(self._usual.shortest_s, since_s)
+        usual = self._usual
+        self.late_s = since_s - min(usual.shortest_s, since_s)
+        if usual.runs > _LEARNING_RUNS and usual.shortest_s > _SHORT_LATENCY * self._packet_s:
+            self._doubt_s = self.late_s - allowed_s - self._packet_s / 2
+        else:
+            self._doubt_s = since_s + allowed_s - self._packet_s
 
 
 def check_pace(pace: Pace, record: Record) -> None:
-    """Refuse a record after which no transfer arrived on time again.
+    """Refuse a record that no transfer proved whole.
 
     Parameters
     ----------

@@ -239,7 +239,8 @@ class StreamSession:
                 )
             self._broken = False
             self.last_capture = capture
-            self.last_pace = self._make_pace() if capture and self._make_pace else None
+            pace = self._make_pace() if self._make_pace else None
+            self.last_pace = pace if capture else None
             self._run = SampleStream(
                 source,
                 board,
@@ -247,7 +248,8 @@ class StreamSession:
                 consumer,
                 transfer_bytes=self._transfer_bytes,
                 observe=self._observe,
-                pace=self.last_pace,
+                pace=pace,
+                proved=capture is not None,
             )
             self._capture = capture
             self._run.start()

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.errors import AbortedError, DeviceTimeoutError, ProtocolError
-from drivers.pace import PATIENCE_S, Pace
+from drivers.pace import BEGINNING_SAMPLES, PATIENCE_S, Pace
 from drivers.ring_buffer import RingBuffer
 
 SILENCE_LIMIT_S = 0.2
 """No sample for so long is a fault; a source that times out after 0.1 s shows it within 0.25 s."""
 
 _SHORT_BYTES = 1024
-_BEGINNING_SAMPLES = 40_000
+_STARTS = 5
 
 
 class BulkSource(Protocol):
@@ -103,8 +103,10 @@ class SampleStream:
     observe : callable, optional
         Sees each block inside the ring; for counting and live displays.
     pace : Pace, optional
-        Holds the count of samples against the clock; the run then goes on behind its last sample
-        until a transfer arrives on time, at most `drivers.pace.PATIENCE_S`.
+        Holds the count of samples against the clock.
+    proved : bool, optional
+        Whether the run goes on behind its last sample until a transfer proves that none was lost,
+        at most `drivers.pace.PATIENCE_S`.
     """
 
     def __init__(
@@ -117,6 +119,7 @@ class SampleStream:
         transfer_bytes: int,
         observe: Observer | None = None,
         pace: Pace | None = None,
+        proved: bool = False,
     ) -> None:
         self._source = source
         self._board = board
@@ -128,6 +131,7 @@ class SampleStream:
         self._short_samples: NDArray[np.uint16] = np.frombuffer(self._short_buffer, dtype="<u2")
         self._observe = observe
         self._pace = pace
+        self._proved = proved
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sample-stream", daemon=True)
         self._error: Exception | None = None
@@ -230,15 +234,24 @@ class SampleStream:
         try:
             self._ring.clear()
             self._source.queue()
-            self._status_words.append(self._board.start_acquiring())
-            if self._pace is not None and self._board.pacer_on_s is not None:
-                self._pace.started(*self._board.pacer_on_s)
+            self._status_words.append(self._start())
             self._pump()
             self._status_words.append(self._board.acquisition_status())
         except Exception as error:
             self._error = error  # raised again in the thread that waits
         finally:
             self._end()
+
+    def _start(self) -> int:
+        """Start the converter, again where the host was interrupted: nothing is lost by it yet."""
+        for _ in range(_STARTS):
+            status = self._board.start_acquiring()
+            began_s = self._board.pacer_on_s
+            if self._pace is None or began_s is None:
+                break
+            if self._pace.started(*began_s) or not self._proved:
+                break
+        return status
 
     def _end(self) -> None:
         try:
@@ -255,7 +268,9 @@ class SampleStream:
     def _pump(self) -> None:
         last_data_s = time.monotonic()
         while not self._stop.is_set():
-            begins = self._pace is not None and self._ring.written < _BEGINNING_SAMPLES
+            begins = (
+                self._pace is not None and self._proved and (self._ring.written < BEGINNING_SAMPLES)
+            )
             buffer = self._short_buffer if begins else self._buffer
             received = self._source.read_into(buffer)
             if received == 0:
@@ -279,25 +294,22 @@ class SampleStream:
             if self._pace is not None:
                 self._pace.arrived(self._ring.written, last_data_s)
             if done:
-                self._wait_on_time(last_data_s)
+                if self._pace is not None and self._proved:
+                    self._wait_for_proof(self._pace, last_data_s)
                 return
 
-    def _wait_on_time(self, done_s: float) -> None:
+    def _wait_for_proof(self, pace: Pace, done_s: float) -> None:
         """Read on until a transfer arrives on time: then nothing was lost before it.
 
-        In short transfers, so that a busy host gets many chances to be there in time; the run
-        begins with as short ones, so that both ends are measured alike.
+        In short transfers, so that a busy host gets many chances to be there in time.
         """
-        received = _SHORT_BYTES
         count = self._ring.written
-        while self._pace is not None and not self._pace.on_time and received:
-            now_s = time.monotonic()
-            if self._stop.is_set() or now_s - done_s >= PATIENCE_S:
+        while not pace.on_time and time.monotonic() - done_s < PATIENCE_S:
+            received = 0 if self._stop.is_set() else self._source.read_into(self._short_buffer)
+            if received == 0:
                 return
-            received = self._source.read_into(self._short_buffer)
             count += received // 2
-            if received:
-                self._pace.arrived(count, time.monotonic())
+            pace.arrived(count, time.monotonic())
 
     def _take(self, block: NDArray[np.uint16]) -> bool:
         first = self._ring.append(block)

@@ -10,7 +10,8 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+
+from drivers.simulated.recursion import run_on
 
 
 class Stage(Protocol):
@@ -57,7 +58,7 @@ class StateSpaceStage:
     Notes
     -----
     First-order hold (Franklin, Powell & Workman 1998, ch. 6). The recursion runs as a product of
-    first-order sections in modal coordinates, each one call of ``lfilter``.
+    first-order sections in modal coordinates.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class StateSpaceStage:
             whole = step_s * (np.expm1(z) / z if z != 0 else 1.0)
             rising = step_s * ((np.expm1(z) - z) / (z * z) if abs(z) > 1e-4 else 0.5 + z / 6.0)
             drive = self._B[i] * ((whole - rising) * before + rising * volts)
-            x, _ = lfilter([1.0], [1.0, -grow], drive, zi=np.array([grow * self._x[i]]))
+            x = run_on(drive, grow, self._x[i])
             self._x[i] = x[-1]
             result = result + (self._C[i] * x).real
         self._last_input = float(volts[-1])

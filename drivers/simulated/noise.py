@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+
+from drivers.simulated.recursion import run_on
 
 
 @dataclass(frozen=True)
@@ -60,7 +61,7 @@ def noise_record(
     rho = settings.ar1
     innovation = np.sqrt(1.0 - rho * rho)
     white[1:] *= innovation
-    return settings.rms_v * np.asarray(lfilter([1.0], [1.0, -rho], white))
+    return settings.rms_v * run_on(white, rho, 0.0)
 
 
 def noise_table(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.pace import PACKET_SAMPLES, Pace, repeated_at
+from drivers.pace import BEGINNING_SAMPLES, PACKET_SAMPLES, Latency, Pace, repeated_at
 
 RATE_HZ = 1e6
 TRANSFER = 8192
@@ -35,6 +35,55 @@ def test_a_lost_packet_is_late_for_ever(lost_at: int) -> None:
     pace = _stream(lost_at)
     assert not pace.on_time
     assert pace.late_samples == pytest.approx(PACKET_SAMPLES, abs=80)
+
+
+def _started(
+    delay_s: float, *, lost: int = 0, runs: int = 1, latency: Latency | None = None
+) -> Pace:
+    """Return the pace of the last of some runs whose every transfer comes so late, from the start.
+
+    Only the last run loses anything, at once behind its beginning.
+    """
+    latency = latency or Latency()
+    for run in range(1, runs + 1):
+        pace = Pace(RATE_HZ, 10.0, latency)
+        assert pace.started(100.0, 100.00002)
+        for n in range(512, 200_000, 512):
+            gone = lost if run == runs and n > BEGINNING_SAMPLES else 0
+            pace.arrived(n, 100.0 + (n + gone) / RATE_HZ + delay_s)
+    return pace
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 5e-5, 2e-4])
+def test_what_comes_within_a_packet_of_the_start_is_whole(delay_s: float) -> None:
+    """However late the host is, a transfer that is in time has nothing missing before it."""
+    assert _started(delay_s).on_time
+    assert not _started(delay_s, lost=PACKET_SAMPLES).on_time
+
+
+def test_a_host_that_is_late_all_the_time_never_hides_a_gap() -> None:
+    """It cannot prove a record whole, and then none is taken for whole."""
+    busy = Latency()
+    assert not _started(5e-3, latency=busy).on_time
+    assert not _started(3e-4, lost=PACKET_SAMPLES, latency=busy).on_time
+    assert _started(1e-4, latency=busy).on_time
+    assert not _started(1e-4, lost=PACKET_SAMPLES, latency=busy).on_time
+
+
+def test_a_board_that_is_slow_by_nature_is_learned() -> None:
+    """After a few runs its own latency is what the others are held against."""
+    assert not _started(4e-4).on_time
+    assert _started(4e-4, runs=5).on_time
+    assert not _started(4e-4, lost=PACKET_SAMPLES, runs=5).on_time
+
+
+def test_an_interrupted_start_is_worth_another() -> None:
+    """A command that took longer than usual leaves the beginning in doubt."""
+    pace = Pace(RATE_HZ, 10.0, latency := Latency())
+    assert pace.started(100.0, 100.00005)
+    assert not pace.started(100.0, 100.002)
+    assert pace.started(100.0, 100.00009)
+    assert latency.start_s == pytest.approx(5e-5, rel=1e-6)
 
 
 def test_a_rate_within_its_uncertainty_is_no_loss() -> None:

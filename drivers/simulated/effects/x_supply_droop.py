@@ -11,10 +11,10 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
 from drivers.simulated.electronics import Memoryless
+from drivers.simulated.recursion import run_on
 
 
 class _Droop(Memoryless):
@@ -25,7 +25,7 @@ class _Droop(Memoryless):
         if volts.size == 0:
             return volts
         keep = math.exp(-step_s / self._recovery_s)
-        q, _ = lfilter([step_s], [1.0, -keep], np.abs(volts), zi=np.array([keep * self._q]))
+        q = run_on(step_s * np.abs(volts), keep, self._q)
         self._q = float(q[-1])
         return np.asarray(volts * (1.0 - self._loss * q))
 

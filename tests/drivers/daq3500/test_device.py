@@ -9,6 +9,7 @@ import time
 import numpy as np
 import pytest
 
+from drivers import stream_session
 from drivers.digitizer import Digitizer, TriggerSettings
 from drivers.errors import (
     AbortedError,
@@ -16,12 +17,14 @@ from drivers.errors import (
     DeviceBusyError,
     DeviceLostError,
     DeviceNotFoundError,
+    DeviceTimeoutError,
     DriverError,
     OverrunError,
     ProtocolError,
     TriggerTimeoutError,
 )
 from drivers.simulated.world import World, WorldSettings
+from drivers.usb_stream import SampleStream
 
 TRIGGER = TriggerSettings(
     level_v=0.5, hysteresis_v=0.25, pre_trigger_samples=4000, record_samples=20_000
@@ -236,6 +239,27 @@ def test_after_a_fault_the_board_is_opened_again(bench, fault):
     with pytest.raises((DeviceNotFoundError, ProtocolError)):
         bench.digitizer.ensure_ready()
     setattr(bench.source.faults, fault, False)
+    bench.digitizer.ensure_ready()
+    _record(bench)
+
+
+def test_a_start_that_failed_gives_the_board_back(make_bench, monkeypatch):
+    """On a starved host the reading stream claimed the board again: it was busy for ever."""
+    bench = make_bench()
+    joins = []
+
+    def join_late(stream, timeout_s):
+        joins.append(stream)
+        return len(joins) > 1 and really_join(stream, timeout_s)
+
+    really_join = SampleStream.join
+    monkeypatch.setattr(stream_session, "_START_LIMIT_S", -1.0)
+    monkeypatch.setattr(SampleStream, "join", join_late)
+    with pytest.raises(DeviceTimeoutError):
+        bench.digitizer.ensure_ready()
+    assert joins[0].finished, "something still reads"
+    assert bench.board._plugged.claimed_by is None
+    monkeypatch.undo()
     bench.digitizer.ensure_ready()
     _record(bench)
 

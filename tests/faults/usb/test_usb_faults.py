@@ -103,6 +103,7 @@ def _repeat(tmp_path: Path, fault: str, times: int) -> None:
         f"{fault} x{times}: noticed within {noticed_s.max() * 1e3:.0f} ms (median "
         f"{np.median(noticed_s) * 1e3:.0f} ms), back within {back_s.max():.2f} s"
     )
+    assert np.median(noticed_s) < 0.25
     assert noticed_s.max() < DETECTED_LIMIT_S
     assert back_s.max() < BACK_LIMIT_S
 
@@ -169,9 +170,7 @@ def _gaps(tmp_path: Path, fault: str, times: int) -> None:
     finally:
         laboratory.close()
     print(f"{fault}: {times - len(missed)} of {times} gaps flagged, missed at {missed}")
-    # A lost packet shows in the clock alone, and a host that is late all the time hides it: the
-    # README says so. What the board or the data tell must always be seen.
-    assert len(missed) <= (times // 3 if fault == "drop_block_at_sample" else 0)
+    assert not missed
 
 
 GAPS = ("overrun_at_sample", "drop_block_at_sample", "double_block_at_sample")
