@@ -4,12 +4,13 @@ Everything one job brings is one transaction where it matters: a drop is ``analy
 fits can be read.
 """
 
+# ruff: noqa: PLC0415 - imported when first asked for: the rig must not wait for the fits to load
+
 from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
 
-from analysis.calibration import drift
 from impactd.jobs.orders import CALIBRATE, FIT_SHOT
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, Problem
@@ -68,11 +69,23 @@ class ResultWriter:
 
     def fail(self, job: Job, reason: str, *, retry: bool) -> None:
         """Write why a job gave no result; with ``retry`` it is tried once more."""
-        failed = self._archive.jobs.fail(job.id, reason, retry=retry)
+        # One transaction: whoever sees the job failed sees what waited for it failed, and a process
+        # that dies here leaves no calibration fitting for ever.
+        with self._archive.transaction():
+            failed = self._archive.jobs.fail(job.id, reason, retry=retry)
+            if failed.state != "queued":
+                self._fail_what_waits(job, reason)
         told = {"job": job.id, "kind": job.kind, "subject": job.subject, "reason": reason}
         if failed.state == "queued":
             self._announce("job.retried", told)
             return
+        if job.kind == CALIBRATE:
+            self._announce(
+                "calibration.failed", {"number": job.payload["calibration"], "reason": reason}
+            )
+        self._announce("job.failed", told)
+
+    def _fail_what_waits(self, job: Job, reason: str) -> None:
         problem = Problem(
             type="fit-failed",
             title="Fit failed",
@@ -82,14 +95,10 @@ class ResultWriter:
         )
         if job.kind == CALIBRATE:
             self._archive.calibrations.fail(job.payload["calibration"], problem)
-            self._announce(
-                "calibration.failed", {"number": job.payload["calibration"], "reason": reason}
-            )
         elif job.kind == FIT_SHOT:
             drop = self._drop(job.payload["shot"])
             if drop is not None:
                 self._archive.set_drop_state(drop.number, drop.state, problem)
-        self._announce("job.failed", told)
 
     def _drop(self, shot: int | None) -> Drop | None:
         if shot is None:
@@ -133,6 +142,8 @@ class ResultWriter:
             return
         previous = self._archive.calibrations.current()
         if previous is not None and previous.result is not None:
+            from analysis.cell_drift import drift
+
             moved = drift(previous.result, result)
             result = {**result, "drift": {**moved, "against": previous.number}}
         valid_until = utc_after(self._settings.calibration.validity_days)
