@@ -133,9 +133,10 @@ class Caller:
 
 
 class Limits:
-    """Threads set aside, so that an abort never waits behind slow downloads or full queues."""
+    """Threads set aside: abort and status never wait behind slow downloads or full queues."""
 
     def __init__(self) -> None:
+        self.status = anyio.CapacityLimiter(4)
         self.abort = anyio.CapacityLimiter(8)
         self.token = anyio.CapacityLimiter(8)
 

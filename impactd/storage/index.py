@@ -3,9 +3,10 @@
 It is an index and a job table, never the truth: the shot files are, and ``reindex`` rebuilds this
 file from them.
 
-One connection guarded by one lock serves all threads of a process: a commit takes a fraction of a
-millisecond, so threads hardly ever wait, and no connection is left behind by a thread pool. Other
-processes (``impactd token create`` beside a running daemon) have their own connection; WAL and the
+Two connections serve all threads of a process, each behind its own lock, so that no connection is
+left behind by a thread pool: one writes and waits for the disk at every commit, the other one only
+reads and never waits for it. A thread inside a transaction reads what it has just written. Other
+processes (``impactd token create`` beside a running daemon) have their own connections; WAL and the
 busy timeout let them share.
 """
 
@@ -128,12 +129,10 @@ class Index:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lock = threading.RLock()
+        self._reading = threading.Lock()
         self._depth = 0
-        with self._translated():
-            self._connection = sqlite3.connect(
-                path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
-            )
-        self._connection.row_factory = sqlite3.Row
+        self._writer = 0
+        self._connection = self._reader = self._connect()
         try:
             with self._translated():
                 checksums.install(self._connection)
@@ -142,9 +141,21 @@ class Index:
                 self._connection.execute("PRAGMA foreign_keys=ON")
             self._migrate()
             self._check_form()
+            if str(path) != _IN_MEMORY:
+                self._reader = self._connect()
+                with self._translated():
+                    self._reader.execute("PRAGMA query_only=ON")
         except BaseException:
-            self._connection.close()
+            self.close()
             raise
+
+    def _connect(self) -> sqlite3.Connection:
+        with self._translated():
+            connection = sqlite3.connect(
+                self.path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
+            )
+        connection.row_factory = sqlite3.Row
+        return connection
 
     def _migrate(self) -> None:
         # The version is read inside the write transaction: two processes may open a new archive
@@ -196,16 +207,20 @@ class Index:
         with self._lock, self._translated():
             if self._depth == 0:
                 self._connection.execute("BEGIN IMMEDIATE")
+                self._writer = threading.get_ident()
             self._depth += 1
             try:
                 yield
             except BaseException:
                 self._depth -= 1
-                if self._depth == 0 and self._connection.in_transaction:
-                    self._connection.execute("ROLLBACK")
+                if self._depth == 0:
+                    self._writer = 0
+                    if self._connection.in_transaction:
+                        self._connection.execute("ROLLBACK")
                 raise
             self._depth -= 1
             if self._depth == 0:
+                self._writer = 0
                 self._commit()
 
     def _commit(self) -> None:
@@ -254,8 +269,10 @@ class Index:
         list of sqlite3.Row
             May be empty.
         """
-        with self._lock, self._translated():
-            return self._connection.execute(sql, tuple(values)).fetchall()
+        own = self._writer == threading.get_ident() or self._reader is self._connection
+        connection, lock = (self._connection, self._lock) if own else (self._reader, self._reading)
+        with lock, self._translated():
+            return connection.execute(sql, tuple(values)).fetchall()
 
     def row(self, sql: str, values: Sequence[object] = ()) -> sqlite3.Row | None:
         """Return the first row of a query.
@@ -343,7 +360,8 @@ class Index:
 
     def close(self) -> None:
         """Give the file back."""
-        with self._lock:
+        with self._lock, self._reading:
+            self._reader.close()
             self._connection.close()
 
 

@@ -15,9 +15,12 @@ router = APIRouter(prefix="/v1", tags=["rig"])
 
 
 @router.get("/status")
-def status(daemon: TheDaemon) -> StatusAnswer:
+async def status(request: Request, daemon: TheDaemon) -> StatusAnswer:
     """Say READY or NOT READY in one sentence, why, and what to do."""
-    return StatusAnswer(**plain(daemon.status()))
+    # One change of threads only, and none that waits behind lists and downloads.
+    limits: Limits = request.app.state.limits
+    found = await anyio.to_thread.run_sync(daemon.status, limiter=limits.status)
+    return StatusAnswer(**plain(found))
 
 
 @router.post("/abort")
