@@ -10,6 +10,8 @@
 `impactd.server` puts the REST API in front of it.
 """
 
+# ruff: noqa: PLC0415 - imported when first asked for: the rig must not wait for the fits to load
+
 from __future__ import annotations
 
 import threading
@@ -19,7 +21,6 @@ from typing import Any
 import structlog
 
 from analysis.errors import UnknownModelError
-from analysis.model.impact_model import model_named
 from impactd import __version__
 from impactd.acquisition.service import AcquisitionService
 from impactd.alarms import Alarms
@@ -29,7 +30,6 @@ from impactd.events import EventBus
 from impactd.jobs.orders import request_diagnosis, request_fit
 from impactd.jobs.runner import JobRunner
 from impactd.materials import Materials, load_materials
-from impactd.moduli_service import moduli
 from impactd.rig import Rig, build_rig
 from impactd.sd_notify import notify, watchdog_interval_s
 from impactd.settings import Settings
@@ -174,7 +174,7 @@ class Daemon:
         NotFoundError
             If a shot is not there.
         """
-        model_named(model)
+        check_model(model)
         return request_fit(self.archive, shots, model, key=key)
 
     def request_diagnosis(self, shots: list[int], base: str, *, key: str | None) -> Job:
@@ -225,8 +225,10 @@ class Daemon:
         UnknownModelError
             If this version does not know the model.
         """
+        from impactd.moduli_service import moduli
+
         name = model or self.archive.models.active()
-        model_named(name)
+        check_model(name)
         return moduli(
             self.archive, self.materials, specimen=specimen, since=since, until=until, model=name
         )
@@ -257,7 +259,7 @@ class Daemon:
         NotFoundError
             If no diagnosis has named such a model or version.
         """
-        model_named(name)
+        check_model(name)
         if name not in BASE_MODELS:
             version = self.archive.models.named(name, version).version
         elif version is not None:
@@ -270,6 +272,24 @@ BASE_MODELS = {
     "hsd": "Hertz contact on a rigid load cell: force is volts times a constant",
     "kv": "Hertz contact on a Kelvin-Voigt load cell: crystal mass, stiffness and damping",
 }
+
+
+def check_model(name: str) -> None:
+    """Raise `UnknownModelError` unless this version of the program can build a model.
+
+    Parameters
+    ----------
+    name : str
+        E.g. ``kv``.
+
+    Raises
+    ------
+    UnknownModelError
+        With the names that it knows.
+    """
+    from analysis.model.impact_model import model_named
+
+    model_named(name)
 
 
 class Heart:

@@ -48,8 +48,8 @@ class WorkerExecutor(Executor):
         What a task may take.
     workers : int
         How many processes.
-    warm_up : callable, optional
-        Module-level function that every process calls at start.
+    warm_up : callable or str, optional
+        Module-level function that every process calls at start, or its name.
     import_paths : sequence of Path
         Folders whose modules the workers can import beside the installed ones.
     on_progress : callable, optional
@@ -61,7 +61,7 @@ class WorkerExecutor(Executor):
         limits: WorkerLimits,
         *,
         workers: int = 1,
-        warm_up: Callable[[], object] | None = None,
+        warm_up: Callable[[], object] | str | None = None,
         import_paths: Sequence[Path] = (),
         on_progress: Callable[[Future[Any], str, float], None] | None = None,
     ) -> None:
@@ -114,7 +114,7 @@ class WorkerExecutor(Executor):
         return self.submit_within(None, fn, *args)
 
     def submit_within(
-        self, time_s: float | None, fn: Callable[..., Any], /, *args: Any
+        self, time_s: float | None, fn: Callable[..., Any] | str, /, *args: Any
     ) -> Future[Any]:
         """Queue a task that may take another time than the limits say.
 
@@ -122,8 +122,8 @@ class WorkerExecutor(Executor):
         ----------
         time_s : float or None
             What it may take; None for the limits' own. [s]
-        fn : callable
-            A module-level function.
+        fn : callable or str
+            A module-level function, or its name ``module:function``.
         *args
             JSON values.
 
@@ -251,8 +251,10 @@ class WorkerExecutor(Executor):
             future.set_result(result)
 
 
-def name_of(function: Callable[..., object]) -> str:
+def name_of(function: Callable[..., object] | str) -> str:
     """Return ``module:function``, by which a worker finds a module-level function."""
+    if isinstance(function, str):
+        return function
     return f"{function.__module__}:{function.__qualname__}"
 
 

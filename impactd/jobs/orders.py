@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from analysis.calibration import sensor_from_json
+from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Sensor
 from impactd.materials import Materials
 from impactd.settings import Settings

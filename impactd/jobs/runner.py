@@ -15,7 +15,6 @@ from impactd.jobs.errors import StoppedError, TaskCancelledError, TaskError, Wor
 from impactd.jobs.executors import WorkerExecutor
 from impactd.jobs.orders import order_for
 from impactd.jobs.results import CANCELLED, ResultWriter
-from impactd.jobs.tasks import TASKS, warm_up
 from impactd.jobs.worker_process import WorkerLimits
 from impactd.materials import Materials, load_materials
 from impactd.settings import Settings
@@ -29,7 +28,14 @@ ALIVE_S = 30.0
 DIAGNOSIS_TIMES = 10.0
 """A diagnosis is a few hundred fits, most of them cut short: so many times a fit's limit."""
 
-Task = Callable[[dict[str, Any]], dict[str, Any]]
+Task = Callable[[dict[str, Any]], dict[str, Any]] | str
+"""A module-level function, or its name: this process need not load what only its workers run."""
+
+TASKS: dict[str, Task] = {
+    kind: f"impactd.jobs.tasks:{kind}"
+    for kind in ("fit_shot", "fit_campaign", "calibrate", DIAGNOSE)
+}
+_WARM_UP = "impactd.jobs.tasks:warm_up"
 
 
 class JobRunner:
@@ -68,7 +74,7 @@ class JobRunner:
         self._announce = on_event
         self._materials = materials or load_materials(settings.materials.file)
         self._tasks = TASKS if tasks is None else tasks
-        self._warm_up = warm_up if tasks is None else None
+        self._warm_up = _WARM_UP if tasks is None else None
         self._import_paths = import_paths
         self._results = ResultWriter(archive, settings, on_event)
         self._executor: WorkerExecutor | None = None

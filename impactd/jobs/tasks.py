@@ -295,12 +295,3 @@ def _provenance(order: Json, shots: list[StoredShot]) -> Json:
         "file_sha256": [one.shot.sha256 for one in shots],
         "software": software(),
     }
-
-
-TASKS = {
-    "fit_shot": fit_shot,
-    "fit_campaign": fit_campaign,
-    "calibrate": calibrate,
-    "diagnose": diagnose,
-}
-"""By the kind of job."""

@@ -1,13 +1,13 @@
 """Calibrations of the load cell: asking for a run, its history, the one in force."""
 
+# ruff: noqa: PLC0415 - imported when first asked for: the rig must not wait for the fits to load
+
 from __future__ import annotations
 
 from typing import Any
 
 from fastapi import APIRouter, Response
 
-from analysis.cell_drift import drift_series
-from analysis.static_calibration import Reading
 from impactd.api.answers import calibration_answer, next_page
 from impactd.api.problems import ProblemError
 from impactd.api.routes.drops import required_key
@@ -21,7 +21,6 @@ from impactd.api.schemas import (
     Number,
 )
 from impactd.api.security import TheCaller, TheDaemon
-from impactd.calibration_weights import Weighing, calibrate_with_weights
 from impactd.storage.calibrations import DROPS, Calibration
 
 router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
@@ -42,6 +41,9 @@ def request_calibration(
     own kind that never takes the place of a calibration with drops.
     """
     if body.method == "static_weights":
+        from analysis.static_calibration import Reading
+        from impactd.calibration_weights import Weighing, calibrate_with_weights
+
         assert body.readings is not None, "the body was checked"
         assert body.hold_time_s is not None, "the body was checked"
         weighed = calibrate_with_weights(
@@ -87,6 +89,8 @@ def _series(newest_first: list[Calibration]) -> list[dict[str, Any]]:
         if one.kind == DROPS and one.result and not one.problem
     ]
     results = [one.result for one in done if one.result is not None]
+    from analysis.cell_drift import drift_series
+
     return [
         {
             "number": one.number,
