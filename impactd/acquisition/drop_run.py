@@ -20,7 +20,7 @@ from drivers.errors import AbortedError, DriverError, TriggerTimeoutError
 from impactd.acquisition import refusals
 from impactd.acquisition.devices import hold
 from impactd.acquisition.events import Event
-from impactd.acquisition.failures import StepFailedError
+from impactd.acquisition.failures import RescuedError, StepFailedError
 from impactd.acquisition.preflight import (
     Baseline,
     Check,
@@ -296,8 +296,20 @@ class DropRun:
                 raise
             except ArchiveError as error:
                 if self._ending.is_set():
-                    raise
+                    raise self._rescued(record, error) from error
                 self._keep_in_memory(error)
+
+    def _rescued(self, record: Record, error: ArchiveError) -> RescuedError | ArchiveError:
+        """Put a record where there is room, because memory ends with this process."""
+        try:
+            path = self._archive.rescue_shot(self.drop.number, record, self.about())
+        except ArchiveError as nowhere:
+            return ArchiveError(
+                f"The daemon was told to end while a record could not be stored, and it is lost. "
+                f"{error.what} {nowhere.what}",
+                remedy="Free space and ask for a new drop.",
+            )
+        return RescuedError(path)
 
     def _keep_in_memory(self, error: ArchiveError) -> None:
         """Say what keeps the record from being stored, and wait: a fall cannot be repeated."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
+from pathlib import Path
 
 from drivers.digitizer import Record
 from drivers.errors import (
@@ -58,6 +59,20 @@ class StepFailedError(Exception):
         self.doubt = doubt
         self.record = record
         super().__init__(f"{problem.detail} {problem.remedy}".strip())
+
+
+class RescuedError(Exception):
+    """The daemon ends with a record that only another disk took; its drop ends at the next start.
+
+    Parameters
+    ----------
+    path : Path
+        Where the record is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        super().__init__(f"The record is kept in {path} until the next start.")
 
 
 @dataclass(frozen=True)

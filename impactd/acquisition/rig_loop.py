@@ -20,7 +20,7 @@ from impactd.acquisition.devices import confirm_safe, connect, make_safe
 from impactd.acquisition.drop_run import DropRun
 from impactd.acquisition.endings import Rows, about_drop, ending_of, keep_evidence, worst_of
 from impactd.acquisition.events import Event
-from impactd.acquisition.failures import Doubt, Failure, failure_of
+from impactd.acquisition.failures import Doubt, Failure, RescuedError, failure_of
 from impactd.acquisition.idle_watch import IdleWatch
 from impactd.acquisition.transitions import Machine, State
 from impactd.materials import Materials
@@ -221,6 +221,8 @@ class RigLoop:
             return False
         try:
             shot = run.run()
+        except RescuedError as error:
+            self._leave(run, error)
         except Exception as error:
             self._clean_up(run, error)
         else:
@@ -330,6 +332,18 @@ class RigLoop:
         if fault is not None:
             self._tell_fault(fault)
         self.tell_state()
+
+    def _leave(self, run: DropRun, error: RescuedError) -> None:
+        """Leave a drop's row open for the next start, which takes the record back."""
+        number = run.drop.number
+        with self.present:
+            self.machine.apply(Event.FAILED)
+        confirm_safe(self._rig)
+        _log.warning("a record is kept outside the archive", drop=number, path=str(error.path))
+        with self.present:
+            self.run = None
+            self.machine.apply(Event.MADE_SAFE)
+        self._publish("drop.rescued", {"number": number, "path": str(error.path)})
 
     def _clean_up(self, run: DropRun, error: Exception) -> None:
         failure = failure_of(error)

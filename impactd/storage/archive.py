@@ -23,6 +23,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from drivers.digitizer import Record
+from impactd.storage import rescue
 from impactd.storage.alarms import AlarmTable
 from impactd.storage.calibrations import Calibration, CalibrationTable
 from impactd.storage.diagnoses import DIAGNOSES_NAME, DiagnosisStore
@@ -50,7 +51,7 @@ from impactd.storage.problem import Problem
 from impactd.storage.publish import sync_directory
 from impactd.storage.recovery import end_interrupted, requeue_abandoned
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
-from impactd.storage.shot_file import recording_of
+from impactd.storage.shot_file import build_shot_file, recording_of
 from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME, ShotStore
 from impactd.storage.shots import Shot, ShotTable
 from impactd.storage.tokens import SCOPES, Token, TokenTable
@@ -298,8 +299,8 @@ class Archive:
     def interrupt_unfinished(self) -> list[Drop]:
         """End what a dead daemon left under way; the daemon calls it at start-up.
 
-        A drop whose file was published before the end is stored: its shot is taken into the index.
-        Every other one is interrupted: shown, and never fired again.
+        A drop whose file was published before the end, or rescued to another disk, is stored: its
+        shot is taken into the index. Every other one is interrupted: shown, and never fired again.
 
         Returns
         -------
@@ -351,6 +352,38 @@ class Archive:
             self._shots.add(shot)
             self._drops.set_state(number, "stored")
         return shot
+
+    def rescue_shot(self, number: int, record: Record, about: ShotAbout) -> Path:
+        """Keep a record outside the archive that cannot be stored before the daemon ends.
+
+        The drop stays under way: `interrupt_unfinished` of the next start takes its file back.
+
+        Parameters
+        ----------
+        number : int
+            The drop.
+        record : Record
+            As the digitizer gave it.
+        about : ShotAbout
+            The circumstances.
+
+        Returns
+        -------
+        Path
+            Where it is.
+
+        Raises
+        ------
+        ArchiveError
+            If no disk took it.
+        """
+        path = self._store.path(number)
+        if path.exists():  # only its row is missing
+            return path
+        drop = replace(self._drops.get(number), state="stored", shot=number, updated_utc=utc_now())
+        return rescue.keep(
+            self.directory, number, build_shot_file(number, recording_of(record), about, drop)
+        )
 
     def store_import(self, recording: Recording, about: ShotAbout) -> Shot:
         """Store a recording made elsewhere under the next number, durably."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from impactd.storage import rescue
 from impactd.storage.calibrations import CalibrationTable
 from impactd.storage.drops import Drop, DropTable
-from impactd.storage.errors import CorruptShotError
+from impactd.storage.errors import ArchiveError, CorruptShotError
 from impactd.storage.index import Index
 from impactd.storage.jobs import CALIBRATE, FIT_SHOT, JobTable
 from impactd.storage.problem import Problem
@@ -17,8 +18,8 @@ from impactd.storage.shots import ShotTable
 def end_interrupted(index: Index, store: ShotStore) -> list[Drop]:
     """End every drop that is under way.
 
-    A drop whose file was published before the end is stored: its shot is taken into the index.
-    Every other one is interrupted.
+    A drop whose file was published before the end, or rescued to another disk, is stored: its shot
+    is taken into the index. Every other one is interrupted.
 
     Parameters
     ----------
@@ -37,10 +38,11 @@ def end_interrupted(index: Index, store: ShotStore) -> list[Drop]:
         if not Path(f"/proc/{pid}").exists():
             draft.unlink(missing_ok=True)
     active = DropTable(index).active()
+    outside = {drop.number: where for drop in active if (where := _take_back(store, drop.number))}
     if any(store.path(drop.number).exists() for drop in active):
         # The writer may have died between the name and its fsync; a row must not outlive its file.
         store.sync_names()
-    return [_end(index, store, drop) for drop in active]
+    return [_end(index, store, drop, outside.get(drop.number)) for drop in active]
 
 
 def requeue_abandoned(index: Index, jobs: JobTable, calibrations: CalibrationTable) -> None:
@@ -74,7 +76,21 @@ def requeue_abandoned(index: Index, jobs: JobTable, calibrations: CalibrationTab
                     DropTable(index).set_state(job.payload["shot"], row["state"], problem)
 
 
-def _end(index: Index, store: ShotStore, drop: Drop) -> Drop:
+def _take_back(store: ShotStore, number: int) -> Path | None:
+    """Take a rescued file into the archive; return where it stays if that is not possible."""
+    path = None if store.path(number).exists() else rescue.find(store.directory, number)
+    if path is None:
+        return None
+    try:
+        store.take(path, number)
+    except CorruptShotError:
+        return None
+    except ArchiveError:
+        return path
+    return None
+
+
+def _end(index: Index, store: ShotStore, drop: Drop, outside: Path | None) -> Drop:
     drops = DropTable(index)
     detail = f"The daemon ended while drop {drop.number} was {drop.state}."
     if store.path(drop.number).exists():
@@ -91,6 +107,9 @@ def _end(index: Index, store: ShotStore, drop: Drop) -> Drop:
         title="Drop interrupted",
         status=500,
         detail=detail,
-        remedy="Check the rig, hang the sphere and ask for a new drop.",
+        remedy="Check the rig, hang the sphere and ask for a new drop."
+        if outside is None
+        else f"Its record is whole: stop the daemon, free space, move {outside} to "
+        f"{store.path(drop.number)} and run `impactd reindex`.",
     )
     return drops.set_state(drop.number, "interrupted", problem)

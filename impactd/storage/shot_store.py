@@ -95,6 +95,29 @@ class ShotStore:
         publish(path, build_shot_file(number, recording, about, drop), replace=True)
         return path
 
+    def take(self, path: Path, number: int) -> None:
+        """Publish a shot file that lies outside the archive, then remove it there.
+
+        Parameters
+        ----------
+        path : Path
+            From `rescue.find`.
+        number : int
+            What it must hold.
+
+        Raises
+        ------
+        CorruptShotError
+            If it is no such file.
+        ArchiveError
+            If the archive still has no room.
+        """
+        content = _content(path)
+        if read_shot_file(content, str(path))[0] != number:
+            raise CorruptShotError(str(path), f"it does not hold shot {number}")
+        publish(self.path(number), content)
+        path.unlink(missing_ok=True)
+
     def read(self, shot: Shot) -> StoredShot:
         """Return a shot from its file.
 

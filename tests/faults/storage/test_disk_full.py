@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from .conftest import Disk
@@ -85,6 +87,27 @@ def test_a_record_in_memory_is_stored_when_space_returns(disk: Disk, every: int)
         assert all(here.daemon.liveness().values())
     assert counts["stored when space returned"]
     print(f"disk full, {len(range(0, 30, every))} steps of 64 KiB: {counts}")
+
+
+def test_a_record_in_memory_outlives_the_daemon(
+    disk: Disk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Told to end with a full disk, it keeps the record elsewhere; the next start stores it."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    data = disk.path / "data"
+    with daemon_here(data) as here:
+        disk.leave(10 * STEP)
+        number = here.drop("last").json()["number"]
+        assert until(lambda: _where(here, number), bool) == "memory"
+    kept = list((tmp_path / "cache").rglob("*.h5"))
+    assert [path.name for path in kept] == [f"{number:06d}.h5"]
+    disk.leave(8 * 1024 * 1024)
+    with daemon_here(data) as here:
+        assert here.get(f"/v1/drops/{number}")["state"] in ("stored", "analysed")
+        here.daemon.archive.read_shot(number)
+        assert here.drop("last").json()["number"] == number
+    assert not kept[0].exists()
 
 
 def _where(here: DaemonHere, number: int) -> str:
