@@ -67,7 +67,11 @@ def main(arguments: Sequence[str] = ()) -> int:
     for line in found:
         print(f"dependencies: {line}", file=sys.stderr)
     if incomplete:
-        print(f"dependencies: audit incomplete, {incomplete}", file=sys.stderr)
+        print(
+            f"dependencies: NOT AUDITED for known vulnerabilities: {incomplete}. Only that they "
+            "fit each other was checked; run `make audit` again with a network.",
+            file=sys.stderr,
+        )
     return int(bool(found) or bool(fits.returncode))
 
 

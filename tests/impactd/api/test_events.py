@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
+import time
 from pathlib import Path
 
 import pytest
@@ -104,6 +105,34 @@ def test_a_reader_that_leaves_in_the_middle_is_no_failure(rig, capfd):
         next(answer.iter_lines())
     assert rig.reader.get("/v1/drops").status_code == 200
     assert "request failed" not in capfd.readouterr().out
+
+
+def test_a_stream_ends_with_its_token(rig):
+    """A token that is taken back ends what was opened with it, at the next thing that is told."""
+    secret = rig.token("read", "leaver")
+    number = rig.daemon.archive.tokens.check(secret).id
+    headers = {"Authorization": f"Bearer {secret}", "Last-Event-ID": "0"}
+    with rig.anybody.stream("GET", "/v1/events", headers=headers) as answer:
+        assert answer.status_code == 200
+        lines = answer.iter_lines()
+        next(lines)
+        rig.daemon.archive.tokens.revoke(number)
+        stop = threading.Event()
+
+        def tell() -> None:
+            while not stop.wait(0.1):
+                rig.daemon.bus.publish("test", {})
+
+        teller = threading.Thread(target=tell)
+        teller.start()
+        try:
+            began_s = time.monotonic()
+            for _ in lines:
+                assert time.monotonic() - began_s < 30, "the stream goes on without a token"
+        finally:
+            stop.set()
+            teller.join()
+    assert rig.anybody.get("/v1/events", headers=headers).status_code == 401
 
 
 def test_a_last_event_id_that_is_none_is_refused(rig):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import textwrap
@@ -39,6 +40,23 @@ def test_a_drop_has_its_row_before_anything_moves(
     assert created
     assert (drop.number, drop.state, drop.owner, drop.shot) == (1, "requested", "anna", None)
     assert archive.drop(1) == drop
+
+
+def test_the_folders_of_a_new_archive_are_synced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a power cut could take the archive itself, with the first shots in it."""
+    synced: set[str] = set()
+    really_sync = os.fsync
+
+    def sync_and_note(descriptor: int) -> None:
+        synced.add(os.readlink(f"/proc/self/fd/{descriptor}"))
+        really_sync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", sync_and_note)
+    Archive.open(tmp_path / "new", reserve_bytes=0).close()
+
+    assert {str(tmp_path), str(tmp_path / "new")} <= synced
 
 
 def test_fifty_posts_with_one_key_make_one_drop(
