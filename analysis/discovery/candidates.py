@@ -19,9 +19,11 @@ from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
 
-STARTS_TRIED = 25
+STARTS_TRIED = 50
 AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
+HARDLY = 0.05
+"""Share of the largest owner's amplitude below which another's is as good as neutral."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
 SCOPES_TRIED = ("rig", "surface", "sphere")
@@ -79,6 +81,8 @@ class Refit:
         What the cheap look had promised.
     on_all_shots : bool
         False where only a part of the shots was fitted, the gain scaled to all.
+    own : int
+        How many of the numbers belong to one shot each.
     """
 
     effect: Effect
@@ -91,10 +95,39 @@ class Refit:
     at_bound: bool
     linear_gain: float
     on_all_shots: bool = True
+    own: int = 0
 
-    def score(self, penalty: float) -> float:
-        """Return the gain less a price for each number."""
-        return self.gain - penalty * self.parameters
+    def score(self, penalty: float, factor: float = 1.0) -> float:
+        """Return the gain less the price of its numbers, on so many times the shots."""
+        gain, own = self.gain * factor, round(self.own * factor)
+        return gain - price(self.effect, self.parameters - self.own, own, gain, penalty)
+
+
+def price(effect: Effect, shared: int, own: int, gain: float, penalty: float) -> float:
+    """Return what an effect's numbers cost in whitened squares.
+
+    Parameters
+    ----------
+    effect : Effect
+        Signals of free size pay in full: they follow much that they are not.
+    shared : int
+        Numbers that more than one shot determines.
+    own : int
+        Numbers of which every shot has its own. They are sizes of one scatter: with its width the
+        data's own, the evidence falls by 1 + ln(squares they take up, each) for each of them.
+    gain : float
+        Whitened squares that all of them take up.
+    penalty : float
+        Price of a shared number, and of the scatter.
+
+    Returns
+    -------
+    float
+        To be taken off the gain.
+    """
+    if effect.basis is not None or not own:
+        return penalty * (shared + own)
+    return penalty * (shared + 1) + own * (1.0 + math.log(max(gain / own, 1.0)))
 
 
 def amplitude_of(effect: Effect) -> int | None:
@@ -339,10 +372,16 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
             if not parameter.low <= typical <= parameter.high:
                 return True
             continue
-        for j, name in enumerate(problem.names):
-            if name.split("[", 1)[0] != f"{effect.id}.{parameter.name}":
-                continue
+        places = [
+            j
+            for j, name in enumerate(problem.names)
+            if name.split("[", 1)[0] == f"{effect.id}.{parameter.name}"
+        ]
+        largest = float(np.abs(fitted.theta[places]).max(initial=0.0))
+        for j in places:
             at, width = float(fitted.theta[j]), 2.0 * float(u[j])
+            if parameter.form != "log" and abs(at) < HARDLY * largest:
+                continue  # next to another owner's it is neutral
             nearest = [_value(parameter, c) for c in (at - width, at, at + width)]
             if parameter.form == "inverse" and at - width <= 0.0 <= at + width:
                 continue  # neutral is within reach
@@ -411,9 +450,11 @@ def refit(
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     gain = fitted.cost - result.cost if math.isfinite(result.cost) else -math.inf
     count = len(larger.names) - len(problem.names)
-    count += own_numbers(effect) * len(problem.shots)
+    own = own_numbers(effect) * len(problem.shots)
     bad = not result.blocks or left_its_range(larger, result, effect)
-    return Refit(effect, proposal.owner, scope, larger, result, gain, count, bad, linear_gain)
+    return Refit(
+        effect, proposal.owner, scope, larger, result, gain, count + own, bad, linear_gain, own=own
+    )
 
 
 def refit_elsewhere(
@@ -467,9 +508,10 @@ def refit_elsewhere(
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
     gain = base.cost - result.cost if math.isfinite(result.cost) else -math.inf
     bad = not result.blocks or left_its_range(wide, result, found.effect)
-    count = len(wide.names) - len(problem.names) + own_numbers(found.effect) * len(many)
+    own = own_numbers(found.effect) * len(many)
+    count = len(wide.names) - len(problem.names) + own
     return dataclasses.replace(
-        found, problem=wide, fitted=result, gain=gain, at_bound=bad, parameters=count
+        found, problem=wide, fitted=result, gain=gain, at_bound=bad, parameters=count, own=own
     )
 
 

@@ -22,6 +22,7 @@ from analysis.discovery.candidates import (
     continued,
     default_starts,
     extended,
+    price,
     refit,
     refit_elsewhere,
     rescoped,
@@ -43,7 +44,7 @@ SHORTLIST = 7
 INTO_SECOND, INTO_LAST = 7, 3
 BENT = 300.0
 """Whitened squares beyond the noise, on the few shots, from which a slope is only a promise."""
-FAR = 3.0
+FAR = 1.5
 """Whitened squares a sample from which the present fit is no place to begin."""
 KNOWN_U = 0.3
 """A global whose prior is narrower than this is known before any record."""
@@ -53,8 +54,10 @@ NOTHING = 1.0
 """Whitened squares by which a start must differ from the model without the effect."""
 HOPELESS = 0.4
 """Share of the leader's score below which a candidate is not carried on."""
-USUAL_STARTS = 4
+USUAL_STARTS, FAR_STARTS = 4, 8
 AFAR_KEPT, AFAR_STEPS = 4, 14
+SETTLED = 3
+"""Shots on which far starts are put in order."""
 ALWAYS_TRIED = 6
 ENOUGH = 0.97
 """Share of the structure in the residual at which no further effect is looked for."""
@@ -153,7 +156,10 @@ def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
         for scope in scopes_of(proposal.effect):
             seen = evidence.explain(proposal.key, scope, heldout=False)
             sizes = {_owner(label): value for label, value in seen.coefficients.items()}
-            promised = seen.gain - PENALTY * seen.dof
+            own = seen.dof if scope == "shot" else 0
+            promised = seen.gain - price(
+                proposal.effect, seen.dof - own, own, seen.gain, PENALTY
+            )
             found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
     for own in found.values():
         own.sort(key=lambda s: -s.promised)
@@ -195,37 +201,58 @@ def _usual(
     for effect in {s.proposal.effect.id: s.proposal.effect for s in own}.values():
         if effect.basis is not None:
             continue
-        likely = [s for s in own if s.proposal.effect.id == effect.id]
+        likely = next(s for s in own if s.proposal.effect.id == effect.id)
         coordinates = default_starts(effect, top)
-        afar = begin is not None and effect.in_solver
-        many = afar and effect.structure is not None
-        if len(coordinates) > USUAL_STARTS and not many:
-            place = begin if begin is not None and afar else base
-            coordinates = _mildest(effect, coordinates, few, place)
-        for at in coordinates if many else coordinates[:USUAL_STARTS]:
-            proposal = dataclasses.replace(likely[0].proposal, coordinates=at)
-            usual = Start(proposal, likely[0].scope, {}, likely[0].promised)
-            if afar:
-                found.append(dataclasses.replace(usual, from_afar=True))
-            if not (afar and effect.structure is not None):
-                found.append(usual)
+        places = [(base, False)] if begin is None else [(begin, True)]
+        if begin is not None and effect.structure is None:
+            places.append((base, False))
+        for place, afar in places:
+            kept = FAR_STARTS if afar and len(effect.parameters) > 1 else USUAL_STARTS
+            nearest = coordinates
+            if len(coordinates) > kept:
+                settled = afar and effect.structure is not None
+                nearest = _mildest(effect, coordinates, few, place, settled=settled)[:kept]
+            found += [
+                Start(
+                    dataclasses.replace(likely.proposal, coordinates=at),
+                    likely.scope,
+                    {},
+                    likely.promised,
+                    from_afar=afar,
+                )
+                for at in nearest
+            ]
     return found
 
 
 def _mildest(
-    effect: Effect, coordinates: list[tuple[float, ...]], few: JointProblem, base: joint.Fitted
+    effect: Effect,
+    coordinates: list[tuple[float, ...]],
+    few: JointProblem,
+    base: joint.Fitted,
+    *,
+    settled: bool,
 ) -> list[tuple[float, ...]]:
     """Return starts in order of the misfit they begin with, those that change nothing last.
 
     A yield pressure that nothing reaches, a ceiling above all peaks: from there no slope leads on.
+    Far from the data the shots' own parameters are settled first.
     """
     own = rescoped(effect, "rig")
+    if settled and len(few.shots) > SETTLED:
+        some = list(range(0, len(few.shots), math.ceil(len(few.shots) / SETTLED)))
+        few = dataclasses.replace(few, shots=[few.shots[i] for i in some])
+        base = dataclasses.replace(base, nuisances=base.nuisances[some])
+    nuisances = joint.settle(few, base.theta, base.nuisances) if settled else base.nuisances
+    without = joint.total_cost(few, base.theta, nuisances)
     found = []
     for at in coordinates:
         names = (f"{own.id}.{p.name}" for p in own.parameters)
-        larger, theta, nuisances = extended(few, base, own, dict(zip(names, at, strict=True)))
-        cost = joint.total_cost(larger, theta, nuisances)
-        nothing = not math.isfinite(cost) or abs(cost - base.cost) < NOTHING
+        larger, theta, start = extended(few, base, own, dict(zip(names, at, strict=True)))
+        if settled:
+            start = joint.settle(larger, theta, start)
+        cost = joint.total_cost(larger, theta, start)
+        nothing = not math.isfinite(cost) or abs(cost - without) < NOTHING
         found.append((nothing, cost, at))
     return [at for _, _, at in sorted(found)]
 
@@ -368,7 +395,7 @@ def _order(found: Refit) -> tuple[bool, float]:
 
 def _merit(found: Refit, factor: float) -> float:
     """Return the score that all shots would give; what left its range loses half of it."""
-    score = found.gain * factor - PENALTY * found.parameters
+    score = found.score(PENALTY, factor)
     return 0.5 * score if found.at_bound and score > 0 else score
 
 
@@ -452,4 +479,8 @@ def _one_form_each(refits: list[Refit]) -> list[Refit]:
 
 def _scaled(found: Refit, factor: float) -> Refit:
     """Return a refit on a part of the shots with the gain that all would give."""
-    return dataclasses.replace(found, gain=found.gain * factor, on_all_shots=factor == 1.0)
+    own = round(found.own * factor)
+    count = found.parameters - found.own + own
+    return dataclasses.replace(
+        found, gain=found.gain * factor, parameters=count, own=own, on_all_shots=factor == 1.0
+    )

@@ -15,6 +15,7 @@ from analysis.discovery.candidates import Proposal, Refit, proposals
 from analysis.discovery.evidence import Evidence, gather
 from analysis.discovery.omnibus import Omnibus, ask
 from analysis.discovery.ranking import PENALTY, Ground, ranked
+from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
@@ -30,6 +31,9 @@ FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
 FIRST_SHARE = 0.15
 """Share of the best first effect's gain below which another is no first."""
+FORM_ACCURACY = 5e-6
+"""Share of the squares an effect takes up, 0.2 % of its signal, that its equation, read at sampling
+times and solved to 4e-6 of the peak, may leave."""
 THIRD_BELOW = 0.1
 """What two effects may leave of the whole for a third to be looked for."""
 
@@ -84,18 +88,27 @@ class Trail:
 
     @property
     def adequate(self) -> bool:
-        """Whether the trail has ended in noise."""
-        return not self.last.omnibus.structured
+        """Whether the trail has ended in noise, or in less than its effects' forms are good for."""
+        if not self.last.omnibus.structured:
+            return True
+        left = max(a.gain - a.dof for a in self.last.omnibus.answers.values())
+        explained = self.steps[0].fitted.cost - self.last.fitted.cost
+        return bool(self.chosen) and left < FORM_ACCURACY * explained
 
     @property
     def score(self) -> float:
         """Return the whitened squares left, numbers paid for."""
-        paid = sum(r.parameters for r in self.chosen) * PENALTY
+        paid = sum(r.gain - r.score(PENALTY) for r in self.chosen)
         return self.last.fitted.cost + paid
 
     def on(self, found: Refit) -> Trail:
-        """Return the trail one effect further."""
-        return Trail([*self.steps, look(found.problem, found.fitted)], [*self.chosen, found])
+        """Return the trail one effect further, its numbers owned by whom the data ask for."""
+        step = look(found.problem, found.fitted)
+        if step.omnibus.structured:
+            wide = widened(self.last.problem, self.last.fitted, found, PENALTY)
+            if wide.score(PENALTY) > found.score(PENALTY) + MIN_GAIN:
+                found, step = wide, look(wide.problem, wide.fitted)
+        return Trail([*self.steps, step], [*self.chosen, found])
 
 
 def look(problem: JointProblem, fitted: joint.Fitted) -> Step:
@@ -201,7 +214,10 @@ def without_needless(trail: Trail) -> Trail:
         shorter = _reduced(trail.last, kept)
         if shorter is not None and shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
-            return Trail([*trail.steps[: len(others)], shorter], others)
+            steps = [*trail.steps[: len(others)], shorter]
+            gain = steps[-2].fitted.cost - shorter.fitted.cost
+            others[-1] = dataclasses.replace(others[-1], gain=gain)
+            return Trail(steps, others)
     return trail
 
 

@@ -41,6 +41,9 @@ def _steps(values: Values, context: ShotContext) -> float:
     return resolving_steps(2 * math.pi * values["frequency_hz"] * fastest, context)
 
 
+# a ring seen over many periods has no slope towards another frequency: look every 12 %
+_FREQUENCIES_HZ = tuple(600.0 * 1.12**i for i in range(25))
+
 EFFECT = Effect(
     id="base_compliance",
     slot="sensor",
@@ -57,7 +60,7 @@ EFFECT = Effect(
             0.1,
             0.0,
             5.0,
-            (0.05,),
+            (0.05, 0.4),
             "crystal's mass over the base's",
         ),
         EffectParameter(
@@ -68,7 +71,7 @@ EFFECT = Effect(
             3e3,
             1e2,
             5e4,
-            (3e3, 1.2e3, 8e3),
+            _FREQUENCIES_HZ,
             "of the base on the stand",
         ),
         EffectParameter(

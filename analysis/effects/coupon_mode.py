@@ -47,6 +47,9 @@ def _steps(values: Values, context: ShotContext) -> float:
     return resolving_steps(2 * math.pi * values["frequency_hz"] * fastest, context)
 
 
+# a ring seen over many periods has no slope towards another frequency: look every 12 %
+_FREQUENCIES_HZ = tuple(4.5e3 * 1.12**i for i in range(25))
+
 EFFECT = Effect(
     id="coupon_mode",
     slot="mounting",
@@ -63,7 +66,7 @@ EFFECT = Effect(
             0.1,
             0.0,
             2.0,
-            (0.03,),
+            (0.03, 0.15),
             "mass that takes part over the top mass",
         ),
         EffectParameter(
@@ -74,7 +77,7 @@ EFFECT = Effect(
             1e4,
             1e3,
             3e5,
-            (1.2e4, 7e3, 2.5e4, 4.5e4),
+            _FREQUENCIES_HZ,
             "natural frequency",
         ),
         EffectParameter(

@@ -31,9 +31,9 @@ EFFECT = Effect(
             "rig",
             "log",
             0.1,
-            3e-3,
+            5e-4,
             1.0,
-            (0.1,),
+            (0.1, 4e-3),
             "second impact speed over the first",
         ),
         EffectParameter(

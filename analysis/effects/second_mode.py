@@ -20,6 +20,9 @@ def _output(signal: Array, values: Values, context: ShotContext) -> Array:
     return found
 
 
+# a ring seen over many periods has no slope towards another frequency: look every 12 %
+_FREQUENCIES_HZ = tuple(1.5e4 * 1.12**i for i in range(21))
+
 EFFECT = Effect(
     id="second_mode",
     slot="sensor",
@@ -36,7 +39,7 @@ EFFECT = Effect(
             0.2,
             -2.0,
             2.0,
-            (0.05,),
+            (0.05, -0.1),
             "static part of the mode in the output, beta",
         ),
         EffectParameter(
@@ -47,7 +50,7 @@ EFFECT = Effect(
             3e4,
             5e3,
             5e5,
-            (4e4, 2.5e4, 7e4, 1.2e5),
+            _FREQUENCIES_HZ,
             "natural frequency",
         ),
         EffectParameter(

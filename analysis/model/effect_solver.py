@@ -37,7 +37,7 @@ from numba import float64, njit, types
 
 from analysis.model.by_address import call_term, load, store
 from analysis.model.free_ring import add_free_ring
-from analysis.model.solver import MAX_STEPS, _quintic
+from analysis.model.solver import ENDLESS, MAX_STEPS, _quintic
 
 TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
     float64, float64, float64, float64, float64, float64, float64, float64
@@ -284,7 +284,9 @@ def _integrate(  # type: ignore[no-untyped-def]
     new, k1, k7 = _TRIAL * _LANES, _K * _LANES, (_K + 6) * _LANES
     begin, end, corrections, ended = 0, 1, 0, False
     length, f0, deepest = h, 0.0, 0.0
-    for _ in range(MAX_STEPS):
+    for step in range(MAX_STEPS):
+        if i >= n and step > ENDLESS * steps:
+            break  # nobody sees whether it ever leaves
         f1 = _advance(
             work, begin, end, length,
             K, cd, mobility, reach, v0, per_mass, g, share, count, terms, packed, masses, A, b, top,

@@ -30,6 +30,11 @@ SOLVE, GAIN, AGAIN, READ, NOTHING = range(5)
 
 LOG_STEP = 1e-6
 TIME_STEP_US = 1e-4
+MOST_BOUNCES = 6
+SLOWEST = 2e-4
+"""Share of the impact speed below which no later contact is followed."""
+SETTLES = 3.0
+"""Times the speed at which inertia and weight press alike, from which a sphere bounces on."""
 _IN_CONTEXT = ("ln_K", "ln_v0", "ln_e", "t0_us")
 _IN_STRUCTURE = ("ln_w", "ln_z", "ln_M")
 
@@ -196,7 +201,7 @@ def add_first_contacts(
 
 
 def add_second_contacts(signal: Array, model: ImpactModel, column: Column, steps: int) -> None:
-    """Add to a trace the contacts that come after the first, in the base model.
+    """Add to a trace the contacts that come after the first, of the same bodies.
 
     Parameters
     ----------
@@ -208,10 +213,59 @@ def add_second_contacts(signal: Array, model: ImpactModel, column: Column, steps
         With which numbers.
     steps : int
         Solver steps over a contact.
+
+    Notes
+    -----
+    What touches again slowly bounces on within the window: with the speed u of its rebound it is
+    back after 2 u / g, until it lies still.
     """
     for effect in model.effects:
-        if effect.again is not None:
-            _base_trace(signal, model, column, steps, effect.again(column.values[effect.id]))
+        if effect.again is None:
+            continue
+        delay, ratio = effect.again(column.values[effect.id])
+        end = signal.size / column.context.sample_rate_hz - column.context.touch_down_s
+        speed = column.context.speed_m_per_s * ratio
+        for _ in range(MOST_BOUNCES):
+            if not delay < end:
+                break
+            duration, rebound = _later_contact(signal, model, column, steps, (delay, speed))
+            if not (math.isfinite(duration) and rebound > _settling_speed(column)):
+                break
+            delay += duration + 2.0 * rebound / column.context.gravity_m_per_s2
+            speed = rebound
+
+
+def _settling_speed(column: Column) -> float:
+    """Return the speed below which the sphere's own weight keeps it down. [m/s]"""
+    context = column.context
+    g = context.gravity_m_per_s2
+    sunk = (context.mass_kg * g / context.stiffness) ** (2 / 3)
+    return SETTLES * math.sqrt(g * sunk)
+
+
+def _later_contact(
+    signal: Array, model: ImpactModel, column: Column, steps: int, later: tuple[float, float]
+) -> tuple[float, float]:
+    """Add a contact at a time after the first [s] and a speed [m/s]; duration, rebound speed."""
+    if later[1] < SLOWEST * column.context.speed_m_per_s:
+        raise OverflowError  # the scheme does not follow what hardly moves
+    # a slow contact lasts longer, by speed^(-1/5), and the cell swings as fast as ever; in powers
+    # of two, so that neighbours take the same steps
+    longer = (column.context.speed_m_per_s / later[1]) ** 0.2
+    steps = min(steps << max(0, math.ceil(math.log2(longer))), solver.MAX_STEPS)
+    if not any(e.in_solver for e in model.effects):
+        ratio = later[1] / column.context.speed_m_per_s
+        duration, rebound, _ = _base_trace(signal, model, column, steps, (later[0], ratio))
+        return duration, rebound
+    context = dataclasses.replace(
+        column.context,
+        touch_down_s=column.context.touch_down_s + later[0],
+        speed_m_per_s=later[1],
+    )
+    again = dataclasses.replace(column, row=0, context=context)
+    cells = [_cell(model, column.local)]
+    found = integrate_with_effects(signal[None, :], model.effects, [again], cells, steps=steps)
+    return float(found[0, 0]), float(found[0, 1])
 
 
 def read(signal: Array, chain: tuple[Effect, ...], column: Column, since: int = 0) -> list[Array]:

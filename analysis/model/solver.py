@@ -46,6 +46,8 @@ CONTACT_STEPS = 92
 _STEPS_PER_RADIAN = 5.0
 _STEPS_PER_SQUARE_RADIAN = 0.1
 MAX_STEPS = 20_000
+ENDLESS = 4
+"""Times the usual steps of a contact after which it is followed only as far as it is seen."""
 
 # Dormand & Prince's fifth-order pair (J. Comput. Appl. Math. 6 (1980) 19-26), the order-5 row.
 _A21 = 1 / 5
@@ -261,7 +263,7 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
     ended = False
     deepest = 0.0
     count = 0
-    while not ended and count < MAX_STEPS:
+    while not ended and count < MAX_STEPS and (i < n or count < ENDLESS * steps):
         count += 1
         y1, u1, D1, w1, t1 = _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g)
         if y1 <= 0.0 and u1 < 0.0:
