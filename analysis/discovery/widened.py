@@ -1,4 +1,4 @@
-"""Whose is an effect's size: what was found for the whole rig, asked again of each material and shot.
+"""Whose is an effect's size: what was found for the rig, asked again of each material and shot.
 
 A linear look chooses the owner before the effect is known. Once it is fitted, the other owners are
 one refit away.
@@ -10,6 +10,7 @@ import dataclasses
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.discovery.candidates import (
     Refit,
@@ -88,7 +89,7 @@ def _owned_by(scope: str, problem: JointProblem, base: joint.Fitted, found: Refi
     )
 
 
-def _values(found: Refit, at: int) -> np.ndarray:
+def _values(found: Refit, at: int) -> NDArray[np.float64]:
     """Return the coordinate of one local parameter in every shot."""
     model = found.problem.model
     if at >= len(model.shared):

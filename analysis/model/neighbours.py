@@ -248,7 +248,7 @@ def _later_contact(
 ) -> tuple[float, float]:
     """Add a contact at a time after the first [s] and a speed [m/s]; duration, rebound speed."""
     if later[1] < SLOWEST * column.context.speed_m_per_s:
-        raise OverflowError  # the scheme does not follow what hardly moves
+        return math.nan, math.nan  # hardly moves, and the scheme does not follow it
     # a slow contact lasts longer, by speed^(-1/5), and the cell swings as fast as ever; in powers
     # of two, so that neighbours take the same steps
     longer = (column.context.speed_m_per_s / later[1]) ** 0.2
