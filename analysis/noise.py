@@ -38,10 +38,6 @@ SHORT_ORDER = 2
 """Highest autoregressive order that is tried beside a 1/f part."""
 HIGHEST_CORNER = 0.5
 """A corner beyond half the sample rate is colour of another kind than 1/f."""
-LEAST_HISTORY = 32
-"""With fewer samples before the pulse, a filter for 1/f has nothing to stand on."""
-DIRECT = 32
-"""Longer filters are applied by Fourier transform."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +58,10 @@ class NoiseModel:
         ``"pre-trigger"``, or ``"differences"`` where no record has a quiet stretch.
     short : ndarray, shape (q,), optional
         Coefficients of what is not 1/f; ``coefficients`` themselves where nothing is. [1]
+    head : ndarray, shape (p, p), optional
+        Whitens the first p samples from those before each, in units of ``innovation_rms``; without
+        it they only serve as history. A long filter needs it: what dies away within its length
+        would be free. [1]
     corner : float
         Where a 1/f part is as strong as the rest at low frequency, 0 without one. [1/sample]
     drift_rms : float or None
@@ -77,6 +77,7 @@ class NoiseModel:
     samples: int
     source: str
     short: NDArray[np.float64] | None = None
+    head: NDArray[np.float64] | None = None
     corner: float = 0.0
     drift_rms: float | None = None
     drift_expected_rms: float = 0.0
@@ -85,6 +86,11 @@ class NoiseModel:
     def order(self) -> int:
         """Return the autoregressive order."""
         return int(self.coefficients.size)
+
+    @property
+    def history(self) -> int:
+        """Return how many samples at the start of a window are used up by whitening."""
+        return self.order if self.head is None else 0
 
     def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return innovations in units of their standard deviation.
@@ -96,27 +102,31 @@ class NoiseModel:
 
         Returns
         -------
-        ndarray, shape (n - p,) or (n - p, k)
-            Whitened values; the first p samples only serve as history. [1]
+        ndarray, shape (n - h,) or (n - h, k)
+            Whitened values; the first h samples, ``history``, serve only as such. [1]
         """
+        if self.head is not None:
+            return self._whiten_long(values, self.head)
         p = self.order
         n = values.shape[0]
-        if p > DIRECT:
-            return self._whiten_long(values)
         white = values[p:].copy(order="K")  # a Jacobian comes by columns and stays so
         for j, a in enumerate(self.coefficients, start=1):
             white -= a * values[p - j : n - j]
         white /= self.innovation_rms
         return white
 
-    def _whiten_long(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the same by Fourier transform."""
-        n, p = values.shape[0], self.order
-        size = next_fast_len(n, real=True)  # what wraps around falls on the history
-        taps = np.concatenate([[1.0], -self.coefficients]) / self.innovation_rms
+    def _whiten_long(
+        self, values: NDArray[np.float64], head: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Return the same for all samples, the filter applied by Fourier transform."""
+        n, p = values.shape[0], min(self.order, values.shape[0])
+        size = next_fast_len(n, real=True)  # what wraps around falls on the head
+        taps = np.concatenate([[1.0], -self.coefficients])[:n]
         rows = values.T
-        white = irfft(rfft(rows, size, axis=-1) * rfft(taps, size), size, axis=-1)
-        return np.asarray(white[..., p:n].T)
+        white = irfft(rfft(rows, size, axis=-1) * rfft(taps, size), size, axis=-1)[..., :n]
+        white[..., :p] = rows[..., :p] @ head[:p, :p].T
+        white /= self.innovation_rms
+        return np.asarray(white.T)
 
 
 def _autocovariance(
@@ -152,7 +162,6 @@ def estimate_noise(
     *,
     quantum: float | None = None,
     sample_rate_hz: float | None = None,
-    history: int = 0,
 ) -> NoiseModel | None:
     """Return the noise model of quiet stretches, or None where they say too little.
 
@@ -163,10 +172,8 @@ def estimate_noise(
     quantum : float, optional
         Converter step; the level is never taken below its rounding noise, quantum / sqrt(12).
     sample_rate_hz : float, optional
-        Of the records. With it, what is slow enough to be mains hum is not taken for noise; without
-        it, only means are taken off.
-    history : int
-        Samples that a filter may use up before the pulse; too few, and 1/f is not looked for.
+        Of the records. With it, what is slow enough to be mains hum is not taken for noise, and a
+        1/f part is looked for; without it, only means are taken off.
 
     Returns
     -------
@@ -198,18 +205,28 @@ def estimate_noise(
     if seen is None:
         return plain
     flat = noise_slow.autoregressive(seen, short)
-    found = _rising(seen, flat) if history >= LEAST_HISTORY else None
-    model = plain
-    if found is not None:
-        taps, variance = noise_slow.whitening_filter(found, min(history, noise_slow.LONG_ORDER))
-        level = math.sqrt(noise_slow.variance_within(found, seen.samples))
-        model = NoiseModel(taps, math.sqrt(variance), level, samples, "pre-trigger")
-        model = replace(model, short=found.short, corner=found.corner)
+    found = _rising(seen, flat)
+    model = plain if found is None else _rising_model(found, seen.samples, samples)
     expected = noise_slow.drift_expected(seen, found or flat)
     return replace(
         model,
         drift_rms=math.sqrt(seen.drift / seen.samples),
         drift_expected_rms=math.sqrt(expected / seen.samples),
+    )
+
+
+def _rising_model(found: Slow, piece: int, samples: int) -> NoiseModel:
+    """Return noise with a 1/f part as a filter."""
+    taps, variance, head = noise_slow.whitening_filter(found)
+    return NoiseModel(
+        taps,
+        math.sqrt(variance),
+        math.sqrt(noise_slow.variance_within(found, piece)),
+        samples,
+        "pre-trigger",
+        short=found.short,
+        head=head,
+        corner=found.corner,
     )
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft
-from scipy.linalg import solve_toeplitz
+from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 from scipy.optimize import minimize
 
 from analysis.quiet_spectrum import Spectrum, slow_covariance
@@ -131,8 +131,8 @@ def with_slow_part(seen: Spectrum, order: int) -> Slow:
     return Slow(made.short, made.innovation, made.amplitude, -best[0] * seen.samples)
 
 
-def whitening_filter(model: Slow, taps: int) -> tuple[Array, float]:
-    """Return the long autoregression that noise with a 1/f part obeys.
+def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float, Array]:
+    """Return the long autoregression that noise with a 1/f part obeys, and how it begins.
 
     Parameters
     ----------
@@ -147,11 +147,16 @@ def whitening_filter(model: Slow, taps: int) -> tuple[Array, float]:
         a_1 .. a_p.
     variance : float
         Of what they cannot foretell. [unit of the signal squared]
+    head : ndarray, shape (taps, taps)
+        Lower triangle that whitens the first samples to that variance.
     """
     density = model.innovation * _shape(model.short, np.arange(_GRID // 2 + 1) / _GRID)
     gamma = irfft(density, _GRID)[: taps + 1] + model.amplitude * slow_covariance(taps)
     a = np.asarray(solve_toeplitz(gamma[:-1], gamma[1:]))
-    return a, float(gamma[0] - a @ gamma[1:])
+    variance = float(gamma[0] - a @ gamma[1:])
+    root = np.linalg.cholesky(toeplitz(gamma[:-1]))
+    head = solve_triangular(root, math.sqrt(variance) * np.eye(taps), lower=True)
+    return a, variance, np.asarray(head)
 
 
 def variance_within(model: Slow, samples: int) -> float:

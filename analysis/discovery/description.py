@@ -94,12 +94,12 @@ def phases(shots: Sequence[ShotFit]) -> Json:
     squares, white, count = (dict.fromkeys(PHASES, 0.0) for _ in range(3))
     for shot in shots:
         whitened = np.zeros(shot.residual.size)
-        whitened[shot.item.noise.order :] = shot.item.noise.whiten(shot.residual)
+        whitened[shot.item.noise.history :] = shot.item.noise.whiten(shot.residual)
         masks = _phase_masks(shot)
         # a misfit pulls the fitted baseline away; that is no event before the trigger
         level = float(np.mean(shot.residual[masks["before"]])) if masks["before"].any() else 0.0
         quiet = np.zeros(shot.residual.size)
-        quiet[shot.item.noise.order :] = shot.item.noise.whiten(shot.residual - level)
+        quiet[shot.item.noise.history :] = shot.item.noise.whiten(shot.residual - level)
         whitened[masks["before"]] = quiet[masks["before"]]
         for name, mask in masks.items():
             squares[name] += float(np.sum(shot.residual[mask] ** 2))

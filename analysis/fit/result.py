@@ -85,7 +85,7 @@ class FitResult:
     @property
     def degrees_of_freedom(self) -> int:
         """Return samples less fitted parameters."""
-        used = sum(s.item.frame.samples - s.item.noise.order - 4 for s in self.shots)
+        used = sum(s.item.frame.samples - s.item.noise.history - 4 for s in self.shots)
         return used - len(self.problem.names)
 
     @property

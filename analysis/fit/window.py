@@ -19,8 +19,6 @@ MIN_PRE_S = 0.4e-3
 MIN_POST_S = 2.5e-3
 """And at least so far, so that the crystal has rung out."""
 MAX_SAMPLES = 6000
-HISTORY = 0.65
-"""Share of the window before the pulse that a whitening filter may use up."""
 FULL_SCALE = (-32768, 32767)
 """First and last code of the converter."""
 
@@ -251,6 +249,5 @@ def campaign_noise(shots: list[Shot]) -> NoiseModel:
         [quiet_part(s) for s in shots],
         quantum=max(quanta, default=None),
         sample_rate_hz=shots[0].sample_rate_hz,
-        history=int(HISTORY * min(cut(s).rise_index for s in shots)),
     )
     return found or noise_from_differences([s.signal for s in shots])

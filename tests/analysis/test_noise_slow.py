@@ -34,7 +34,7 @@ def _estimate(seed: int, *, corner_hz: float, rho: float = 0.0, hum: bool = Fals
     quiet = [_record(rng, 1490, corner_hz=corner_hz, rho=rho) for _ in range(54)]
     if hum:
         quiet = [x + _hum(rng, x.size) for x in quiet]
-    found = estimate_noise(quiet, sample_rate_hz=RATE_HZ, history=256)
+    found = estimate_noise(quiet, sample_rate_hz=RATE_HZ)
     assert found is not None
     return found
 
@@ -69,32 +69,34 @@ def test_hum_is_told_as_drift() -> None:
 
 
 def test_whitened_noise_is_white_down_to_a_kilohertz() -> None:
-    """Other records of the same noise, whitened, are flat from the filter's own length on."""
+    """Other records of the same noise, whitened, are flat, and white from the first sample on."""
     found = _estimate(3, corner_hz=2e4)
     rng = np.random.default_rng(4)
-    white = np.stack([found.whiten(_record(rng, 3256, corner_hz=2e4, rho=0.0)) for _ in range(200)])
+    white = np.stack([found.whiten(_record(rng, 3000, corner_hz=2e4, rho=0.0)) for _ in range(200)])
     power = np.mean(np.abs(np.fft.rfft(white, axis=1)) ** 2, axis=0) / white.shape[1]
     assert np.mean(power[4:]) == pytest.approx(1.0, abs=0.02)
     for low, high in ((3, 6), (6, 12), (12, 48), (48, 1500)):  # lines of 333 Hz
         assert np.mean(power[low:high]) == pytest.approx(1.0, abs=0.15)
+    assert np.mean(white[:, 1:256] ** 2) == pytest.approx(1.0, abs=0.03)
+
+
+def test_a_long_filter_is_the_exact_whitening_of_its_noise() -> None:
+    """Where a window is no longer than the filter, rows are those of the inverse Cholesky root."""
+    model = Slow(np.array([0.3]), 1.0, 0.02, 0.0)
+    taps, variance, head = whitening_filter(model, 100)
+    noise = NoiseModel(taps, float(np.sqrt(variance)), 1.0, 1000, "pre-trigger", head=head)
+    _, least, root = whitening_filter(model, 60)
+    np.testing.assert_allclose(noise.whiten(np.eye(60)), root / np.sqrt(least), atol=1e-9)
 
 
 def test_a_long_filter_whitens_as_the_sum_that_it_is() -> None:
-    """By Fourier transform or sample by sample, vector or columns: the same."""
-    taps, variance = whitening_filter(Slow(np.array([0.3]), 1.0, 0.02, 0.0), 100)
-    noise = NoiseModel(taps, float(np.sqrt(variance)), 1.0, 1000, "pre-trigger")
+    """By Fourier transform or sample by sample, vector or columns: the same; none is lost."""
+    taps, variance, head = whitening_filter(Slow(np.array([0.3]), 1.0, 0.02, 0.0), 100)
+    noise = NoiseModel(taps, float(np.sqrt(variance)), 1.0, 1000, "pre-trigger", head=head)
     values = np.random.default_rng(5).standard_normal((700, 3)).cumsum(axis=0)
     wanted = lfilter(np.append(1.0, -taps), [1.0], values, axis=0)[100:] / np.sqrt(variance)
-    np.testing.assert_allclose(noise.whiten(values), wanted, atol=1e-9)
-    np.testing.assert_allclose(noise.whiten(values[:, 1]), wanted[:, 1], atol=1e-9)
-    np.testing.assert_allclose(noise.whiten(np.asfortranarray(values)), wanted, atol=1e-9)
-
-
-def test_without_history_no_filter_eats_the_pulse() -> None:
-    """Records that begin just before the pulse keep a short filter, whatever the noise."""
-    rng = np.random.default_rng(6)
-    quiet = [_record(rng, 1490, corner_hz=2e4, rho=0.0) for _ in range(20)]
-    found = estimate_noise(quiet, sample_rate_hz=RATE_HZ, history=20)
-    assert found is not None
-    assert found.order <= 8
-    assert found.corner == 0.0
+    assert noise.history == 0
+    assert noise.whiten(values).shape == values.shape
+    np.testing.assert_allclose(noise.whiten(values)[100:], wanted, atol=1e-9)
+    np.testing.assert_allclose(noise.whiten(values), noise.whiten(np.asfortranarray(values)))
+    np.testing.assert_allclose(noise.whiten(values)[:, 1], noise.whiten(values[:, 1]), atol=1e-9)
