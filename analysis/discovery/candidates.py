@@ -24,6 +24,8 @@ AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
 HARDLY = 0.05
 """Share of the largest owner's amplitude below which another's is as good as neutral."""
+PRESENT = 0.3
+"""Share of an effect's start, in the linear look, below which an owner begins without it."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
 SCOPES_TRIED = ("rig", "surface", "sphere")
@@ -133,7 +135,8 @@ def price(effect: Effect, shared: int, own: int, gain: float, penalty: float) ->
 def amplitude_of(effect: Effect) -> int | None:
     """Return which parameter of an effect is its size; None where none is neutral at a point."""
     for at, parameter in enumerate(effect.parameters):
-        if parameter.form in ("linear", "inverse") and not parameter.peak_starts:
+        sloped = not (parameter.peak_starts or parameter.threshold)
+        if parameter.form in ("linear", "inverse") and sloped:
             return at
     return None
 
@@ -443,6 +446,8 @@ def refit(
                 found = coefficients.get(owner.strip("[]"), coordinate)
                 # an outlandish first-order size only says "large": start from the usual one
                 value = found if abs(found) < 30 * abs(coordinate) else coordinate
+            elif parameter.threshold and coefficients.get(owner.strip("[]"), 1.0) < PRESENT:
+                value = 0.0
             start[f"{effect.id}.{parameter.name}{owner}"] = value
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
     if begin is not None:

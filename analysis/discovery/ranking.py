@@ -59,8 +59,6 @@ AFAR_KEPT, AFAR_STEPS = 4, 14
 SETTLED = 3
 """Shots on which far starts are put in order."""
 ALWAYS_TRIED = 6
-ENOUGH = 0.97
-"""Share of the structure in the residual at which no further effect is looked for."""
 
 Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
@@ -161,8 +159,8 @@ def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
                 proposal.effect, seen.dof - own, own, seen.gain, PENALTY
             )
             found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
-    for own in found.values():
-        own.sort(key=lambda s: -s.promised)
+    for some in found.values():
+        some.sort(key=lambda s: -s.promised)
     return dict(sorted(found.items(), key=lambda item: -item[1][0].promised))
 
 
@@ -345,7 +343,7 @@ def ranked(
     best: list[Refit] = []
     for at, owner in enumerate(order):
         lead = max((r.score(PENALTY) for r in best if not r.at_bound), default=0.0)
-        if at >= ALWAYS_TRIED and lead > ENOUGH * (evidence.chi2 - samples):
+        if at >= ALWAYS_TRIED and evidence.chi2 - samples - lead < BENT:
             break  # nothing is left for another to explain
         progress(f"trying {owner}", 0.6 * at / len(order))
         tries = [

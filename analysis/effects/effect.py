@@ -132,6 +132,8 @@ class EffectParameter:
     peak_starts : tuple of float
         Starts as multiples of the largest excursion in the campaign, for a parameter that has the
         signal's own unit; where given they are better than ``starts``.
+    threshold : bool
+        Nothing happens on the far side of it, and nothing there has a slope towards it.
     """
 
     name: str
@@ -144,6 +146,7 @@ class EffectParameter:
     starts: tuple[float, ...]
     description: str
     peak_starts: tuple[float, ...] = ()
+    threshold: bool = False
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""

@@ -106,8 +106,9 @@ _PARAMETERS = (
         3e8,
         1e7,
         1e11,
-        (6e7, 1.2e8, 2.5e8, 6e8, 1.5e9, 4e9),
+        (6e7, 1.2e8, 2.5e8, 4e7, 9e7, 1.7e8, 6e8, 1.5e9, 4e9),
         "contact pressure at which flow begins, p_y",
+        threshold=True,
     ),
 )
 
@@ -153,8 +154,9 @@ EFFECT = Effect(
                     20.0,
                     0.5,
                     1e4,
-                    (3.0, 7.0, 15.0, 30.0, 60.0),
+                    (3.0, 7.0, 15.0, 30.0, 60.0, 2.0, 5.0, 10.0, 20.0),
                     "contact force at which flow begins, F_y",
+                    threshold=True,
                 ),
             ),
             contact=_term,
