@@ -22,6 +22,7 @@ from impactd.console import (
     paper_command,
     plot_commands,
     rig_commands,
+    schema_command,
     token_commands,
 )
 
@@ -58,6 +59,7 @@ analysis_commands.add_to(app)
 archive_commands.add_to(app)
 plot_commands.add_to(app)
 paper_command.add_to(app)
+schema_command.add_to(app)
 app.add_typer(token_commands.app, name="token")
 
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from impactd.console.options import Json, Url
+from impactd.console.options import Csv, Json, Url
 
 
 class BaseModel(StrEnum):
@@ -26,7 +26,7 @@ def add_to(app: typer.Typer) -> None:
         app.command()(command)
 
 
-def fit(
+def fit(  # noqa: PLR0917 - typer reads options from the parameters
     what: Annotated[
         list[str],
         typer.Argument(
@@ -45,20 +45,29 @@ def fit(
             help="Also say what the shots fix and what they do not, with profile likelihoods.",
         ),
     ] = False,
+    csv_out: Csv = None,
     url: Url = None,
 ) -> None:
     """Fit recordings together, and show each pair's modulus."""
     from impactd.console import fits
 
     if all(item.isdigit() for item in what):
-        fits.by_the_daemon([int(item) for item in what], model, json_out=json_out, url=url)
+        fits.by_the_daemon(
+            [int(item) for item in what], model, json_out=json_out, csv_out=csv_out, url=url
+        )
     elif len(what) == 1:
-        fits.offline(Path(what[0]), model, json_out=json_out, identifiability=identifiability)
+        fits.offline(
+            Path(what[0]),
+            model,
+            json_out=json_out,
+            csv_out=csv_out,
+            identifiability=identifiability,
+        )
     else:
         raise typer.BadParameter("give one campaign file, or only shot numbers")
 
 
-def diagnose(
+def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     what: Annotated[
         list[str] | None,
         typer.Argument(
@@ -74,6 +83,7 @@ def diagnose(
     report: Annotated[
         Path | None, typer.Option("--report", metavar="OUT.html", help="Write the report here.")
     ] = None,
+    csv_out: Csv = None,
     url: Url = None,
 ) -> None:
     """Close the loop: find what the model misses, name it, and show the error before and after."""
@@ -82,9 +92,13 @@ def diagnose(
     given = what or []
     if all(item.isdigit() for item in given):
         numbers = [int(item) for item in given]
-        diagnoses.by_the_daemon(numbers, base.value, json_out=json_out, report=report, url=url)
+        diagnoses.by_the_daemon(
+            numbers, base.value, json_out=json_out, csv_out=csv_out, report=report, url=url
+        )
     elif len(given) == 1:
-        diagnoses.offline(Path(given[0]), base.value, json_out=json_out, report=report)
+        diagnoses.offline(
+            Path(given[0]), base.value, json_out=json_out, csv_out=csv_out, report=report
+        )
     else:
         raise typer.BadParameter("give one campaign file, or only shot numbers")
 

@@ -12,6 +12,7 @@ from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.fits import moduli_table
 from impactd.console.progress_bar import progress
+from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import measured, print_json, table
 
 MOST_SHOTS = 500
@@ -19,7 +20,14 @@ MOST_SHOTS = 500
 _UNITS = {"voltage": "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 
-def offline(path: Path, base: str, *, json_out: Path | None, report: Path | None) -> None:
+def offline(
+    path: Path,
+    base: str,
+    *,
+    json_out: Path | None,
+    csv_out: Path | None = None,
+    report: Path | None,
+) -> None:
     """Diagnose a campaign folder in this process.
 
     Parameters
@@ -30,6 +38,8 @@ def offline(path: Path, base: str, *, json_out: Path | None, report: Path | None
         ``kv`` or ``hsd``.
     json_out : Path or None
         Where ``impactd-diagnosis/1`` goes; ``-`` prints it instead of the tables.
+    csv_out : Path or None
+        Where the numbers go for a spreadsheet.
     report : Path or None
         Where the page goes.
     """
@@ -43,11 +53,19 @@ def offline(path: Path, base: str, *, json_out: Path | None, report: Path | None
         from impactd.diagnosis.report import write_report
 
         write_report(report, document)
+    if csv_out is not None:
+        write_csv(csv_out, document)
     _deliver(document, json_out, report)
 
 
 def by_the_daemon(
-    numbers: list[int], base: str, *, json_out: Path | None, report: Path | None, url: str | None
+    numbers: list[int],
+    base: str,
+    *,
+    json_out: Path | None,
+    csv_out: Path | None = None,
+    report: Path | None,
+    url: str | None,
 ) -> None:
     """Have the daemon diagnose stored shots.
 
@@ -59,6 +77,8 @@ def by_the_daemon(
         ``kv`` or ``hsd``.
     json_out : Path or None
         Where the result goes; ``-`` prints it.
+    csv_out : Path or None
+        Where the numbers go for a spreadsheet.
     report : Path or None
         Where the page goes.
     url : str or None
@@ -80,6 +100,8 @@ def by_the_daemon(
             raise Failure(f"diagnosis {made['id']} {made['state']}: {made['reason']}")
         if report is not None:
             client.download(f"{at}/report.html", report)
+    if csv_out is not None:
+        write_csv(csv_out, made["result"])
     _deliver(made["result"], json_out, report, number=made["id"])
 
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
+from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import measured, print_json, table
 
 if TYPE_CHECKING:
@@ -19,7 +20,12 @@ if TYPE_CHECKING:
 
 
 def offline(
-    path: Path, model: str, *, json_out: Path | None, identifiability: bool = False
+    path: Path,
+    model: str,
+    *,
+    json_out: Path | None,
+    csv_out: Path | None = None,
+    identifiability: bool = False,
 ) -> None:
     """Fit a campaign folder in this process and print what was found.
 
@@ -31,6 +37,8 @@ def offline(
         ``hsd`` or ``kv``.
     json_out : Path or None
         Where the result goes as ``impactd-fit/1``; ``-`` prints it instead of the tables.
+    csv_out : Path or None
+        Where the numbers go for a spreadsheet.
     identifiability : bool
         Also take the profile likelihood of every shared parameter, and say what the shots fix.
 
@@ -50,7 +58,7 @@ def offline(
     usable = document["outcome"]["status"] != "not_evaluable"
     if identifiability and usable:
         document["identifiability"] = _profiled(result)
-    _deliver(document, json_out)
+    _deliver(document, json_out, csv_out)
     if identifiability and usable and json_out != Path("-"):
         print("\nWhat these shots fix, and what they do not:")
         print("\n".join(f"- {line}" for line in document["identifiability"]["sentences"]))
@@ -72,7 +80,12 @@ def _profiled(result: FitResult) -> dict[str, Any]:
 
 
 def by_the_daemon(
-    numbers: list[int], model: str, *, json_out: Path | None, url: str | None
+    numbers: list[int],
+    model: str,
+    *,
+    json_out: Path | None,
+    csv_out: Path | None = None,
+    url: str | None,
 ) -> None:
     """Have the daemon fit stored shots and print what was found.
 
@@ -84,6 +97,8 @@ def by_the_daemon(
         ``hsd`` or ``kv``.
     json_out : Path or None
         Where the results go; ``-`` prints them.
+    csv_out : Path or None
+        Where the numbers go for a spreadsheet.
     url : str or None
         The daemon.
 
@@ -103,10 +118,12 @@ def by_the_daemon(
     if job["state"] == "failed":
         raise Failure(f"fit {job['id']} of {job['subject']} failed: {job['reason']}")
     for fit in job["fits"]:
-        _deliver(fit["result"], json_out)
+        _deliver(fit["result"], json_out, csv_out)
 
 
-def _deliver(document: dict[str, Any], json_out: Path | None) -> None:
+def _deliver(document: dict[str, Any], json_out: Path | None, csv_out: Path | None) -> None:
+    if csv_out is not None:
+        write_csv(csv_out, document)
     if json_out == Path("-"):
         print_json(document)
         return

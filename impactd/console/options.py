@@ -23,6 +23,10 @@ Url = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")]
+Csv = Annotated[
+    Path | None,
+    typer.Option("--csv", metavar="OUT.csv", help="Also write the numbers for a spreadsheet."),
+]
 Config = Annotated[
     Path | None,
     typer.Option(

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from impactd.console.options import Json, Url
+from impactd.console.options import Csv, Json, Url
 
 _Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
 _Until = Annotated[str | None, typer.Option("--until", help="First moment that is too late.")]
@@ -180,14 +180,16 @@ def shots(  # noqa: PLR0917 - the framework fills them by name
     console.list_shots(filters, limit=limit, url=url, as_json=as_json)
 
 
-def moduli(
+def moduli(  # noqa: PLR0917 - the framework fills them by name
     specimen: Annotated[str | None, typer.Option("--specimen", help="Only this material.")] = None,
     since: _Since = None,
     until: _Until = None,
+    csv_out: Csv = None,
     url: Url = None,
     as_json: Json = False,
 ) -> None:
     """Show the fitted moduli with their uncertainties."""
     from impactd.console.moduli import show
 
-    show({"specimen": specimen, "since": since, "until": until}, url=url, as_json=as_json)
+    filters = {"specimen": specimen, "since": since, "until": until}
+    show(filters, csv_out=csv_out, url=url, as_json=as_json)
