@@ -20,7 +20,11 @@ LINES = [line for block in BLOCKS for line in block.splitlines()]
 SESSION = next(block for block in BLOCKS if "impactd serve" in block)
 
 
-@pytest.mark.parametrize("document", ["README.md", "systemd/README.md", "tests/README.md"])
+GUIDES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "impactd/guides").glob("*.md"))
+LINKING = ["README.md", "systemd/README.md", "tests/README.md", "analysis/plots/README.md", *GUIDES]
+
+
+@pytest.mark.parametrize("document", LINKING)
 def test_links_lead_somewhere(document: str) -> None:
     """Every relative link and picture of a document is a file of the repository."""
     text = (ROOT / document).read_text()
@@ -51,7 +55,7 @@ def test_makefile_lists_what_readme_names() -> None:
 
 
 @pytest.mark.parametrize(
-    "document", ["README.md", "systemd/README.md", "impactd/README.md", "config/README.md"]
+    "document", ["README.md", "systemd/README.md", "impactd/README.md", "config/README.md", *GUIDES]
 )
 def test_each_command_and_option_exists(document: str) -> None:
     """Each `impactd` command in a document's blocks has a help page that names its options."""
