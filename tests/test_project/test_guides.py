@@ -129,6 +129,7 @@ def test_the_notebook_of_the_front_page_runs(desk: Desk) -> None:
         assert (desk.folder / name).stat().st_size > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(LIMIT_S)
 def test_the_scientists_guide_runs(desk: Desk) -> None:
     """A campaign is fitted, judged, drawn and diagnosed as the guide says."""
@@ -139,6 +140,7 @@ def test_the_scientists_guide_runs(desk: Desk) -> None:
         assert (desk.folder / name).is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(LIMIT_S)
 def test_the_technicians_day_runs(rig: Desk) -> None:
     """Light, calibration, drops, picture, result, abort: line by line."""
@@ -149,6 +151,7 @@ def test_the_technicians_day_runs(rig: Desk) -> None:
     assert "specimen" in (rig.folder / "moduli.csv").read_text(encoding="utf-8-sig")
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(LIMIT_S)
 @pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
 def test_the_examples_of_the_interface_run(rig: Desk) -> None:
@@ -160,6 +163,7 @@ def test_the_examples_of_the_interface_run(rig: Desk) -> None:
     assert (rig.folder / "shot.h5").stat().st_size > 100_000
 
 
+@pytest.mark.slow
 @pytest.mark.timeout(LIMIT_S)
 def test_an_effect_and_a_board_are_added_as_the_engineers_guide_says(
     desk: Desk, tmp_path: Path
