@@ -25,6 +25,8 @@ PACKET_SAMPLES = 256
 """A USB 2.0 bulk packet has 512 bytes: the least that can get lost. [1]"""
 PATIENCE_S = 0.5
 """So long a record waits for one transfer that proves it whole. [s]"""
+CATCH_UP_S = 5.0
+"""So long at most where the host lags behind and catches up meanwhile. [s]"""
 BEGINNING_SAMPLES = 40_000
 """Arrivals so near the start tell the board's latency; later ones carry the rate's error. [1]"""
 _RATE_SIGMAS = 5.0

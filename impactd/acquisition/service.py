@@ -13,6 +13,7 @@ from the caller's thread, because it must not wait for anything.
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Any
 
@@ -79,6 +80,7 @@ class AcquisitionService:
         self._loop = RigLoop(rig, archive, settings, materials, self.publish)
         self._admission = Admission(self._loop, archive, settings)
         self._interrupted: tuple[int, ...] = ()
+        self._teller: threading.Thread | None = None
 
     # Life
 
@@ -96,6 +98,8 @@ class AcquisitionService:
             self._loop.ending.set()
         self.abort(by="shutdown")
         self._loop.stop()
+        if self._teller is not None:
+            self._teller.join()
 
     def alive(self) -> bool:
         """Return whether the loop beat and the database answered lately, for the watchdog."""
@@ -241,10 +245,10 @@ class AcquisitionService:
         number = run.drop.number if run is not None else None
         report = report_of(before, number, reservation, troubles, took_s)
         _log.info("abort", by=by, state=before.value, took_ms=round(took_s * 1e3, 1))
-        self.publish(
-            "rig.abort",
-            {"by": by, "drop": report.drop, "took_s": took_s, "sentence": report.sentence},
-        )
+        told = {"by": by, "drop": report.drop, "took_s": took_s, "sentence": report.sentence}
+        # The rig is safe: whoever is afraid need not wait for the disk that keeps the event.
+        self._teller = threading.Thread(target=self.publish, args=("rig.abort", told), name="tell")
+        self._teller.start()
         return report
 
     def acknowledge_fault(self, *, by: str) -> None:

@@ -9,14 +9,17 @@ import sys
 import time
 import uuid
 from pathlib import Path
+from subprocess import PIPE
 
 import numpy as np
 import pytest
 
 from ..storage.daemon_process import DROP, ENDED, DaemonProcess, until
 
-# The promise is 50 ms; machines that run tests are noisy, so the figure is printed.
-P99_LIMIT_S = 5.0
+# The promises are 50 ms for a status and 100 ms for an abort. Machines that run tests are noisy:
+# what one needs for a bare answer, asked in the same way at the same time, comes on top.
+P99_LIMIT_S = 0.05
+ABORT_LIMIT_S = 0.1
 SLOW_CLIENTS = 20
 HERE = Path(__file__).parent
 
@@ -60,12 +63,16 @@ def _load(folder: Path, drops: int, seconds: float) -> None:
     daemon.start()
     try:
         first = daemon.post("/v1/drops", DROP, str(uuid.uuid4())).json()["number"]
-        until(lambda: daemon.get(f"/v1/drops/{first}"), lambda drop: drop["shot"] is not None)
+        until(lambda: daemon.get(f"/v1/drops/{first}"), lambda drop: drop["state"] in ENDED)
+        assert daemon.get(f"/v1/drops/{first}")["shot"] == first
         slow = [_slow_client(daemon, "/v1/events?after=0") for _ in range(SLOW_CLIENTS // 2)]
         slow += [_slow_client(daemon, "/v1/shots/1.h5") for _ in range(SLOW_CLIENTS // 2)]
-        asking = subprocess.Popen(
-            [sys.executable, str(HERE / "ask_status.py"), daemon.url, str(seconds)],
-            stdout=subprocess.PIPE,
+        bare = subprocess.Popen([sys.executable, str(HERE / "bare_server.py")], stdout=PIPE)
+        assert bare.stdout is not None
+        bare_url = bare.stdout.readline().decode().strip()
+        asking, asking_bare = (
+            subprocess.Popen([sys.executable, str(HERE / "ask_status.py"), *of], stdout=PIPE)
+            for of in ((daemon.url, str(seconds)), (bare_url, str(seconds)))
         )
         numbers = []
         for _ in range(drops):
@@ -79,23 +86,30 @@ def _load(folder: Path, drops: int, seconds: float) -> None:
                 _read_slowly(slow)
                 time.sleep(0.1)
         abort_s = [_abort(daemon) for _ in range(3)]
-        said, _ = asking.communicate(timeout=seconds + 120)
-        took_s = np.array(json.loads(said)["took_s"])
+        took_s, bare_s = (
+            np.array(json.loads(one.communicate(timeout=seconds + 120)[0])["took_s"])
+            for one in (asking, asking_bare)
+        )
+        bare.kill()
+        bare.communicate()
         ended = [daemon.get(f"/v1/drops/{number}") for number in numbers]
         for connection in slow:
             connection.close()
     finally:
         daemon.stop()
     whole = sum(drop["shot"] is not None for drop in ended)
-    p99_s = float(np.quantile(took_s, 0.99))
+    p99_s, bare_p99_s = (float(np.quantile(one, 0.99)) for one in (took_s, bare_s))
     print(
         f"{SLOW_CLIENTS} slow clients, {took_s.size} status requests at "
         f"{took_s.size / seconds:.0f}/s: p50 {np.median(took_s) * 1e3:.1f} ms, p99 "
-        f"{p99_s * 1e3:.1f} ms, max {took_s.max() * 1e3:.0f} ms; {whole} of {drops} drops whole; "
+        f"{p99_s * 1e3:.1f} ms, max {took_s.max() * 1e3:.0f} ms; a bare answer of this host: "
+        f"p50 {np.median(bare_s) * 1e3:.1f} ms, p99 {bare_p99_s * 1e3:.1f} ms, max "
+        f"{bare_s.max() * 1e3:.0f} ms; {whole} of {drops} drops whole; "
         f"slowest abort {max(abort_s) * 1e3:.0f} ms"
     )
-    assert whole == drops, ended
-    assert p99_s < P99_LIMIT_S
+    assert whole == drops, [drop["problem"] for drop in ended]
+    assert p99_s < P99_LIMIT_S + 2 * bare_p99_s
+    assert max(abort_s) < ABORT_LIMIT_S + 4 * bare_s.max()
 
 
 def test_slow_readers_and_a_busy_page_lose_no_sample(tmp_path: Path) -> None:
