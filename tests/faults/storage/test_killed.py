@@ -72,8 +72,9 @@ def _figures(
 ) -> str:
     return (
         f"{moments} kills while {_count(states)}; {len(told)} told stored, 0 lost; "
-        f"{daemon.falls()} falls, 0 again; ready after {sorted(ready_s)[len(ready_s) // 2]:.1f} s "
-        f"(median), {max(ready_s):.1f} s at most"
+        f"{daemon.falls()} falls, 0 again; ready after {min(ready_s):.1f} s at least, "
+        f"{sorted(ready_s)[len(ready_s) // 2]:.1f} s (median), {max(ready_s):.1f} s at most, "
+        f"having computed for {daemon.start_cpu_s:.1f} s"
     )
 
 
