@@ -130,7 +130,7 @@ class Pace:
             When it arrived, on the monotonic clock. [s]
         """
         if self._began_s is None:
-            self._began_s = now_s
+            self._began_s = now_s if self._start_s is None else self._start_s
         delay_s = now_s - samples / self._rate_hz
         allowed_s = self._drift * (now_s - self._began_s)
         if self._start_s is None:

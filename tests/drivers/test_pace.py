@@ -61,6 +61,26 @@ def test_what_comes_within_a_packet_of_the_start_is_whole(delay_s: float) -> Non
     assert not _started(delay_s, lost=PACKET_SAMPLES).on_time
 
 
+def test_no_delays_whatever_hide_a_gap() -> None:
+    """Any host, any place, any rate within its five sigma: behind a gap nothing counts as whole."""
+    rng = np.random.default_rng(7)
+    proved = 0
+    for _ in range(500):
+        transfers = int(rng.integers(2, 300))
+        pace = Pace(RATE_HZ, 10.0)
+        pace.started(100.0, 100.0 + 5e-5)
+        began_s, true_hz = 100.0 + rng.uniform(0.0, 5e-5), RATE_HZ + rng.uniform(-50.0, 50.0)
+        counts = np.cumsum(rng.integers(1, 17, transfers)) * PACKET_SAMPLES
+        late_s = rng.exponential(10.0 ** rng.uniform(-6.0, -2.0), transfers)
+        lost_at, lost = rng.integers(0, transfers), rng.integers(1, 40) * PACKET_SAMPLES
+        for n, (count, delay_s) in enumerate(zip(counts, late_s, strict=True)):
+            gone = lost if n >= lost_at else 0
+            pace.arrived(int(count), began_s + (count + gone) / true_hz + delay_s)
+            assert not (gone and pace.on_time)
+            proved += pace.on_time
+    assert proved > 10_000, "before the gap most transfers prove what came so far"
+
+
 def test_a_host_that_is_late_all_the_time_never_hides_a_gap() -> None:
     """It cannot prove a record whole, and then none is taken for whole."""
     busy = Latency()
