@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from impactd.console import completions
 from impactd.console.options import Csv, Json, Url
 
 _Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
@@ -40,8 +41,14 @@ def status(url: Url = None, as_json: Json = False) -> None:
 
 
 def drop(  # noqa: PLR0917 - the framework fills them by name
-    sphere: Annotated[str | None, typer.Argument(help="Name in the materials file.")] = None,
-    surface: Annotated[str | None, typer.Argument(help="Name in the materials file.")] = None,
+    sphere: Annotated[
+        str | None,
+        typer.Argument(help="Name in the materials file.", autocompletion=completions.spheres),
+    ] = None,
+    surface: Annotated[
+        str | None,
+        typer.Argument(help="Name in the materials file.", autocompletion=completions.surfaces),
+    ] = None,
     drop_height_m: Annotated[
         float | None, typer.Argument(help="Lowest point of the sphere above the surface. [m]")
     ] = None,
@@ -157,8 +164,12 @@ def calibrate(  # noqa: PLR0917 - the framework fills them by name
 
 def shots(  # noqa: PLR0917 - the framework fills them by name
     number: Annotated[int | None, typer.Argument(help="Show this one; without it, list.")] = None,
-    sphere: Annotated[str | None, typer.Option("--sphere")] = None,
-    surface: Annotated[str | None, typer.Option("--surface")] = None,
+    sphere: Annotated[
+        str | None, typer.Option("--sphere", autocompletion=completions.spheres)
+    ] = None,
+    surface: Annotated[
+        str | None, typer.Option("--surface", autocompletion=completions.surfaces)
+    ] = None,
     since: _Since = None,
     until: _Until = None,
     limit: Annotated[int, typer.Option("--limit", min=1, help="At most so many.")] = 20,

@@ -93,6 +93,26 @@ def test_a_shell_completes_commands(shell):
     assert "shots" not in found
 
 
+def test_a_shell_completes_what_hangs_in_the_drawer(tmp_path: Path):
+    """Spheres and surfaces come from the materials file; a broken one disturbs nobody."""
+    assert complete("impactd drop ac", 2).split() == ["acetal", "acetal_small"]
+    assert complete("impactd drop acetal spec", 3).split() == ["specimen"]
+    broken = tmp_path / "rig.toml"
+    broken.write_text("[materials\n")
+    assert complete("impactd drop ac", 2, IMPACTD_CONFIG=str(broken)).split() == []
+
+
+def complete(words: str, place: int, **environment: str) -> str:
+    """Return what bash would be offered for a line."""
+    asked = {"_IMPACTD_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(place)}
+    made = subprocess.run(
+        [sys.executable, "-m", "impactd"], capture_output=True, text=True, check=False, timeout=60,
+        env={**os.environ, **asked, **environment},
+    )  # fmt: skip
+    assert made.stderr == ""
+    return made.stdout
+
+
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not installed")
 def test_bash_itself_completes(tmp_path: Path):
     """A real bash loads the script and completes the word that was begun."""
