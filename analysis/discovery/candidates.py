@@ -24,6 +24,11 @@ AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
 HARDLY = 0.05
 """Share of the largest owner's amplitude below which another's is as good as neutral."""
+ALIKE, FEWEST_PHASES = 0.4, 6
+"""Share of a free signal's power that is the same in all shots, from which its phase is not free;
+the inverse of the number of shots is what chance leaves."""
+KNOWN_BEFORE = ("ln_v0", "ln_e")
+"""A shot's own parameters that height and materials tell better than a model far from the record."""
 PRESENT = 0.3
 """Share of an effect's start, in the linear look, below which an owner begins without it."""
 COORDINATE_U = 20.0
@@ -102,16 +107,14 @@ class Refit:
     def score(self, penalty: float, factor: float = 1.0) -> float:
         """Return the gain less the price of its numbers, on so many times the shots."""
         gain, own = self.gain * factor, round(self.own * factor)
-        return gain - price(self.effect, self.parameters - self.own, own, gain, penalty)
+        return gain - price(self.parameters - self.own, own, gain, penalty)
 
 
-def price(effect: Effect, shared: int, own: int, gain: float, penalty: float) -> float:
+def price(shared: int, own: int, gain: float, penalty: float) -> float:
     """Return what an effect's numbers cost in whitened squares.
 
     Parameters
     ----------
-    effect : Effect
-        Signals of free size pay in full: they follow much that they are not.
     shared : int
         Numbers that more than one shot determines.
     own : int
@@ -127,8 +130,8 @@ def price(effect: Effect, shared: int, own: int, gain: float, penalty: float) ->
     float
         To be taken off the gain.
     """
-    if effect.basis is not None or not own:
-        return penalty * (shared + own)
+    if not own:
+        return penalty * shared
     return penalty * (shared + 1) + own * (1.0 + math.log(max(gain / own, 1.0)))
 
 
@@ -364,9 +367,14 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
     Returns
     -------
     bool
-        A number outside its bounds by more than two standard uncertainties, or no owner whose
-        amplitude differs from neutral.
+        A number outside its bounds by more than two standard uncertainties; or a free signal that
+        is alike in all shots: the mains do not know when a sphere falls.
     """
+    if effect.basis is not None:
+        first = problem.model.nuisances.index(f"{effect.id}.basis0")
+        sizes = fitted.nuisances[:, first : first + effect.basis_size]
+        alike = float((sizes.mean(axis=0) ** 2).sum() / max((sizes**2).mean(axis=0).sum(), 1e-300))
+        return alike > ALIKE and len(sizes) >= FEWEST_PHASES
     u = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     for parameter in effect.parameters:
         if parameter.scope == "shot":
@@ -451,7 +459,7 @@ def refit(
             start[f"{effect.id}.{parameter.name}{owner}"] = value
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
     if begin is not None:
-        nuisances = joint.settle(larger, theta, nuisances)
+        nuisances = joint.settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     gain = fitted.cost - result.cost if math.isfinite(result.cost) else -math.inf
     count = len(larger.names) - len(problem.names)

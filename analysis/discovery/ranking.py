@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import (
+    KNOWN_BEFORE,
     Proposal,
     Refit,
     continued,
@@ -31,7 +32,7 @@ from analysis.discovery.candidates import (
 from analysis.discovery.evidence import Evidence, gather
 from analysis.effects.effect import Effect
 from analysis.fit import joint
-from analysis.fit.problem import JointProblem
+from analysis.fit.problem import FitShot, JointProblem
 
 PENALTY = 12.0
 """Price of one number in whitened squares, about ln of the number of samples."""
@@ -58,6 +59,10 @@ USUAL_STARTS, FAR_STARTS = 4, 8
 AFAR_KEPT, AFAR_STEPS = 4, 14
 SETTLED = 3
 """Shots on which far starts are put in order."""
+RISES_AFTER = 0.2
+"""Share of a pulse's width after touch-down at which it has risen by 5 %, or so."""
+WELL_BELOW = 0.7
+"""Share of the largest excursion that a ceiling, if there is one, does not touch."""
 ALWAYS_TRIED = 6
 
 Array = NDArray[np.float64]
@@ -78,15 +83,15 @@ class Start:
         Amplitude by owner; empty for the proposal's own.
     promised : float
         Linear gain less its price.
-    from_afar : bool
-        Begin where the model was before it was fitted.
+    begin : Fitted or None
+        Where the present model begins, if not at its best.
     """
 
     proposal: Proposal
     scope: str
     coefficients: dict[str, float]
     promised: float
-    from_afar: bool = False
+    begin: joint.Fitted | None = None
 
 
 def thinned(problem: JointProblem, count: int) -> list[int]:
@@ -155,9 +160,7 @@ def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
             seen = evidence.explain(proposal.key, scope, heldout=False)
             sizes = {_owner(label): value for label, value in seen.coefficients.items()}
             own = seen.dof if scope == "shot" else 0
-            promised = seen.gain - price(
-                proposal.effect, seen.dof - own, own, seen.gain, PENALTY
-            )
+            promised = seen.gain - price(seen.dof - own, own, seen.gain, PENALTY)
             found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
     for some in found.values():
         some.sort(key=lambda s: -s.promised)
@@ -174,7 +177,7 @@ def _distinct(
     base: joint.Fitted,
     *,
     bent: bool,
-    begin: joint.Fitted | None,
+    begins: list[joint.Fitted],
 ) -> list[Start]:
     """Return the best few that differ in form or start, one for the whole rig among them."""
     structure = own[0].proposal.effect.structure is not None
@@ -187,11 +190,11 @@ def _distinct(
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    return found + (_usual(own, few, base, begin) if bent else [])
+    return found + (_usual(own, few, base, begins) if bent else [])
 
 
 def _usual(
-    own: list[Start], few: JointProblem, base: joint.Fitted, begin: joint.Fitted | None
+    own: list[Start], few: JointProblem, base: joint.Fitted, begins: list[joint.Fitted]
 ) -> list[Start]:
     """Return starts at an effect's usual sizes, whatever the linear look says of them."""
     found = []
@@ -201,22 +204,24 @@ def _usual(
             continue
         likely = next(s for s in own if s.proposal.effect.id == effect.id)
         coordinates = default_starts(effect, top)
-        places = [(base, False)] if begin is None else [(begin, True)]
-        if begin is not None and effect.structure is None:
-            places.append((base, False))
-        for place, afar in places:
-            kept = FAR_STARTS if afar and len(effect.parameters) > 1 else USUAL_STARTS
+        places: list[joint.Fitted | None] = [
+            *(begins if _ends_the_signal(effect) else begins[:1])
+        ]
+        if effect.structure is None or not begins:
+            places.append(None)
+        for place in places:
+            kept = FAR_STARTS if place and len(effect.parameters) > 1 else USUAL_STARTS
             nearest = coordinates
             if len(coordinates) > kept:
-                settled = afar and effect.structure is not None
-                nearest = _mildest(effect, coordinates, few, place, settled=settled)[:kept]
+                settled = place is not None and effect.structure is not None
+                nearest = _mildest(effect, coordinates, few, place or base, settled=settled)[:kept]
             found += [
                 Start(
                     dataclasses.replace(likely.proposal, coordinates=at),
                     likely.scope,
                     {},
                     likely.promised,
-                    from_afar=afar,
+                    begin=place,
                 )
                 for at in nearest
             ]
@@ -241,14 +246,16 @@ def _mildest(
         some = list(range(0, len(few.shots), math.ceil(len(few.shots) / SETTLED)))
         few = dataclasses.replace(few, shots=[few.shots[i] for i in some])
         base = dataclasses.replace(base, nuisances=base.nuisances[some])
-    nuisances = joint.settle(few, base.theta, base.nuisances) if settled else base.nuisances
+    nuisances = base.nuisances
+    if settled:
+        nuisances = joint.settle(few, base.theta, nuisances, kept=KNOWN_BEFORE)
     without = joint.total_cost(few, base.theta, nuisances)
     found = []
     for at in coordinates:
         names = (f"{own.id}.{p.name}" for p in own.parameters)
         larger, theta, start = extended(few, base, own, dict(zip(names, at, strict=True)))
         if settled:
-            start = joint.settle(larger, theta, start)
+            start = joint.settle(larger, theta, start, kept=KNOWN_BEFORE)
         cost = joint.total_cost(larger, theta, start)
         nothing = not math.isfinite(cost) or abs(cost - without) < NOTHING
         found.append((nothing, cost, at))
@@ -280,8 +287,50 @@ def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
         if item.speed_prior is not None:
             nuisances[row, 0] = item.speed_prior.mean
         nuisances[row, 1] = math.log(USUAL_RESTITUTION)
+        nuisances[row, 2] = _touch_down_us(item, float(nuisances[row, 2]))
     nothing = np.zeros((theta.size, theta.size))
     return joint.Fitted(theta, nuisances, [], nothing, math.inf, 0, False)
+
+
+def _touch_down_us(item: FitShot, prepared_us: float) -> float:
+    """Return the prepared touch-down, or one from where the pulse rises if the two contradict."""
+    width_us = 1e6 * item.window.width_s
+    rise_us = 1e6 * item.window.rise_index / item.frame.sample_rate_hz
+    risen = rise_us - RISES_AFTER * width_us
+    return risen if abs(prepared_us - risen) > RISES_AFTER * width_us else prepared_us
+
+
+def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
+    """Return the model fitted to what lies well within the campaign's largest excursion.
+
+    Where the signal has an end, what is above it says nothing, and a model that must follow it is
+    drawn far away; records and predictions that are cut alike below it agree whatever is above.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        With the present model.
+    begin : Fitted
+        Where it begins.
+
+    Returns
+    -------
+    Fitted
+        To the cut records; ``begin`` where they cannot be fitted.
+    """
+    level = WELL_BELOW * max(s.window.peak for s in problem.shots)
+    shots = []
+    for item in problem.shots:
+        low, high = item.frame.rail or (-math.inf, math.inf)
+        rail = (max(low, -level), min(high, level))
+        signal = np.clip(item.window.signal, *rail)
+        window = dataclasses.replace(item.window, signal=signal)
+        frame = dataclasses.replace(item.frame, rail=rail)
+        shots.append(dataclasses.replace(item, window=window, frame=frame))
+    cut = dataclasses.replace(problem, shots=shots)
+    nuisances = joint.settle(cut, begin.theta, begin.nuisances)
+    found = joint.fit(cut, nuisances, theta=begin.theta)
+    return found if found.blocks else begin
 
 
 @dataclass(frozen=True)
@@ -338,7 +387,7 @@ def ranked(
     samples = sum(s.white.size for s in evidence.shots)
     bent = evidence.chi2 - samples > BENT
     far = evidence.chi2 > FAR * samples
-    begin = ground.begin(places, base) if far else None
+    begins = _begins(ground, few, base, places) if far else []
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
@@ -355,12 +404,20 @@ def ranked(
                 coefficients=start.coefficients,
                 linear_gain=start.promised,
                 max_iterations=FIRST_STEPS,
-                begin=begin if start.from_afar else None,
+                begin=start.begin,
             )
-            for start in _distinct(entries[owner], few, base, bent=bent, begin=begin)
+            for start in _distinct(entries[owner], few, base, bent=bent, begins=begins)
         ]
         best += _best_forms(tries, base, bent=bent, far=far)
     return _later_rounds(ground, best, Part(places, base), progress, bent=bent, far=far)
+
+
+def _begins(
+    ground: Ground, few: JointProblem, base: joint.Fitted, places: list[int]
+) -> list[joint.Fitted]:
+    """Return where far starts begin: the usual place, then, for a signal that ends, below it."""
+    usual = ground.begin(places, base)
+    return [usual, below_a_ceiling(few, usual)]
 
 
 def _best_forms(
@@ -406,15 +463,23 @@ class Part:
 
 
 def _anchors(
-    ground: Ground, few: Part, many: Part, *, far: bool
+    ground: Ground, few: Part, many: Part, effect: Effect, *, far: bool
 ) -> tuple[Array, Array] | None:
     """Return where shots' own parameters are before any fit, if that is the better guide."""
     if not far:
         return None
-    return (
-        ground.begin(few.places, few.base).nuisances,
-        ground.begin(many.places, many.base).nuisances,
-    )
+    found = []
+    for part in (few, many):
+        begin = ground.begin(part.places, part.base)
+        if _ends_the_signal(effect):
+            shots = [ground.problem.shots[i] for i in part.places]
+            begin = below_a_ceiling(dataclasses.replace(ground.problem, shots=shots), begin)
+        found.append(begin.nuisances)
+    return found[0], found[1]
+
+
+def _ends_the_signal(effect: Effect) -> bool:
+    return any(p.peak_starts for p in effect.parameters)
 
 
 def _later_rounds(
@@ -440,7 +505,7 @@ def _later_rounds(
         moved = refit_elsewhere(
             one, few_base=part.base, few=part.places, many=more, problem=large, base=base_large,
             max_iterations=SECOND_STEPS,
-            anchors=_anchors(ground, part, Part(more, base_large), far=far),
+            anchors=_anchors(ground, part, Part(more, base_large), one.effect, far=far),
         )  # fmt: skip
         second.append(moved)
     factor = whole / len(more)
@@ -460,7 +525,7 @@ def _later_rounds(
                 one, few_base=base_large, few=more, many=everything, problem=problem, base=fitted,
                 max_iterations=25,
                 anchors=_anchors(
-                    ground, Part(more, base_large), Part(everything, fitted), far=far
+                    ground, Part(more, base_large), Part(everything, fitted), one.effect, far=far
                 ),
             )  # fmt: skip
         last.append(moved if moved.fitted.converged else continued(fitted, moved))

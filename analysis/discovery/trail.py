@@ -31,8 +31,8 @@ FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
 FIRST_SHARE = 0.15
 """Share of the best first effect's gain below which another is no first."""
-FORM_ACCURACY = 5e-6
-"""Share of the squares an effect takes up, 0.2 % of its signal, that its equation, read at sampling
+FORM_ACCURACY = 2e-5
+"""Share of the squares an effect takes up, 0.5 % of its signal, that its equation, read at sampling
 times and solved to 4e-6 of the peak, may leave."""
 THIRD_BELOW = 0.1
 """What two effects may leave of the whole for a third to be looked for."""

@@ -34,7 +34,13 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
         rising = _rising(before)
         return f"The model {before.model} explains the data: its residual is noise{rising}."
     if diagnosis.verdict == "identified":
-        return f"Found: {names}; with it {fall}, which is noise ({noise})."
+        ends = f", which is noise ({noise})."
+        if diagnosis.steps[-1].omnibus.structured:
+            ends = (
+                f" ({noise}). What remains beside the noise is less than 0.5 % of what it adds to "
+                "the signal, as far as its equation can be trusted."
+            )
+        return f"Found: {names}; with it {fall}{ends}"
     if diagnosis.verdict == "family":
         others = ", ".join(diagnosis.confusable)
         return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."

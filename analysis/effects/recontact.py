@@ -3,10 +3,13 @@ r"""Recontact: the sphere meets the coupon again within the window.
 .. math:: V(t) \to V(t; v_0) + V(t - T; \rho v_0)
 
 The coupon hops or the cell swings back before the sphere is away; the ordinary bounce comes much
-later and outside the fit window.
+later and outside the fit window. A second contact that is slow bounces on: with a rebound speed u
+the sphere is back after 2 u / g, and again, until its weight keeps it down. All contacts have the
+law and the structure that the other effects of the model make of them.
 
-Source: superposition of two contacts on a linear cell. Validity: the first contact is over, the
-second is an ordinary one at a fraction of the speed. Validation: sum of two base traces in the
+Source: superposition of contacts on a linear cell; free flight between them. Validity: the first
+contact is over, and the cell's ring no longer moves the surface as fast as the sphere comes back:
+where it does, a percent of the second pulse is missed. Validation: sums of single traces in the
 tests. The neutral value is a limit, speed ratio to 0, where the pulse goes with ratio^(6/5).
 
 Scope: the rig's; a delay that goes with the height is not in this form.
@@ -23,7 +26,7 @@ EFFECT = Effect(
     title="the sphere touches twice",
     tell_tale="second pulse",
     source="superposition",
-    validation="sum of two base traces",
+    validation="sum of single traces",
     parameters=(
         EffectParameter(
             "speed_ratio",

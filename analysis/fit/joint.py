@@ -342,7 +342,9 @@ def fit(
     return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
 
 
-def settle(problem: JointProblem, theta: Array, nuisances: Array) -> Array:
+def settle(
+    problem: JointProblem, theta: Array, nuisances: Array, *, kept: tuple[str, ...] = ()
+) -> Array:
     """Return the shots' own parameters at their best for given globals, each shot by itself.
 
     Parameters
@@ -353,6 +355,9 @@ def settle(problem: JointProblem, theta: Array, nuisances: Array) -> Array:
         Globals, kept.
     nuisances : ndarray, shape (shots, p)
         Where to start.
+    kept : tuple of str
+        Names of those that stay where they are: what is known before a record is a better guide
+        than a model that is far from it.
 
     Returns
     -------
@@ -360,6 +365,7 @@ def settle(problem: JointProblem, theta: Array, nuisances: Array) -> Array:
         Never worse; a shot that starts far off does not hold the others up.
     """
     settled = nuisances.copy()
+    free = np.array([name not in kept for name in problem.model.nuisances])
     for row, item in enumerate(problem.shots):
         damping = 1e-3
         block = linearise_shot(problem, item, theta, settled[row])
@@ -369,7 +375,9 @@ def settle(problem: JointProblem, theta: Array, nuisances: Array) -> Array:
             s = block.chain.shape[0]
             inner = block.matrix[s:, s:].copy()
             inner[np.diag_indices_from(inner)] *= 1 + damping
-            moved = settled[row] + np.linalg.solve(inner, block.vector[s:])
+            step = np.zeros(free.size)
+            step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[s:][free])
+            moved = settled[row] + step
             ahead = linearise_shot(problem, item, theta, moved)
             if ahead is None or not ahead.cost < block.cost:
                 damping *= 30

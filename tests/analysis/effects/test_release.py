@@ -57,3 +57,35 @@ def test_a_second_contact_fades_with_its_speed() -> None:
         return float(both.max())
 
     assert added(0.2) / added(0.1) == pytest.approx(2**1.2, rel=0.02)
+
+
+def test_a_slow_second_contact_bounces_on() -> None:
+    """The third contact comes a free flight after the second, with the speed of its rebound."""
+    ratio, delay = 0.01, 4e-4
+    rig = RIG.but(samples=4000)
+    second = rig.but(speed=ratio * rig.speed)
+    model = model_named("kv")
+    seen = model.predict(second.local(model, {}), second.frame())
+    rebound = seen.rebound_ratio * second.speed
+    later = delay + seen.contact_time_s + 2 * rebound / 9.80665
+    expected = (
+        rig.predict("kv").signal
+        + second.but(touch_down_us=rig.touch_down_us + 1e6 * delay).predict("kv").signal
+        + rig.but(speed=rebound, touch_down_us=rig.touch_down_us + 1e6 * later).predict("kv").signal
+    )
+    values = {"recontact.speed_ratio": ratio, "recontact.delay_s": delay}
+    found = rig.predict("kv+recontact", values).signal
+    until = int(rig.touch_down_us + 1e6 * later) + 150  # before a fourth
+    assert later < 3e-3
+    added = np.abs(found - rig.predict("kv").signal).max()
+    assert np.abs(found - expected)[:until].max() < 1e-3 * added
+
+
+def test_a_second_contact_has_the_law_of_the_first() -> None:
+    """Under a thin coupon both contacts are stiffer."""
+    thin = {"finite_thickness.thickness_m": 2e-3}
+    again = {"recontact.speed_ratio": 0.3, "recontact.delay_s": 612.5e-6}
+    found = RIG.predict("kv+finite_thickness+recontact", thin | again).signal
+    second = RIG.but(speed=0.3 * RIG.speed, touch_down_us=RIG.touch_down_us + 612.5)
+    expected = sum(r.predict("kv+finite_thickness", thin).signal for r in (RIG, second))
+    assert apart(found, expected) < 1e-6

@@ -1,0 +1,43 @@
+"""Whose an effect's size is, and what a size costs: the rig's, one material's, each shot's own."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from analysis.discovery.candidates import price
+from analysis.discovery.diagnosis import diagnose_campaign
+
+from .conftest import small_campaign
+
+PENALTY = 12.0
+
+
+def test_a_mode_hit_elsewhere_each_time_belongs_to_the_shots(tmp_path: Path) -> None:
+    """A coupon's mode whose size scatters is named, with a size for every shot."""
+    campaign = small_campaign(
+        tmp_path,
+        "coupon_mode",
+        frequency_hz=9e3,
+        damping_ratio=0.02,
+        mass_ratio=0.02,
+        hit_scatter=0.4,
+    )
+    found = diagnose_campaign(campaign)
+    assert found.verdict == "identified"
+    assert [c.owner for c in found.chosen] == ["coupon_mode"]
+    assert found.chosen[0].scope == "shot"
+    frequency = dict(zip(found.chosen[0].problem.names, found.chosen[0].fitted.theta, strict=True))
+    assert math.exp(frequency["coupon_mode.frequency_hz"]) == pytest.approx(9e3, rel=0.02)
+
+
+def test_sizes_of_one_scatter_cost_what_they_could_have_been() -> None:
+    """Their evidence falls with the logarithm of what they take up."""
+    assert price(2, 0, 500.0, PENALTY) == 2 * PENALTY
+    assert price(2, 50, 500.0, PENALTY) == pytest.approx(
+        3 * PENALTY + 50 * (1 + math.log(10.0))
+    )
+    # chance alone takes up one square a number, and must not pay
+    assert 54.0 - price(0, 54, 54.0, PENALTY) < 0.0
