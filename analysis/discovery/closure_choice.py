@@ -37,12 +37,18 @@ BROADER = 1.02
 """A closure with an owner among several must bring so much more than the rig's one."""
 ENOUGH = 1.002
 """Error on held-out shots over the noise at which nothing is left to repair."""
+MOSTLY = 0.9
+"""Share of the best gain at which speeds alone explain the structure."""
 BETTER = 0.9995
 """Share of the error that one closure more must leave at most."""
 
 
 def best_closure(
-    step: Step, evidence: Evidence, answers: dict[Part, Explained], progress: Progress
+    step: Step,
+    evidence: Evidence,
+    answers: dict[Part, Explained],
+    before: float | None,
+    progress: Progress,
 ) -> Learned | None:
     """Return the closure that repairs held-out shots best.
 
@@ -54,13 +60,16 @@ def best_closure(
         With the answers' families; it knows the tuned frequencies.
     answers : dict
         What each family explains, to first order.
+    before : float or None
+        Error of the present model on held-out shots. [unit of the signal]
     progress : callable
         Told what is being done and a share between 0 and 1.
 
     Returns
     -------
     Learned or None
-        One closure, or two together where both are needed; None where none could be learned.
+        One closure, or a few together where they are needed; None where none repairs held-out
+        shots, as where speeds only contradict their heights.
     """
     level = math.sqrt(float(np.mean([s.item.noise.rms**2 for s in evidence.shots])))
     wanted = candidates(answers)
@@ -71,10 +80,10 @@ def best_closure(
         if one is not None:
             found.append(one)
             if _error(one) < ENOUGH * level:
-                return one
-    if not found:
-        return None
+                return one if _repairs(one, before) else None
     found.sort(key=_error)
+    if not found or not _repairs(found[0], before):
+        return None
     best = found[0]
     seconds = [f.parts[0] for f in found[1:3] if not f.parts[0][0].startswith("force")]
     for place, part in enumerate(dict.fromkeys([*seconds, ("outline", "pair")])):
@@ -85,6 +94,10 @@ def best_closure(
         if both is not None and _error(both) < BETTER * _error(best):
             best = both
     return best
+
+
+def _repairs(found: Learned, before: float | None) -> bool:
+    return before is None or _error(found) < before
 
 
 def candidates(answers: dict[Part, Explained]) -> list[Part]:
@@ -112,6 +125,10 @@ def candidates(answers: dict[Part, Explained]) -> list[Part]:
         room = old is None and len(chosen) < MOST_LEARNED
         if room or (old and scope == "rig" and gains[old] < BROADER * gains[family, scope]):
             chosen[kind] = (family, scope)
+    speed = worth(answers["speed", "shot"]) if ("speed", "shot") in answers else 0.0
+    if speed > MOSTLY * most:
+        # every shot has its own speed anyway: what a release does leaves little in the trace
+        chosen = dict(list(chosen.items())[:1])
     return [(ALSO.get(kind, family), scope) for kind, (family, scope) in chosen.items()]
 
 

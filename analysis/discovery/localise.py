@@ -11,6 +11,7 @@ from analysis.discovery.closure import Learned
 from analysis.discovery.closure_choice import best_closure
 from analysis.discovery.evidence import Evidence, Explained, gather
 from analysis.discovery.omnibus import SLOTS
+from analysis.discovery.quality import heldout_or_none
 from analysis.discovery.slots import (
     FAMILIES,
     Part,
@@ -20,7 +21,6 @@ from analysis.discovery.slots import (
     worth,
 )
 from analysis.discovery.trail import Progress, Step
-from analysis.fit.campaign_fit import heldout_rms
 
 EXPLAINS_LITTLE = 0.3
 CANNOT_TELL = 0.25
@@ -97,23 +97,25 @@ def locate(step: Step, progress: Progress) -> Located:
     shared = [e for e in answers.values() if e.scope != "shot" and e.family != "speed"]
     closure = max(shared, key=worth)
     closure = evidence.explain(closure.family, closure.scope)
-    learned = best_closure(step, evidence, answers, progress)
-    gains = _gains(step, answers, learned)
+    before = heldout_or_none(step.problem, step.fitted)
+    learned = best_closure(step, evidence, answers, before, progress)
+    gains = _gains(step, answers, learned, before)
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
     return Located(slot, odds, gains, closure, learned, structure, formula(evidence, closure))
 
 
-def _gains(step: Step, answers: dict[Part, Explained], learned: Learned | None) -> dict[str, float]:
+def _gains(
+    step: Step, answers: dict[Part, Explained], learned: Learned | None, before: float | None
+) -> dict[str, float]:
     """Return each slot's best gain, that of the learned closure as held-out shots have it."""
     found = {part: worth(answer) for part, answer in answers.items()}
-    if learned is not None and learned.heldout_rms is not None and len(learned.parts) == 1:
-        before = heldout_rms(step.problem, step.fitted)
-        if before is not None and learned.parts[0] in found:
-            count = sum(s.residual.size for s in step.evidence.shots)
-            level = float(np.mean([s.item.noise.rms for s in step.evidence.shots]))
-            gain = count * (before**2 - learned.heldout_rms**2) / level**2
-            found[learned.parts[0]] = max(gain, 0.0)
+    single = learned is not None and learned.parts[0] in found and len(learned.parts) == 1
+    if learned is not None and single and before and learned.heldout_rms:
+        count = sum(s.residual.size for s in step.evidence.shots)
+        level = float(np.mean([s.item.noise.rms for s in step.evidence.shots]))
+        gain = count * (before**2 - learned.heldout_rms**2) / level**2
+        found[learned.parts[0]] = max(gain, 0.0)
     return {
         slot: max(0.0, *(found[part] for part in families if part in found))
         for slot, families in SLOTS.items()
