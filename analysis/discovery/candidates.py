@@ -28,7 +28,7 @@ ALIKE, FEWEST_PHASES = 0.4, 6
 """Share of a free signal's power that is the same in all shots, from which its phase is not free;
 the inverse of the number of shots is what chance leaves."""
 KNOWN_BEFORE = ("ln_v0", "ln_e")
-"""A shot's own parameters that height and materials tell better than a model far from the record."""
+"""What of a shot height and materials tell better than a model that is far from the record."""
 PRESENT = 0.3
 """Share of an effect's start, in the linear look, below which an owner begins without it."""
 COORDINATE_U = 20.0
