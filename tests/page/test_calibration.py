@@ -1,0 +1,28 @@
+"""A calibration from the page."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.mark.slow
+def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(visitor):
+    """Progress with the next sphere, then values with U, a due date and a point in the chart."""
+    page = visitor.page
+    visitor.sign_in()
+    visitor.go("Calibration")
+    page.locator("button[aria-disabled=false]").get_by_text("Start a calibration").click()
+    running = page.get_by_role("region", name="Calibration 1")
+    running.get_by_text("Load the next sphere: acetal").wait_for()
+    running.get_by_role("heading", name="1 of 8 drops done").wait_for()
+    page.get_by_text("to go").wait_for()
+    visitor.go("Drop")
+    page.get_by_role("region", name="Calibration 1").wait_for()
+    visitor.go("Calibration")
+    page.locator(".badge").get_by_text("valid", exact=True).wait_for()
+    facts = page.get_by_role("region", name="The calibration in force").inner_text()
+    assert "in 30 days" in facts
+    assert "±" in facts
+    page.locator(".chart .point").first.wait_for(state="attached")
+    assert page.locator(".chart .point").count() == 1
+    visitor.assert_clean()
