@@ -207,6 +207,7 @@ async def authorize(
         caller = await _caller_of_cookie(request, cookie, limiter)
     else:
         caller = await _caller(request, credentials, limiter)
+    request.state.caller_name = caller.name  # for the log of who asked for what, refused or not
     if caller.scope is None or caller.scope < scope:
         held = caller.scope.name.lower() if caller.scope else "no"
         name = scope.name.lower()
@@ -216,7 +217,6 @@ async def authorize(
             headers={"WWW-Authenticate": f'Bearer error="insufficient_scope", scope="{name}"'},
             scope=name,
         )
-    request.state.caller_name = caller.name  # for the log of who asked for what
     return caller
 
 

@@ -21,7 +21,7 @@ playwright = pytest.importorskip("playwright.sync_api", reason="needs the packag
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 TABLET = {"width": 768, "height": 1024}
 DESKTOP = {"width": 1440, "height": 900}
-PATIENCE_MS = 120_000  # a busy host compiles for a minute before the first fit
+PATIENCE_MS = 300_000  # a busy host compiles for a minute before the first fit
 
 
 class Daemon:

@@ -59,7 +59,7 @@ def test_a_clipped_record_says_repeat_and_why(visitor):
     page = visitor.page
     visitor.sign_in()
     number = _latest(visitor) + 1
-    visitor.choose("ptfe", "aluminium", 150)
+    visitor.choose("acetal", "aluminium", 120)
     visitor.arm_and_drop()
     visitor.shot(number)
     advice = page.locator("[data-advice=repeat]")

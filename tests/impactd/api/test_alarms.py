@@ -13,11 +13,17 @@ from tests.impactd.api.conftest import until
 LOST = {"detail": "The digitizer was unplugged.", "remedy": "Plug it in."}
 
 
+def _open(rig):
+    """Return the open alarms of the device that these tests lose."""
+    found = rig.reader.get("/v1/alarms").json()["open"]
+    return [alarm for alarm in found if alarm["sentence"] == LOST["detail"]]
+
+
 @pytest.fixture
 def raised(rig):
     """An open alarm."""
     rig.daemon.alarms.publish("rig.fault", LOST)
-    (alarm,) = rig.reader.get("/v1/alarms").json()["open"]
+    (alarm,) = _open(rig)
     yield alarm
     rig.operator.post(f"/v1/alarms/{alarm['id']}/acknowledge")
 
@@ -32,7 +38,7 @@ def test_an_alarm_says_what_happened_and_what_to_do(raised):
 def test_a_flapping_device_is_one_alarm(rig, raised):
     """The same words again are counted, not listed again."""
     rig.daemon.alarms.publish("rig.fault", LOST)
-    (alarm,) = rig.reader.get("/v1/alarms").json()["open"]
+    (alarm,) = _open(rig)
     assert (alarm["id"], alarm["times"]) == (raised["id"], 2)
 
 
@@ -43,11 +49,10 @@ def test_an_alarm_stays_until_it_is_acknowledged_and_keeps_by_whom(rig, raised):
     first = rig.operator.post(at).json()
     assert first["acknowledged_by"] == "operate token"
     assert rig.admin.post(at).json() == first
-    answer = rig.reader.get("/v1/alarms").json()
-    assert answer["open"] == []
-    assert answer["acknowledged"][0] == first
+    assert _open(rig) == []
+    assert rig.reader.get("/v1/alarms").json()["acknowledged"][0] == first
     rig.daemon.alarms.publish("rig.fault", LOST)
-    (again,) = rig.reader.get("/v1/alarms").json()["open"]
+    (again,) = _open(rig)
     assert again["id"] != raised["id"]
     rig.operator.post(f"/v1/alarms/{again['id']}/acknowledge")
 
@@ -111,8 +116,8 @@ def test_every_write_is_in_the_log_with_its_caller(rig):
             for item in rig.reader.get("/v1/log", params={"about": "people"}).json()["items"][:3]
         ]
 
-    wanted = ("operate token", "/v1/abort", 200)
-    assert wanted in until(told, lambda seen: wanted in seen)
+    wanted = {("operate token", "/v1/abort", 200), ("read token", "/v1/abort", 403)}
+    assert wanted <= set(until(told, lambda seen: wanted <= set(seen)))
 
 
 def test_the_log_is_paged_newest_first(rig):

@@ -46,8 +46,12 @@ class Live extends EventTarget {
     try {
       status = await get("/v1/status", { timeoutMs: PATIENCE_MS });
     } catch (problem) {
-      if (problem.status === 401) this.#emit("unknown");
-      else this.#lose();
+      if (problem.status === 401) {
+        clearInterval(this.#timer); // until somebody signs in; asking on would only be refused
+        this.#emit("unknown");
+      } else {
+        this.#lose();
+      }
       return;
     }
     this.status = status;

@@ -71,7 +71,7 @@ export function requestSentence({ by, method, path, status, location }) {
   const line = `${method} ${path}`;
   const known = REQUESTS.find(([pattern]) => pattern.test(line));
   const what = known ? line.replace(known[0], known[1]) : line;
-  const where = location ? ` (${location.replace(/^\/v1\//, "").replace(/s\/(\d+)$/, " $1")})` : "";
+  const where = location ? ` (${location.replace(/^\/v1\//, "").replace("diagnoses/", "diagnosis ").replace(/s\/(\d+)$/, " $1")})` : "";
   return `${by} ${what}${where}${status >= 400 ? `; refused (${status})` : ""}.`;
 }
 

@@ -1,50 +1,79 @@
 // Several drops of the same kind, one after the other. The page asks for each when the one before
-// has ended: where nobody watches the page, nothing falls.
+// has ended, whichever view is shown: where nobody has the page open, nothing falls.
 
 import { get, post } from "../js/api.js";
-import { fill, freshKey, h, say } from "../js/dom.js";
+import { freshKey, h, say } from "../js/dom.js";
 import { live } from "../js/live.js";
 import { duration } from "../js/numbers.js";
 import { material } from "../js/words.js";
 import { aborted } from "./abort.js";
-import { watchDrop } from "./steps.js";
+import { followDrop } from "./steps.js";
+import { tell } from "./notices.js";
 
 const READY_LIMIT_MS = 30000;
 
-/** Make `count` drops; `onShot(drop)` is called with each that ended with a shot. Resolve with what is left to say. */
-export async function runSeries({ request, count, place, steps, onShot, signal }) {
-  const ending = new AbortController();
-  const end = () => ending.abort();
-  signal.addEventListener("abort", end);
-  aborted.addEventListener("abort", end, { signal });
-  const began = Date.now();
-  let made = 0;
-  try {
-    for (; made < count && !ending.signal.aborted; made += 1) {
-      show(place, { made, count, began, request, end });
-      if (made > 0 && !(await ready(ending.signal))) break;
-      const asked = await post("/v1/drops", request, { key: freshKey() });
-      const drop = await watchDrop(steps, asked.number, signal);
-      if (drop === null) return null;
-      if (drop.shot) await onShot(drop);
-      if (["failed", "aborted", "interrupted"].includes(drop.state)) {
-        return count > 1 ? `The series ended after ${made} of ${count} drops.` : null;
-      }
+/** Emits `change` whenever `now` is another: { request, count, made, began, drop }, null when nothing runs. */
+class Series extends EventTarget {
+  now = null;
+  #ending = null;
+
+  /** Make `count` drops. */
+  async start(request, count) {
+    if (this.now) return;
+    this.#ending = new AbortController();
+    aborted.addEventListener("abort", () => this.end(), { signal: this.#ending.signal });
+    this.#set({ request, count, made: 0, began: Date.now(), drop: null });
+    let words = null;
+    try {
+      words = await this.#run(this.#ending.signal);
+    } catch (problem) {
+      tell("bad", problem.message);
     }
-    if (count === 1 || signal.aborted) return null;
+    this.end();
+    this.#set(null);
+    if (words) tell("info", words, { passing: true });
+  }
+
+  /** Ask for no further drop; the one under way goes on. */
+  end() { this.#ending?.abort(); }
+
+  async #run(ending) {
+    const { request, count } = this.now;
+    while (this.now.made < count && !ending.aborted) {
+      if (this.now.made > 0) {
+        say(`Load the next sphere: ${material(request.sphere)}. ${this.now.made} of ${count} drops are done.`);
+        if (!(await ready(ending))) break;
+      }
+      const asked = await post("/v1/drops", request, { key: freshKey() });
+      this.#set({ ...this.now, drop: asked.number });
+      const drop = await followDrop(asked.number);
+      if (["failed", "aborted", "interrupted"].includes(drop.state)) break;
+      this.#set({ ...this.now, made: this.now.made + 1 });
+    }
+    const { made } = this.now;
+    if (count === 1) return null;
     return made === count ? `All ${count} drops are done.` : `The series ended after ${made} of ${count} drops.`;
-  } finally {
-    fill(place);
+  }
+
+  #set(now) {
+    this.now = now;
+    this.dispatchEvent(new Event("change"));
   }
 }
 
-function show(place, { made, count, began, request, end }) {
-  if (count === 1) return;
+export const series = new Series();
+
+/** Return the card of the series that runs, null where there is none to show. */
+export function runningCard() {
+  if (!series.now || series.now.count === 1) return null;
+  const { request, count, made, began } = series.now;
   const each = made ? (Date.now() - began) / made / 1e3 : null;
-  const remaining = duration(each === null ? null : each * (count - made));
-  const load = made ? `Load the next sphere: ${material(request.sphere)}.` : "";
-  if (load) say(`${load} ${made} of ${count} drops are done.`);
-  fill(place, seriesCard({ title: "Series", done: made, of: count, remaining, load, end: h("button", { class: "button", type: "button", on: { click: end } }, "End after this drop") }));
+  return seriesCard({
+    title: "Series", done: made, of: count,
+    remaining: duration(each === null ? null : each * (count - made)),
+    load: made ? `Load the next sphere: ${material(request.sphere)}.` : "",
+    end: h("button", { class: "button", type: "button", on: { click: () => series.end() } }, "End after this drop"),
+  });
 }
 
 /** Return how far a series is; a calibration's looks the same. */
@@ -57,9 +86,9 @@ export function seriesCard({ title, done, of, remaining, load, end }) {
 }
 
 /** Wait until the rig is ready; resolve with whether it is. */
-async function ready(signal) {
+async function ready(ending) {
   const until = Date.now() + READY_LIMIT_MS;
-  while (!signal.aborted && Date.now() < until) {
+  while (!ending.aborted && Date.now() < until) {
     const status = await get("/v1/status").catch(() => null);
     if (status?.ready) return true;
     await new Promise((resolve) => { setTimeout(resolve, 250); });

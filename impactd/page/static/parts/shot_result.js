@@ -43,7 +43,7 @@ async function showMaterial(place, shot) {
   const one = found?.moduli[shot.surface];
   const young = one && modulus(one.youngs_modulus_Pa);
   if (!young) return;
-  const from = { fitted: "from all shots together", reference: "a reference: its stated value", withheld: "withheld" }[one.status] ?? one.status;
+  const from = { fitted: "from all shots together", reference: "its stated value, with what all shots add", withheld: "withheld" }[one.status] ?? one.status;
   fill(place, h("strong", {}, `Young's modulus of ${words(shot.surface)}: ${young}`), h("span", { class: "soft" }, ` (${from})`));
 }
 

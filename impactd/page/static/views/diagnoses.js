@@ -107,14 +107,14 @@ function diagnosis(one, changed) {
     one.sentence && h("p", {}, one.sentence),
     one.reason && !one.sentence && h("p", {}, one.reason),
     one.model && h("p", { class: "soft" }, `It named the model ${modelName(one.model.name)}, version ${one.model.version}.`),
-    underWay && progress(one.progress),
+    underWay && progress(one),
     h("div", { class: "row" },
       one.links.report && h("a", { class: "button", href: one.links.report, target: "_blank", rel: "noopener" }, "Read the report", h("span", { class: "unseen" }, ` of diagnosis ${one.id}, in a new tab`)),
       one.links.next_drop && may("operate") && h("button", { class: "button", type: "button", on: { click: nextDrop } }, "Make the drop it asks for"),
       underWay && may("operate") && h("button", { class: "button", type: "button", on: { click: cancel } }, "Cancel", h("span", { class: "unseen" }, ` diagnosis ${one.id}`))));
 }
 
-function progress(told) {
-  if (!told) return h("p", { class: "soft" }, "It waits for its turn.");
+function progress({ state, progress: told }) {
+  if (!told) return h("p", { class: "soft" }, state === "queued" ? "It waits for its turn." : "It has begun.");
   return h("div", { class: "stack" }, h("p", { class: "soft" }, told.text), h("progress", { max: 1, value: told.share, "aria-label": told.text }));
 }

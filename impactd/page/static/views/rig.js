@@ -7,13 +7,11 @@ import { duration, millimetres } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { material, materials } from "../js/words.js";
 import { dropForm } from "../parts/drop_form.js";
-import { runSeries, seriesCard } from "../parts/series.js";
+import { runningCard, series, seriesCard } from "../parts/series.js";
 import { hasEnded, watchDrop } from "../parts/steps.js";
 import { showResult } from "../parts/shot_result.js";
 import { tell } from "../parts/notices.js";
 import { prepare } from "../charts/plotly.js";
-
-let latest = null; // what was dropped last on this page, for "again"
 
 export async function showRig(place, { signal }) {
   const formPlace = h("div", { class: "stack" });
@@ -22,24 +20,36 @@ export async function showRig(place, { signal }) {
   const faultPlace = h("div", { class: "stack" });
   const steps = h("div", { class: "stack" });
   const stepsCard = h("section", { class: "card", "aria-label": "The drop under way", hidden: true }, steps);
-  const result = h("section", { class: "card", "aria-label": "The latest shot" });
+  const result = h("section", { class: "card", "aria-label": "The latest shot", hidden: true });
   const now = h("div", { class: "cards" }, faultPlace, calibrationPlace, seriesPlace, stepsCard, result);
   const both = h("div", { class: "rig" }, formPlace, now);
-  const underWay = () => { both.dataset.underWay = ""; };
   fill(place, h("h1", {}, "Drop"), both);
 
-  let running = false;
-  let shown = null;
-  let watched = null;
   let form = null;
+  let watched = null;
+  let shown = null;
+
+  const allow = () => {
+    const { status, lost } = live;
+    const busy = series.now || status?.owner;
+    form?.allow(Boolean(status?.ready) && !series.now && !lost, lost ? "Not connected" : busy ? "A drop is under way" : "Not ready");
+  };
+
+  const go = (request, count) => {
+    both.dataset.underWay = "";
+    now.scrollIntoView({ block: "start" });
+    series.start(request, count);
+  };
 
   const showShot = async (drop) => {
     shown = drop.shot;
     const inner = h("div", { class: "stack" });
-    const again = h("button", { class: "button large", type: "button", on: { click: () => go(latest ?? asked(drop), 1) } }, "Repeat with the same settings");
+    const { sphere, surface, drop_height_m, operator } = drop;
+    const again = h("button", { class: "button large", type: "button", on: { click: () => go({ sphere, surface, drop_height_m, operator }, 1) } }, "Repeat with the same settings");
+    result.hidden = false;
     fill(result,
       h("div", { class: "row spread" }, h("h2", {}, `Shot ${drop.shot}`), h("a", { class: "button", href: `#/shots/${drop.shot}` }, "Everything about this shot")),
-      h("p", { class: "soft" }, `${materials(drop.sphere, drop.surface)} from ${millimetres(drop.drop_height_m)}, ${drop.operator}`),
+      h("p", { class: "soft" }, `${materials(sphere, surface)} from ${millimetres(drop_height_m)}, ${operator}`),
       inner, may("operate") && again);
     try {
       await showResult(inner, drop.shot, signal);
@@ -48,78 +58,57 @@ export async function showRig(place, { signal }) {
     }
   };
 
-  const go = async (request, count) => {
-    if (running) return;
-    running = true;
-    latest = request;
-    allow();
-    stepsCard.hidden = false;
-    underWay();
-    now.scrollIntoView({ block: "start" });
-    try {
-      const words = await runSeries({ request, count, place: seriesPlace, steps, onShot: showShot, signal });
-      if (words) tell("info", words, { passing: true });
-    } catch (problem) {
-      stepsCard.hidden = !steps.hasChildNodes();
-      tell("bad", problem.message);
-    }
-    running = false;
-    allow();
-  };
-
-  const allow = () => {
-    const status = live.status;
-    const busy = running || (status && !status.ready && status.owner);
-    form?.allow(Boolean(status?.ready) && !running && !live.lost, busy ? "A drop is under way" : live.lost ? "Not connected" : "Not ready");
-  };
-
-  // A drop that somebody else asked for, or that this page knew before it was loaded again.
+  // Whoever asked for a drop, whenever: this view shows it to its end.
   const follow = async (number) => {
-    if (running || watched === number) return;
+    if (watched === number) return;
     watched = number;
-    underWay();
+    both.dataset.underWay = "";
     stepsCard.hidden = false;
     const drop = await watchDrop(steps, number, signal);
     if (drop?.shot && watched === number) showShot(drop);
   };
 
+  const showSeries = () => {
+    fill(seriesPlace, runningCard());
+    if (series.now?.drop) follow(series.now.drop);
+    allow();
+  };
+
   on("status", (status) => {
     allow();
     if (status.drop) follow(status.drop);
-    showSeries(calibrationPlace, status.series);
+    showCalibration(calibrationPlace, status.series);
     showFault(faultPlace, status);
   }, signal);
   on("lost", allow, signal);
+  series.addEventListener("change", showSeries, { signal });
 
-  result.hidden = true;
   try {
     const [rig, drops] = await Promise.all([get("/v1/rig"), get("/v1/drops?limit=10")]);
     if (signal.aborted) return;
     form = dropForm(rig, drops.items[0], go);
     fill(formPlace, form.form);
-    allow();
+    showSeries();
     const last = drops.items.find((drop) => drop.shot);
-    result.hidden = false;
-    if (shown === null && last && hasEnded(last)) await showShot(last);
-    else if (shown === null) fill(result, h("h2", {}, "No shot yet"), h("p", { class: "soft" }, "Choose sphere, surface and height, then press Arm and drop. The shot is shown here two seconds after the impact."));
+    if (last && shown === null && hasEnded(last)) await showShot(last);
+    else if (shown === null) {
+      result.hidden = false;
+      fill(result, h("h2", {}, "No shot yet"), h("p", { class: "soft" }, "Choose sphere, surface and height, then press Arm and drop. The shot is shown here two seconds after the impact."));
+    }
   } catch (problem) {
     fill(formPlace, h("div", { class: "card" }, h("p", { class: "wrong" }, problem.message), h("button", { class: "button", type: "button", on: { click: () => showRig(place, { signal }) } }, "Try again")));
   }
   prepare();
 }
 
-const asked = ({ sphere, surface, drop_height_m, operator }) => ({ sphere, surface, drop_height_m, operator });
-
-let drawnSeries = "";
-
-function showSeries(place, series) {
-  const text = JSON.stringify(series);
-  if (text === drawnSeries && place.hasChildNodes() === Boolean(series)) return;
-  drawnSeries = text;
-  if (!series) { fill(place); return; }
-  const { sphere, surface, drop_height_m } = series.next;
+function showCalibration(place, told) {
+  const text = JSON.stringify(told ?? null);
+  if (text === place.dataset.drawn) return;
+  place.dataset.drawn = text;
+  if (!told) { fill(place); return; }
+  const { sphere, surface, drop_height_m } = told.next;
   fill(place, seriesCard({
-    title: `Calibration ${series.number}`, done: series.done, of: series.of, remaining: duration(series.remaining_s),
+    title: `Calibration ${told.number}`, done: told.done, of: told.of, remaining: duration(told.remaining_s),
     load: `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(drop_height_m)}.`,
   }));
 }
