@@ -40,7 +40,8 @@ export function showView({ quietly = false } = {}) {
 /** End the view that is shown, so that nothing of it goes on. */
 export function endView() { ending.abort(); }
 
-function markWay(address) {
+function markWay(view) {
+  const address = view.replace(/^\/compare/, "/shots"); // which has no way of its own
   for (const link of document.querySelectorAll("#nav a")) {
     const leads = address.startsWith(link.hash.slice(1));
     if (leads) link.setAttribute("aria-current", "page");
