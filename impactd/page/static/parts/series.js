@@ -71,7 +71,7 @@ export function runningCard() {
   return seriesCard({
     title: "Series", done: made, of: count,
     remaining: duration(each === null ? null : each * (count - made)),
-    load: made ? `Load the next sphere: ${material(request.sphere)}.` : "",
+    load: made && made < count ? `Load the next sphere: ${material(request.sphere)}.` : "",
     end: h("button", { class: "button", type: "button", on: { click: () => series.end() } }, "End after this drop"),
   });
 }
