@@ -16,6 +16,7 @@ def _shots(visitor, count: int) -> list[int]:
     return [item["number"] for item in found["items"][:count]]
 
 
+@pytest.mark.slow
 def test_a_diagnosis_can_be_started_from_the_history_and_cancelled(visitor):
     """The chosen shots are in the form; a cancelled diagnosis says so and stays in the list."""
     page = visitor.page

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+import pytest
+
 
 _AFTER_ONE = """() => {
   const card = document.querySelector('section[aria-label=Series]');
@@ -33,6 +35,7 @@ def test_a_series_asks_for_the_next_sphere_and_ends_by_itself(visitor):
     visitor.assert_clean()
 
 
+@pytest.mark.slow
 def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     """From another view, with the key or the button; nothing more is dropped, and it is told."""
     visitor = slow_hands
@@ -59,6 +62,7 @@ def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     visitor.assert_clean()
 
 
+@pytest.mark.slow
 def test_a_clipped_record_says_repeat_and_why(visitor):
     """The advice is in words, with what to do; the history shows it, too."""
     page = visitor.page

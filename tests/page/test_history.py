@@ -26,6 +26,7 @@ def two_shots(visitor):
     return visitor, made
 
 
+@pytest.mark.slow
 def test_shots_are_found_compared_and_taken_away(two_shots, tmp_path):
     """Search by material and number; traces over each other; HDF5, CSV and JSON as files."""
     visitor, (first, second) = two_shots

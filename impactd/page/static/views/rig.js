@@ -37,7 +37,7 @@ export async function showRig(place, { signal }) {
 
   const go = (request, count) => {
     both.dataset.underWay = "";
-    now.scrollIntoView({ block: "start" });
+    window.scrollTo(0, 0);
     series.start(request, count);
   };
 
