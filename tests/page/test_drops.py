@@ -6,7 +6,6 @@ import re
 
 import pytest
 
-
 _AFTER_ONE = """() => {
   const card = document.querySelector('section[aria-label=Series]');
   return card && card.innerText.includes('1 of 2 drops done') && card.innerText;
