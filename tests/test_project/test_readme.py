@@ -86,8 +86,8 @@ def test_the_session_runs_as_printed(tmp_path: Path) -> None:
     (tmp_path / "config").symlink_to(ROOT / "config")
     # as printed, but for the port, and a wait where a person would have typed the next line
     script = SESSION.replace(
-        "impactd-data &",
-        f"impactd-data --port {port} >daemon.log 2>&1 &\n"
+        "impactd-data 2>impactd.log &",
+        f"impactd-data --port {port} >impactd.log 2>&1 &\n"
         "daemon=$!\n"
         "trap 'kill $daemon; wait $daemon' EXIT\n"
         "until impactd status 2>&1 | grep -q '^READY'; do kill -0 $daemon; sleep 0.2; done",
@@ -102,7 +102,7 @@ def test_the_session_runs_as_printed(tmp_path: Path) -> None:
         check=False,
         timeout=200,
     )
-    log = tmp_path / "daemon.log"
+    log = tmp_path / "impactd.log"
     said = log.read_text()[-2000:] if log.exists() else ""
     assert result.returncode == 0, f"{result.stdout}\n{result.stderr}\n{said}"
     assert "READY" in result.stdout
