@@ -66,6 +66,7 @@ def plot_calibrations(series: Sequence[Json]) -> Figure:
         else:
             panels[-1].set_xticks(range(len(series)), [str(e["number"]) for e in series])
         panels[-1].set_xlabel("time (UTC)" if spread else "number of the calibration")
+        figure.align_ylabels()
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside upper left", ncols=3)
         return figure

@@ -9,7 +9,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.discovery.stack import time_us
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import ShotFit
@@ -64,6 +63,7 @@ def plot_shot(*fits: FitResult, shot: int | str = 0) -> Figure:
             1 + len(found), 1, sharex=True, height_ratios=[2.6, *[1.1] * len(found)]
         )
         _draw(panels, found)
+        figure.align_ylabels()
         return figure
 
 
@@ -87,15 +87,16 @@ def _draw(panels: Any, found: list[tuple[FitResult, ShotFit]]) -> None:
     low, high = -BEFORE_SHARE * contact_us, AFTER_SHARE * contact_us
     unit = shown({last.item.shot.quantity})
     upper = panels[0]
-    t = time_us(last)
+    t = _time_us(last, last)
     upper.plot(
         t, last.item.window.signal, "o", color="#b4b8be", ms=3.2, mew=0, label="measured", zorder=2
     )
     for place, (fit, one) in enumerate(found):
         label = f"{fit.model.upper()}{_modulus(fit, one)}"
         look = line_of(fit.model, place)
-        upper.plot(time_us(one), one.prediction, label=label, zorder=3, **look)
-        _residual(panels[1 + place], fit, one, look, unit)
+        own = _time_us(one, last)
+        upper.plot(own, one.prediction, label=label, zorder=3, **look)
+        _residual(panels[1 + place], (fit, one, own), look, unit)
     for axes in panels:
         axes.axvspan(0, contact_us, color=PALE, lw=0, zorder=0)
         axes.set_xlim(low, min(high, float(t[-1])))
@@ -105,10 +106,18 @@ def _draw(panels: Any, found: list[tuple[FitResult, ShotFit]]) -> None:
     panels[-1].set_xlabel("time after touch-down / µs   (shaded: contact)")
 
 
-def _residual(axes: Axes, fit: FitResult, one: ShotFit, look: Any, unit: Shown) -> None:
+def _time_us(one: ShotFit, last: ShotFit) -> Any:
+    """Return the samples' times on the clock of the last fit: models differ in their touch-down."""
+    ahead = one.item.window.first - last.item.window.first
+    step_us = 1e6 / last.item.frame.sample_rate_hz
+    return (ahead + np.arange(one.prediction.size)) * step_us - float(last.own[2])
+
+
+def _residual(axes: Axes, drawn: tuple[FitResult, ShotFit, Any], look: Any, unit: Shown) -> None:
+    fit, one, t = drawn
     noise = one.item.noise.rms * unit.factor
     axes.axhspan(-noise, noise, facecolor="none", edgecolor=SOFT, hatch="////", lw=0, alpha=0.6)
-    axes.plot(time_us(one), one.residual * unit.factor, **{**look, "lw": 0.8, "ls": "-"})
+    axes.plot(t, one.residual * unit.factor, **{**look, "lw": 0.8, "ls": "-"})
     axes.axhline(0, color=INK, lw=0.5)
     axes.set_ylabel(f"{fit.model.upper()[:12]} leaves\n/ {unit.residual}")
     axes.annotate(

@@ -29,7 +29,7 @@ from analysis.plots.style import styled
 from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
-from impactd.console.stored_shots import campaign_of_files, download_shots
+from impactd.console.stored_shots import campaign_of_files, download_shots, with_calibration
 from impactd.console.tables import print_json
 from impactd.materials import load_materials
 from impactd.settings import find_config
@@ -121,7 +121,7 @@ def _figure(
     if all(item.isdigit() for item in what):
         with tempfile.TemporaryDirectory() as folder:
             files = download_shots([int(item) for item in what], Path(folder), url=url)
-            campaign = campaign_of_files(files)
+            campaign = with_calibration(campaign_of_files(files), url=url)
         return _of_campaign(campaign, kind or ("trace" if len(what) == 1 else None), models, shot)
     if all(Path(item).suffix == ".h5" for item in what):
         campaign = campaign_of_files([Path(item) for item in what])

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
+from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Campaign
 from impactd.console.client import connect
 from impactd.console.progress_bar import progress
@@ -43,6 +45,35 @@ def download_shots(numbers: Sequence[int], folder: Path, *, url: str | None) -> 
             client.download(f"/v1/shots/{number}.h5", file)
             files.append(file)
     return files
+
+
+def with_calibration(campaign: Campaign, *, url: str | None) -> Campaign:
+    """Return a campaign with the calibration in force, as the daemon's own fits use it.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        With the load cell as its certificate has it.
+    url : str or None
+        The daemon.
+
+    Returns
+    -------
+    Campaign
+        The same where the cell was never calibrated, and for recordings of other instruments.
+    """
+    if campaign.sensor.compliance_m_per_v is None and campaign.sensor.hsd_n_per_v is None:
+        return campaign
+    with connect(url) as client:
+        found = client.get("/v1/calibrations", limit=50)["items"]
+    result = next(
+        (one["result"] for one in found if one["state"] == "done" and one["kind"] == "drops"), None
+    )
+    if result is None:
+        return campaign
+    known = sensor_from_json(result)
+    rigid = known.hsd_n_per_v or campaign.sensor.hsd_n_per_v
+    return replace(campaign, sensor=replace(known, hsd_n_per_v=rigid))
 
 
 def campaign_of_files(files: Sequence[Path]) -> Campaign:

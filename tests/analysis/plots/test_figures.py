@@ -121,6 +121,17 @@ def test_a_shot_is_named_by_place_or_name(fits: tuple[Any, Any]) -> None:
         plot_shot()
 
 
+def test_all_models_are_drawn_on_one_clock(fits: tuple[Any, Any]) -> None:
+    """Record less prediction is the residual that is drawn below, although touch-downs differ."""
+    figure = plot_shot(*fits, shot=2)
+    upper, first = figure.axes[0], figure.axes[1]
+    record, hsd = (line.get_xydata() for line in _named(upper)[:2])
+    drawn = first.lines[0].get_xydata()
+    x = np.linspace(20.0, 100.0, 50)
+    left = np.interp(x, *record.T) - np.interp(x, *hsd.T)
+    np.testing.assert_allclose(1e3 * left, np.interp(x, *drawn.T), atol=0.02 * np.ptp(drawn[:, 1]))
+
+
 def test_nothing_to_draw_is_said() -> None:
     """An empty matrix, no modulus, no calibration: a sentence and no empty axes."""
     with pytest.raises(AnalysisError, match="no trial"):
