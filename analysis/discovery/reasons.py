@@ -35,6 +35,8 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
         return None
     if not to_the_end(refit):
         return "not fitted to the end: its search was far behind the others when they were taken on"
+    if refit.at_bound and refit.effect.basis is not None:
+        return "its sizes and phases are alike in all shots, and the mains do not know of a drop"
     if refit.at_bound:
         bounds = "; ".join(
             f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
