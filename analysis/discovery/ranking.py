@@ -24,6 +24,7 @@ from analysis.discovery.candidates import (
     default_starts,
     extended,
     price,
+    proposals,
     refit,
     refit_elsewhere,
     rescoped,
@@ -418,6 +419,51 @@ def _begins(
     """Return where far starts begin: the usual place, then, for a signal that ends, below it."""
     usual = ground.begin(places, base)
     return [usual, below_a_ceiling(few, usual)]
+
+
+def rivals_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> list[Refit]:
+    """Return the other effects of a slot, each form fitted to all shots, best first.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model that one of them was added to.
+    taken : Refit
+        That one.
+
+    Returns
+    -------
+    list of Refit
+        One an effect, from the most promising start of each form; the rig's sizes, which is what
+        most effects are.
+    """
+    tried = [
+        p
+        for p in proposals(problem)[0]
+        if p.effect.slot == taken.effect.slot and p.owner != taken.owner
+    ]
+    found = []
+    for own in starts(gather(problem, fitted, tried), tried).values():
+        forms: dict[str, Start] = {}
+        for start in own:
+            if start.scope == "rig":
+                forms.setdefault(start.proposal.effect.id, start)
+        found += [
+            refit(
+                problem,
+                fitted,
+                start.proposal,
+                scope=start.scope,
+                coefficients=start.coefficients,
+                linear_gain=start.promised,
+            )
+            for start in forms.values()
+        ]
+    found.sort(key=_order)
+    found[:INTO_LAST] = [
+        r if r.fitted.converged else continued(fitted, r) for r in found[:INTO_LAST]
+    ]
+    return _one_form_each(sorted(found, key=_order))
 
 
 def _best_forms(

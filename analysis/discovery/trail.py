@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from analysis.discovery.candidates import Proposal, Refit, proposals
 from analysis.discovery.evidence import Evidence, gather
 from analysis.discovery.omnibus import Omnibus, ask
-from analysis.discovery.ranking import PENALTY, Ground, ranked
+from analysis.discovery.ranking import PENALTY, Ground, ranked, rivals_refitted
 from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -216,9 +216,41 @@ def without_needless(trail: Trail) -> Trail:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
             steps = [*trail.steps[: len(others)], shorter]
             gain = steps[-2].fitted.cost - shorter.fitted.cost
-            others[-1] = dataclasses.replace(others[-1], gain=gain)
-            return Trail(steps, others)
+            others[-1] = dataclasses.replace(
+                others[-1], gain=gain, problem=shorter.problem, fitted=shorter.fitted
+            )
+            return held_against_others(Trail(steps, others))
     return trail
+
+
+def held_against_others(trail: Trail) -> Trail:
+    """Return a trail whose last effect has stood against every other of its slot.
+
+    An effect that was found beside one that has since been taken off was never compared with what
+    else could do the work alone.
+
+    Parameters
+    ----------
+    trail : Trail
+        Ending in noise.
+
+    Returns
+    -------
+    Trail
+        With the others among the refits of the last turn; one that does better takes its place.
+    """
+    step, taken = trail.steps[-2], trail.chosen[-1]
+    others = rivals_refitted(step.problem, step.fitted, taken)
+    new = {o.owner for o in others}
+    step.refits[:] = [*others, *(r for r in step.refits if r.owner not in new)]
+    best = max(others, key=lambda r: r.score(PENALTY), default=taken)
+    if best.at_bound or best.score(PENALTY) <= taken.score(PENALTY):
+        return trail
+    ahead = Trail(trail.steps[:-1], trail.chosen[:-1]).on(best)
+    if not ahead.adequate:
+        return trail
+    step.refits.append(taken)
+    return ahead
 
 
 def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step | None:
