@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import array
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import usb.core
@@ -23,6 +25,8 @@ class SynchronousBulkSource:
         Address of the bulk IN endpoint.
     timeout_s : float, optional
         Longest a read may block. [s]
+    in_use : callable, optional
+        Returns what a read is done within; it may refuse, e.g. once the board was given back.
 
     Notes
     -----
@@ -31,9 +35,17 @@ class SynchronousBulkSource:
     (FIFO depth of the 3500: NOT KNOWN).
     """
 
-    def __init__(self, device: Any, endpoint: int, timeout_s: float = READ_TIMEOUT_S) -> None:
+    def __init__(
+        self,
+        device: Any,
+        endpoint: int,
+        timeout_s: float = READ_TIMEOUT_S,
+        *,
+        in_use: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         self._device = device
         self._endpoint = endpoint
+        self._in_use = in_use
         self._timeout_ms = max(1, round(timeout_s * 1000))
 
     def queue(self) -> None:
@@ -52,7 +64,7 @@ class SynchronousBulkSource:
         int
             Bytes received.
         """
-        with translated(f"reading samples from endpoint {self._endpoint:#04x}"):
+        with self._in_use(), translated(f"reading samples from endpoint {self._endpoint:#04x}"):
             try:
                 return int(self._device.read(self._endpoint, buffer, self._timeout_ms))
             except usb.core.USBTimeoutError:

@@ -301,8 +301,9 @@ class SampleStream:
     def _wait_for_proof(self, pace: Pace, done_s: float) -> None:
         """Read on until a transfer arrives on time: then nothing was lost before it.
 
-        In short transfers, so that a busy host gets many chances to be there in time. One that lags
-        behind is given the time to catch up: nothing is lost while the board can hold it.
+        A host that lags behind is given the time to catch up, in long transfers, which cost the
+        least: nothing is lost while the board can hold it. Then in short ones, so that it gets many
+        chances to be there in time.
         """
         count = self._ring.written
         best_s, until_s = float("inf"), 0.0
@@ -310,7 +311,9 @@ class SampleStream:
             if pace.late_s < best_s - PATIENCE_S / 100:
                 best_s, until_s = pace.late_s, time.monotonic() + PATIENCE_S
             idle = self._stop.is_set() or time.monotonic() > until_s
-            received = 0 if idle else self._source.read_into(self._short_buffer)
+            lags = pace.late_samples > self._samples.size
+            buffer = self._buffer if lags else self._short_buffer
+            received = 0 if idle else self._source.read_into(buffer)
             if received == 0:
                 return
             count += received // 2

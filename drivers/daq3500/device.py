@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.daq3500.opening import OpenedBoard, open_board
-from drivers.daq3500.registers import ENDPOINT_IN
 from drivers.daq3500.sequences import Daq3500Converter
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.daq3500.status import check_status
@@ -101,6 +100,7 @@ class Daq3500:
                 self._give_back()
             if self._board is not None:
                 return
+            self._session.stop()  # a run that outlived its board must be over first
             self._latency = Latency()
             self._board = open_board(self._settings, self._usb(), clear_halt=broken)
             try:
@@ -253,7 +253,7 @@ class Daq3500:
 
     def _parts(self, board: OpenedBoard) -> tuple[SynchronousBulkSource, Daq3500Converter]:
         return (
-            SynchronousBulkSource(board.link.device, ENDPOINT_IN),
+            board.link.samples(),
             Daq3500Converter(board.link, self._settings),
         )
 

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import usb.core
 import usb.util
 
 from drivers.daq3500.registers import ENDPOINT_IN, INTERFACE, Register, Request
-from drivers.errors import DeviceNotFoundError, ProtocolError
+from drivers.errors import DeviceLostError, DeviceNotFoundError, ProtocolError
 from drivers.usb_errors import translated
-from drivers.usb_source import SynchronousBulkSource
+from drivers.usb_source import READ_TIMEOUT_S, SynchronousBulkSource
 
 _OUT = 0x40
 _IN = 0xC0
@@ -31,7 +34,9 @@ class Daq3500Link:
 
     def __init__(self, device: Any) -> None:
         self.device = device
-        self._drain_source = SynchronousBulkSource(device, ENDPOINT_IN, _DRAIN_TIMEOUT_S)
+        self._using = threading.Lock()
+        self._given_back = False
+        self._drain_source = self.samples(_DRAIN_TIMEOUT_S)
         self._drain_buffer = usb.util.create_buffer(_DRAIN_BYTES)
 
     def claim(self) -> None:
@@ -44,7 +49,7 @@ class Daq3500Link:
         DeviceNotFoundError
             If the board lacks the sample endpoint.
         """
-        with translated("claiming the board"):
+        with self.in_use(), translated("claiming the board"):
             usb.util.claim_interface(self.device, INTERFACE)
             configuration = self.device.get_active_configuration()
             found = usb.util.find_descriptor(
@@ -59,13 +64,49 @@ class Daq3500Link:
             )
 
     def dispose(self) -> None:
-        """Give the board back to the system; tolerate that it is gone."""
-        with translated("closing the board"):
+        """Give the board back to the system, for good; tolerate that it is gone."""
+        self._given_back = True
+        with self._using, translated("closing the board"):
             usb.util.dispose_resources(self.device)
+
+    @contextmanager
+    def in_use(self) -> Iterator[None]:
+        """Let the board be used, but not once it was given back.
+
+        pyusb would open and claim it again for whoever is late, behind the back of its next owner.
+
+        Raises
+        ------
+        DeviceLostError
+            If it was given back.
+        """
+        with self._using:
+            if self._given_back:
+                raise DeviceLostError(
+                    "The board was given back.",
+                    why="Another part of this program closed it meanwhile.",
+                    remedy="Open it again.",
+                )
+            yield
+
+    def samples(self, timeout_s: float = READ_TIMEOUT_S) -> SynchronousBulkSource:
+        """Return the source of the sample endpoint.
+
+        Parameters
+        ----------
+        timeout_s : float, optional
+            Longest a read may block. [s]
+
+        Returns
+        -------
+        SynchronousBulkSource
+            Useless once the board was given back.
+        """
+        return SynchronousBulkSource(self.device, ENDPOINT_IN, timeout_s, in_use=self.in_use)
 
     def clear_halt(self) -> None:
         """Clear a stall of the sample endpoint."""
-        with translated("clearing a stall"):
+        with self.in_use(), translated("clearing a stall"):
             self.device.clear_halt(ENDPOINT_IN)
 
     def write(self, request: Request, data: bytes = b"", *, value: int = 0, index: int = 0) -> None:
@@ -85,7 +126,8 @@ class Daq3500Link:
         ProtocolError
             If the board took fewer bytes than were sent.
         """
-        with translated(f"sending request {request:#04x} (value {value:#06x}, index {index:#04x})"):
+        about = f"request {request:#04x} (value {value:#06x}, index {index:#04x})"
+        with self.in_use(), translated(f"sending {about}"):
             sent = self.device.ctrl_transfer(_OUT, request, value, index, data, _CONTROL_TIMEOUT_MS)
         if sent != len(data):
             raise ProtocolError(f"Request {request:#04x} sent {sent} of {len(data)} bytes.")
@@ -112,7 +154,8 @@ class Daq3500Link:
         ProtocolError
             If there are fewer.
         """
-        with translated(f"reading request {request:#04x} (value {value:#06x}, index {index:#04x})"):
+        about = f"request {request:#04x} (value {value:#06x}, index {index:#04x})"
+        with self.in_use(), translated(f"reading {about}"):
             data = self.device.ctrl_transfer(
                 _IN, request, value, index, length, _CONTROL_TIMEOUT_MS
             )

@@ -90,7 +90,10 @@ def test_a_record_in_memory_is_stored_when_space_returns(disk: Disk, every: int)
 
 
 def test_a_record_in_memory_outlives_the_daemon(
-    disk: Disk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    disk: Disk,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
 ) -> None:
     """Told to end with a full disk, it keeps the record elsewhere; the next start stores it."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
@@ -100,6 +103,9 @@ def test_a_record_in_memory_outlives_the_daemon(
         disk.leave(10 * STEP)
         number = here.drop("last").json()["number"]
         assert until(lambda: _where(here, number), bool) == "memory"
+    said = "".join(capfd.readouterr())
+    assert str(tmp_path / "cache") in said
+    assert "Traceback" not in said, "a log on a full disk takes one line for what it could not take"
     kept = list((tmp_path / "cache").rglob("*.h5"))
     assert [path.name for path in kept] == [f"{number:06d}.h5"]
     disk.leave(8 * 1024 * 1024)
