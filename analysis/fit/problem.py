@@ -153,8 +153,8 @@ class JointProblem:
         else:
             assert shot.radius_m is not None
             j, k = (self.names.index(key) for key in keys)
-            # no modulus is e^-300 Pa: a step that goes there has no trace, and is refused
-            if min(theta[j], theta[k]) < -_LARGEST_LOG:
+            # no modulus is e^300 Pa: a step that goes there has no trace, and is refused
+            if max(abs(theta[j]), abs(theta[k])) > _LARGEST_LOG:
                 values[0] = -math.inf
                 return values, chain
             one, other = math.exp(-theta[j]), math.exp(-theta[k])

@@ -15,7 +15,7 @@ from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.errors import AnalysisError, UnknownModelError
 from analysis.fit.campaign_fit import solve
 from analysis.fit.estimates import HSD_FIELDS
-from analysis.fit.joint import normal_equations
+from analysis.fit.joint import normal_equations, total_cost
 from analysis.fit.problem import SENSOR_FIELDS, build
 from analysis.fit.result import FitResult
 from analysis.fit.start import prepare
@@ -274,3 +274,14 @@ def test_materials_known_on_neither_side_are_withheld(made: Any) -> None:
         assert entry["youngs_modulus_Pa"] is None
     assert one.pairs()["acetal/polycarbonate"]["reduced_modulus_Pa"]["u"] > 0
     json.dumps(one.to_json(), allow_nan=False)
+
+
+@pytest.mark.parametrize("far", [-400.0, 400.0, 800.0])
+def test_a_modulus_that_no_float_holds_has_no_cost(made: Any, far: float) -> None:
+    """A search may step anywhere; such a step is refused, not an exception."""
+    _, campaign = made
+    problem = build(campaign, model_named("kv"))
+    nuisances = prepare(problem)
+    theta = problem.start.copy()
+    theta[[n.startswith(("sphere.", "surface.")) for n in problem.names]] = far
+    assert not np.isfinite(total_cost(problem, theta, nuisances))
