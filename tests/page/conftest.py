@@ -50,7 +50,7 @@ class Daemon:
             self.process = subprocess.Popen(
                 self._command("serve", "--port", port), stdout=log, stderr=log
             )
-        end_s = time.monotonic() + 120
+        end_s = time.monotonic() + 280  # a starved host imports for minutes
         while True:
             holder = read_holder(self.data) if self.data.is_dir() else {}
             if holder.get("pid") == self.process.pid and holder.get("url"):

@@ -9,6 +9,7 @@ import pytest
 from tests.page.conftest import TABLET, Daemon, Visitor
 
 
+@pytest.mark.slow
 def test_a_lost_connection_is_said_and_mended_without_a_hand(visitor):
     """The light claims nothing, the notice says from when the screen is, then all is back."""
     page = visitor.page
