@@ -34,6 +34,9 @@ FIRST_SHARE = 0.15
 FORM_ACCURACY = 2e-5
 """Share of the squares an effect takes up, 0.5 % of its signal, that its equation, read at sampling
 times and solved to 4e-6 of the peak, may leave."""
+HARDLY_SEEN = 400.0
+"""Whitened squares, a residual of 20 in norm, above which something is missing however small its
+share."""
 THIRD_BELOW = 0.1
 """What two effects may leave of the whole for a third to be looked for."""
 
@@ -93,7 +96,7 @@ class Trail:
             return True
         left = max(a.gain - a.dof for a in self.last.omnibus.answers.values())
         explained = self.steps[0].fitted.cost - self.last.fitted.cost
-        return bool(self.chosen) and left < FORM_ACCURACY * explained
+        return bool(self.chosen) and left < min(FORM_ACCURACY * explained, HARDLY_SEEN)
 
     @property
     def score(self) -> float:
