@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import os
 import signal
@@ -153,6 +154,8 @@ def diagnose(rig, *words, **options):
         env={**os.environ, "IMPACTD_URL": rig.url, "IMPACTD_TOKEN": rig.token("operate")},
         stdout=subprocess.PIPE,
         text=True,
+        # whoever started the tests in the background may have told them to ignore Ctrl-C
+        preexec_fn=functools.partial(signal.signal, signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
         **options,
     )
 
