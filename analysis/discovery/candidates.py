@@ -461,12 +461,33 @@ def refit(
     if begin is not None:
         nuisances = joint.settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
-    gain = fitted.cost - result.cost if math.isfinite(result.cost) else -math.inf
-    count = len(larger.names) - len(problem.names)
-    own = own_numbers(effect) * len(problem.shots)
-    bad = not result.blocks or left_its_range(larger, result, effect)
-    return Refit(
-        effect, proposal.owner, scope, larger, result, gain, count + own, bad, linear_gain, own=own
+    bare = Refit(effect, proposal.owner, scope, larger, result, 0.0, 0, False, linear_gain)
+    return refitted(bare, problem, fitted)
+
+
+def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
+    """Return a refit with its gain, its numbers and whether they are physical, as its fit says.
+
+    Parameters
+    ----------
+    found : Refit
+        Effect, scope, problem and fit are right; the rest need not be.
+    problem, base : JointProblem, Fitted
+        The model without the effect, on the same shots.
+
+    Returns
+    -------
+    Refit
+        A fit that went nowhere has a gain of minus infinity.
+    """
+    result = found.fitted
+    own = own_numbers(found.effect) * len(problem.shots)
+    return dataclasses.replace(
+        found,
+        gain=base.cost - result.cost if math.isfinite(result.cost) else -math.inf,
+        parameters=len(found.problem.names) - len(problem.names) + own,
+        at_bound=not result.blocks or left_its_range(found.problem, result, found.effect),
+        own=own,
     )
 
 
@@ -519,13 +540,7 @@ def refit_elsewhere(
         nuisances[row, shared] -= old[near]
     nuisances = joint.settle(wide, found.fitted.theta, nuisances)
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
-    gain = base.cost - result.cost if math.isfinite(result.cost) else -math.inf
-    bad = not result.blocks or left_its_range(wide, result, found.effect)
-    own = own_numbers(found.effect) * len(many)
-    count = len(wide.names) - len(problem.names) + own
-    return dataclasses.replace(
-        found, problem=wide, fitted=result, gain=gain, at_bound=bad, parameters=count, own=own
-    )
+    return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)
 
 
 def _most_alike(target: FitShot, place: int, shots: list[FitShot], places: list[int]) -> int:

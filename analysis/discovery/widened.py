@@ -7,19 +7,11 @@ one refit away.
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.discovery.candidates import (
-    Refit,
-    extended,
-    left_its_range,
-    own_numbers,
-    rescoped,
-    scopes_of,
-)
+from analysis.discovery.candidates import Refit, extended, refitted, rescoped, scopes_of
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
@@ -75,18 +67,8 @@ def _owned_by(scope: str, problem: JointProblem, base: joint.Fitted, found: Refi
         for key in set(keys):
             theta[larger.names.index(key)] = values[keys == key].mean()
     result = joint.fit(larger, nuisances, theta=theta)
-    own = own_numbers(effect) * len(problem.shots)
-    return dataclasses.replace(
-        found,
-        effect=effect,
-        scope=scope,
-        problem=larger,
-        fitted=result,
-        gain=base.cost - result.cost if math.isfinite(result.cost) else -math.inf,
-        parameters=len(larger.names) - len(problem.names) + own,
-        at_bound=not result.blocks or left_its_range(larger, result, effect),
-        own=own,
-    )
+    other = dataclasses.replace(found, effect=effect, scope=scope, problem=larger, fitted=result)
+    return refitted(other, problem, base)
 
 
 def _values(found: Refit, at: int) -> NDArray[np.float64]:
