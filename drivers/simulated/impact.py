@@ -64,6 +64,10 @@ class Mechanics:
         Z of the receding plate; 0 means it does not recede. [N s/m]
     tension_stiffness_ratio : float
         Stiffness of the cell's seat in tension over that in compression. [1]
+    cell_hardening_per_m : float
+        Relative growth of the cell's stiffness with its compression. [1/m]
+    rubbing_n : float
+        Dry friction on the crystal's top. [N]
     law, law_value : int, float
         Base elastic law of the kernel and its parameter. [SI]
     recontact_delay_s, recontact_speed_m_per_s : float
@@ -95,6 +99,8 @@ class Mechanics:
     mode_stretched_ratio: float = 1.0
     plate_impedance_n_s_per_m: float = 0.0
     tension_stiffness_ratio: float = 1.0
+    cell_hardening_per_m: float = 0.0
+    rubbing_n: float = 0.0
     law: int = kernel.HERTZ
     law_value: float = 0.0
     recontact_delay_s: float = 0.0
@@ -143,6 +149,8 @@ class Mechanics:
             self.recontact_delay_s,
             self.recontact_speed_m_per_s,
             self.mode_stretched_ratio,
+            self.cell_hardening_per_m,
+            self.rubbing_n,
         )
         return p
 

@@ -45,14 +45,18 @@ _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
 (
     MASS, K, ALPHA, GRAVITY, CELL_MASS, CELL_K, CELL_MU, RIGID, SHARE, COUPON_MASS, LAYER_K,
     LAYER_C, BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO,
-    LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, MODE_STRETCHED, PARAMETERS,
-) = range(28)  # fmt: skip
+    LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, MODE_STRETCHED, HARDENING,
+    RUBBING, PARAMETERS,
+) = range(30)  # fmt: skip
 # Base laws of the elastic force.
 HERTZ, YIELDING, JKR = range(3)
 # Additional terms.
 THICKNESS, ROUGHNESS, KUWABARA_KONO, HUNT_CROSSLEY, RELAXATION, RATE_POWER, FILM = range(1, 8)
-SECOND_SPOT, SNAP = range(8, 10)
+SECOND_SPOT, SNAP, POWER, SOFT_TOE = range(8, 12)
 SNAP_SPEED_M_PER_S = 0.02  # over which a snap on the way in turns into none on the way out
+RUBBING_SPEED_M_PER_S = 1e-4  # over which friction turns round
+LEAST_STIFFNESS = 0.05  # of a softening seat, over that at rest
+LEAST_DEPTH_M = 1e-9  # a power of the indentation is flat below it
 TERMS = 4  # as many contact effects may act at once, each with one state of its own
 # Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, then the terms.
 _X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _Z = range(12)
@@ -137,7 +141,7 @@ def _begin_unloading(delta: float, p: Vector, memory: Vector) -> None:
 
 
 @_compiled
-def _forces(  # noqa: PLR0917 - compiled code knows no keywords
+def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one branch a law
     delta: float,
     rate: float,
     p: Vector,
@@ -180,6 +184,10 @@ def _forces(  # noqa: PLR0917 - compiled code knows no keywords
         elif code == SNAP:
             closing = 0.5 * (1.0 + math.tanh(rate / SNAP_SPEED_M_PER_S))
             factor *= 1.0 - a * closing * math.exp(-(((d - b) / c) ** 2))
+        elif code == POWER:
+            factor *= (max(d, LEAST_DEPTH_M) / b) ** a
+        elif code == SOFT_TOE:
+            factor *= 1.0 - a * math.exp(-d / b)
     return elastic * factor + added, loss
 
 
@@ -227,14 +235,15 @@ def _motion(  # noqa: PLR0917 - compiled code knows no keywords
         push = through
     squeeze = s[_U] - s[_BS]
     stiffness = p[CELL_K] if squeeze >= 0.0 else p[CELL_K] * p[TENSION_RATIO]
+    stiffness *= max(1.0 + p[HARDENING] * squeeze, LEAST_STIFFNESS)
     cell = stiffness * squeeze + p[CELL_MU] * (s[_UD] - s[_BSD])
-    side = 0.0
+    side = p[RUBBING] * math.tanh(s[_UD] / RUBBING_SPEED_M_PER_S)
     if p[MODE_MASS] > 0.0:
         w = p[MODE_OMEGA]
         reach = s[_U] - s[_Q]
         reach *= 1.0 if reach >= 0.0 else p[MODE_STRETCHED]
         pull = w * w * reach + 2.0 * p[MODE_ZETA] * w * (s[_UD] - s[_QD])
-        side = p[MODE_MASS] * pull
+        side += p[MODE_MASS] * pull
         ds[_Q], ds[_QD] = s[_QD], pull
     ds[_U] = s[_UD]
     ds[_UD] = (push - cell - side) / p[CELL_MASS]
