@@ -8,8 +8,9 @@ import pytest
 
 
 @pytest.mark.slow
-def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(visitor):
+def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(calm_hands):
     """Progress with the next sphere, then values with U, a due date and a point in the chart."""
+    visitor = calm_hands
     page = visitor.page
     visitor.sign_in()
     visitor.go("Calibration")
@@ -21,6 +22,9 @@ def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(visitor):
     visitor.go("Drop")
     page.get_by_role("region", name="Calibration 1").wait_for()
     visitor.go("Calibration")
+    history = page.get_by_role("region", name="All calibrations")
+    history.get_by_text(re.compile(r"^(done|failed)$")).wait_for()
+    assert "failed" not in history.inner_text()
     page.locator(".badge").get_by_text("valid", exact=True).wait_for()
     facts = page.get_by_role("region", name="The calibration in force").inner_text()
     assert "in 30 days" in facts

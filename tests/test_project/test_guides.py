@@ -31,17 +31,19 @@ def blocks(document: Path) -> list[tuple[str, str]]:
 
 
 def script_of(parts: list[tuple[str, str]]) -> str:
-    """Return blocks as one bash script; blocks of Python that follow each other share a process."""
+    """Return blocks as one bash script, in order.
+
+    What is Python shares one process, as in a notebook beside the terminal; it runs where its
+    first block stands.
+    """
+    python = "\n".join(text for language, text in parts if language == "python")
     lines: list[str] = []
-    python: list[str] = []
-    for language, text in [*parts, ("sh", "")]:
-        if language == "python":
-            python.append(text)
-            continue
-        if python:
-            lines.append(f"python - <<'END OF PYTHON'\n{''.join(python)}\nEND OF PYTHON")
-            python = []
-        lines.append(text)
+    for language, text in parts:
+        if language == "sh":
+            lines.append(text)
+        elif python:
+            lines.append(f"python - <<'END OF PYTHON'\n{python}\nEND OF PYTHON")
+            python = ""
     return "\n".join(lines)
 
 
@@ -103,8 +105,8 @@ def rig(desk: Desk) -> Iterator[Desk]:
             [sys.executable, "-m", "impactd", "serve", *where, "--port", "0", "--json"],
             stdout=subprocess.PIPE, stderr=log, text=True, cwd=desk.folder, env=desk.environment,
         )  # fmt: skip
+    assert daemon.stdout is not None
     try:
-        assert daemon.stdout is not None
         url = json.loads(daemon.stdout.readline())["url"]
         make = ["token", "create", "--scope", "operate", "--name", "me", *where]
         token = desk.run(" ".join(["impactd", *make])).strip()
@@ -115,6 +117,7 @@ def rig(desk: Desk) -> Iterator[Desk]:
     finally:
         daemon.terminate()
         daemon.wait(timeout=60)
+        daemon.stdout.close()
 
 
 @pytest.mark.timeout(LIMIT_S)
