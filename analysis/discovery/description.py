@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 from scipy.stats import spearmanr
 
-from analysis.discovery.noise_words import times_noise
+from analysis.discovery.noise_words import frequency, times_noise, two_digits
 from analysis.discovery.stack import (
     by_pair_and_height,
     grid_for,
@@ -329,8 +329,8 @@ def sentences(found: Json) -> list[str]:
     peak = found["spectrum"]
     if peak["peak_ratio"] > 2:
         said.append(
-            f"Its spectrum stands out most at {peak['peak_Hz']:.3g} Hz, "
-            f"{peak['peak_ratio']:.3g} times above the noise."
+            f"Its spectrum stands out most at {frequency(peak['peak_Hz'])}, "
+            f"{two_digits(peak['peak_ratio'])} times above the noise."
         )
     if abs(found["lag"]["correlation"]) > 0.25:
         sign = "upright" if found["lag"]["correlation"] > 0 else "upside down"

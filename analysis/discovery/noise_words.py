@@ -126,4 +126,9 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
 
 def frequency(hz: float) -> str:
     """Return a frequency to two digits, in Hz or kHz."""
-    return f"{hz / 1e3:.2g} kHz" if hz >= 1e3 else f"{hz:.2g} Hz"
+    return f"{two_digits(hz / 1e3)} kHz" if hz >= 1e3 else f"{two_digits(hz)} Hz"
+
+
+def two_digits(number: float) -> str:
+    """Return a number to two digits as it is said: 4100, never 4.1e+03."""
+    return f"{float(f'{number:.2g}'):.12g}"

@@ -7,6 +7,7 @@ from dataclasses import asdict, is_dataclass
 from typing import Any
 from urllib.parse import urlencode
 
+from impactd.advice import advice, best_fit, in_words
 from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
 from impactd.api.schemas import (
@@ -73,52 +74,23 @@ def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
     )
     if fits is not None:
         answer.fits = [fit_answer(fit) for fit in fits]
-        answer.advice, answer.reasons = advice(shot, fits)
+        _advise(answer, shot, fits)
     return answer
 
 
 def shot_summary(shot: Shot, fits: list[Fit]) -> ShotAnswer:
     """Return a shot for a list: with what to do with it and its modulus, without its fits."""
     answer = shot_answer(shot)
-    answer.advice, answer.reasons = advice(shot, fits)
+    _advise(answer, shot, fits)
     best = best_fit(fits)
     answer.reduced_modulus_Pa = None if best is None else best.result.get("reduced_modulus_Pa")
     answer.model = None if best is None else best.model
     return answer
 
 
-def best_fit(fits: list[Fit]) -> Fit | None:
-    """Return the fit that speaks for a shot: the first with a cell that moves, else any."""
-    return next((fit for fit in fits if fit.model.startswith("kv")), fits[0] if fits else None)
-
-
-def advice(shot: Shot, fits: list[Fit]) -> tuple[Any, list[str]]:
-    """Return what to do with a shot, and why.
-
-    Parameters
-    ----------
-    shot : Shot
-        The shot.
-    fits : list of Fit
-        Its latest fits; may be empty.
-
-    Returns
-    -------
-    tuple of str or None and list of str
-        ``use``, ``check`` or ``repeat``; ``None`` while there is no fit yet.
-    """
-    reasons = ["clipped"] if shot.clipped else []
-    best = best_fit(fits)
-    if best is None:
-        return ("repeat" if reasons else None), reasons
-    reasons += [str(flag) for flag in best.result.get("flags") or [] if flag not in reasons]
-    if shot.clipped:
-        return "repeat", reasons
-    outcome = best.result.get("outcome") or {}
-    status = outcome.get("status") if isinstance(outcome, dict) else outcome
-    if status not in (None, "converged"):
-        reasons.append(str(status))
-    return ("check" if reasons else "use"), reasons
+def _advise(answer: ShotAnswer, shot: Shot, fits: list[Fit]) -> None:
+    answer.advice, answer.reasons = advice(shot, fits)
+    answer.because = [in_words(reason) for reason in answer.reasons]
 
 
 def fit_answer(fit: Fit) -> FitAnswer:

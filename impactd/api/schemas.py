@@ -176,7 +176,8 @@ class ShotAnswer(Answer):
     links: dict[str, str | None]
     fits: list[FitAnswer] | None = Field(None, description="The latest of each model.")
     advice: Literal["use", "check", "repeat"] | None = None
-    reasons: list[str] | None = None
+    reasons: list[str] | None = Field(None, description="Why not `use`, for programs.")
+    because: list[str] | None = Field(None, description="The same reasons in words, for people.")
     reduced_modulus_Pa: dict[str, Any] | None = Field(  # noqa: N815 - the unit's own capital
         None, description="Of the fit that speaks for the shot; in lists with `summary`."
     )

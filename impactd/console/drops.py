@@ -9,7 +9,8 @@ from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.rig_commands import DROP_ENDED
-from impactd.console.tables import LIGHTS, measured, paint, print_json
+from impactd.console.shots import advice_words
+from impactd.console.tables import measured, print_json
 
 
 def login_name() -> str:
@@ -100,7 +101,5 @@ def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
     if drop["problem"]:
         lines.append(f"Not analysed: {drop['problem']['detail']}")
     if shot["advice"]:
-        because = ", because " + ", ".join(shot["reasons"]) if shot["reasons"] else ""
-        advice = paint(shot["advice"], LIGHTS.get(shot["advice"], "white"))
-        lines.append(f"Advice: {advice}{because}.")
+        lines.append(advice_words(shot))
     return "\n".join(lines)

@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from impactd.advice import in_words
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
@@ -144,7 +145,7 @@ def report(document: dict[str, Any]) -> str:
     Returns
     -------
     str
-        Pairs, materials, quality, and what was rejected.
+        Pairs, materials, quality, what speaks against it, and what was rejected.
     """
     parts = [f"Model {document['model']}: {_outcome(document)}"]
     if document.get("pairs"):
@@ -158,6 +159,7 @@ def report(document: dict[str, Any]) -> str:
             f"chi2/dof {document['chi2_per_dof']:.3g}"
             + (f", held-out rms {heldout:.3g}" if heldout else "")
         )
+    parts += _warnings(document)
     parts += [
         f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
         for item in document.get("rejected") or []
@@ -168,6 +170,13 @@ def report(document: dict[str, Any]) -> str:
 def _outcome(document: dict[str, Any]) -> str:
     outcome = document.get("outcome") or {}
     return str(outcome.get("message", "")) if isinstance(outcome, dict) else str(outcome)
+
+
+def _warnings(document: dict[str, Any]) -> list[str]:
+    outcome = document.get("outcome")
+    ending = outcome.get("status") if isinstance(outcome, dict) else outcome  # told already
+    told = [f"  - {in_words(flag)}" for flag in document.get("flags") or [] if flag != ending]
+    return ["\n".join(["Mind that", *told])] if told else []
 
 
 def _pairs(document: dict[str, Any]) -> str:

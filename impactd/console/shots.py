@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from impactd.console.client import connect
-from impactd.console.tables import measured, print_json, table
+from impactd.console.tables import LIGHTS, measured, paint, print_json, table
 
 
 def list_shots(filters: dict[str, Any], *, limit: int, url: str | None, as_json: bool) -> None:
@@ -66,7 +66,14 @@ def show(number: int, *, url: str | None, as_json: bool) -> None:
             )
         )
     if shot["advice"]:
-        print(f"\nAdvice: {shot['advice']} ({', '.join(shot['reasons'] or []) or 'no flags'}).")
+        print(f"\n{advice_words(shot)}")
+
+
+def advice_words(shot: dict[str, Any]) -> str:
+    """Return what to do with a shot, and each reason in the daemon's words on a line of its own."""
+    word = paint(shot["advice"], LIGHTS.get(shot["advice"], "white"))
+    because = [f"  - {reason}" for reason in shot["because"] or []]
+    return "\n".join([f"Advice: {word}, because", *because] if because else [f"Advice: {word}"])
 
 
 def _fit_row(fit: dict[str, Any]) -> tuple[Any, ...]:

@@ -7,7 +7,13 @@ import dataclasses
 import numpy as np
 import pytest
 
-from analysis.discovery.noise_words import noise_json, noise_sentences, times_noise
+from analysis.discovery.noise_words import (
+    frequency,
+    noise_json,
+    noise_sentences,
+    times_noise,
+    two_digits,
+)
 from analysis.discovery.quality import quality
 from analysis.noise import NoiseModel
 
@@ -45,6 +51,18 @@ def test_squares_are_told_as_multiples_of_the_noise() -> None:
     assert times_noise(9.61) == "3.1"
     assert times_noise(9.65e6) == "3,106"
     assert times_noise(1.0) == "1"
+
+
+def test_numbers_are_said_and_not_computed():
+    """Two digits, and no power of ten in a sentence."""
+    assert [two_digits(one) for one in (4057.0, 2.44, 118_000.0, 0.5)] == [
+        "4100",
+        "2.4",
+        "120000",
+        "0.5",
+    ]
+    assert frequency(123_456.0) == "120 kHz"
+    assert frequency(94.0) == "94 Hz"
 
 
 def test_one_entry_for_each_instrument(clean) -> None:

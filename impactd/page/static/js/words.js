@@ -1,23 +1,6 @@
 // The daemon's short words in plain English. An unknown word is shown as it is, never hidden.
 
-const FLAGS = {
-  clipped: "the record is clipped: it sits on a limit of the converter or amplifier. Lower the height, or use a lighter sphere.",
-  inverted_polarity: "the signal is upside down: check how the load cell is wired.",
-  residual_above_noise: "the model leaves more than the noise. The uncertainty was widened; a diagnosis may find out why.",
-  restitution_above_one: "the sphere seems to come back faster than it fell: check the drop height.",
-  restitution_disagrees: "the bounce and the trace tell two stories about the rebound.",
-  rebound_height_disagrees: "the rebound height that was entered does not agree with the bounce in the record.",
-  noise_not_measured: "there was too little record before the impact to measure the noise.",
-  references_contradicted: "the known materials had to move far from their stated moduli.",
-  rigid_cell_model: "this model takes the load cell as rigid.",
-  contact_law_not_identifiable: "the shot does not tell enough about the contact law.",
-  not_converged: "the fit did not settle.",
-  not_evaluable: "this model cannot be fitted to this shot.",
-};
-
 const words = (text) => String(text).replaceAll("_", " ");
-
-export const flag = (name) => FLAGS[name] ?? `${words(name)}.`;
 
 export const ADVICE = {
   use: { word: "Use", sign: "✓", badge: "good", sentence: "Use this shot." },

@@ -3,7 +3,7 @@
 import { get, withQuery } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
 import { measured, modulus, modulusUnit, significant } from "../js/numbers.js";
-import { ADVICE, flag, material as words, modelName } from "../js/words.js";
+import { ADVICE, material as words, modelName } from "../js/words.js";
 import { drawImpact } from "../charts/trace.js";
 
 const BEFORE_S = 60e-6;
@@ -50,10 +50,10 @@ async function showMaterial(place, shot) {
 function advice(shot) {
   if (!shot.advice) return null;
   const { word, sign, sentence } = ADVICE[shot.advice];
-  const reasons = shot.reasons ?? [];
+  const reasons = shot.because ?? [];
   return h("div", { class: `advice ${shot.advice === "check" ? "check-it" : shot.advice}`, data: { advice: shot.advice } },
     h("p", {}, h("strong", {}, h("span", { "aria-hidden": "true" }, `${sign} `), reasons.length ? sentence : `${word}: nothing speaks against this shot.`)),
-    reasons.length ? h("ul", {}, reasons.map((reason) => h("li", {}, flag(reason)))) : null);
+    reasons.length ? h("ul", {}, reasons.map((reason) => h("li", {}, reason))) : null);
 }
 
 async function chart(shot, signal) {

@@ -1,0 +1,81 @@
+"""What to do with a shot, and why, in the words that the page and the command line both say.
+
+::
+
+    flags of a fit (`analysis`) ──> advice(shot, fits) ──> `use`, `check` or `repeat`, and reasons
+                                                      └──> in_words(reason), for people
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Literal
+
+if TYPE_CHECKING:
+    from impactd.storage.fits import Fit
+    from impactd.storage.shots import Shot
+
+Advice = Literal["use", "check", "repeat"]
+
+SENTENCES = {
+    "clipped": "the record is clipped: it sits on a limit of the converter or amplifier. "
+    "Lower the height, or use a lighter sphere.",
+    "inverted_polarity": "the signal is upside down: check how the load cell is wired.",
+    "residual_above_noise": "the model leaves more than the noise. The uncertainty was widened; "
+    "a diagnosis may find out why.",
+    "restitution_above_one": "the sphere seems to come back faster than it fell: check the drop "
+    "height.",
+    "restitution_disagrees": "the bounce and the trace tell two stories about the rebound: the "
+    "sphere may have hit beside the middle, or touched the tube.",
+    "rebound_height_disagrees": "the rebound height that was entered does not agree with the "
+    "bounce in the record.",
+    "noise_not_measured": "there was too little quiet record before the impact to measure the "
+    "noise.",
+    "references_contradicted": "the known materials had to move far from their stated moduli.",
+    "rigid_cell_model": "this model takes the load cell as rigid.",
+    "contact_law_not_identifiable": "too little about the contact law can be told from it: the "
+    "impact is short beside the load cell's own period.",
+    "not_converged": "the fit did not settle.",
+    "not_evaluable": "this model cannot be fitted to it.",
+}
+"""What each reason means for the person at the rig; a reason follows "because"."""
+
+
+def in_words(reason: str) -> str:
+    """Return a reason in words; one that is not known is shown as it is, never hidden."""
+    return SENTENCES.get(reason, f"{reason.replace('_', ' ')}.")
+
+
+def best_fit(fits: Sequence[Fit]) -> Fit | None:
+    """Return the fit that speaks for a shot: the first with a cell that moves, else any."""
+    return next((fit for fit in fits if fit.model.startswith("kv")), fits[0] if fits else None)
+
+
+def advice(shot: Shot, fits: Sequence[Fit]) -> tuple[Advice | None, list[str]]:
+    """Return what to do with a shot, and why.
+
+    Parameters
+    ----------
+    shot : Shot
+        The shot.
+    fits : sequence of Fit
+        Its latest fits; may be empty.
+
+    Returns
+    -------
+    tuple of str or None and list of str
+        ``use``, ``check`` or ``repeat``; ``None`` while there is no fit yet. The reasons are
+        short words for programs, see `in_words`.
+    """
+    reasons = ["clipped"] if shot.clipped else []
+    best = best_fit(fits)
+    if best is None:
+        return ("repeat" if reasons else None), reasons
+    reasons += [str(flag) for flag in best.result.get("flags") or [] if flag not in reasons]
+    if shot.clipped:
+        return "repeat", reasons
+    outcome = best.result.get("outcome") or {}
+    status = outcome.get("status") if isinstance(outcome, dict) else outcome
+    if status not in (None, "converged") and status not in reasons:
+        reasons.append(str(status))
+    return ("check" if reasons else "use"), reasons
