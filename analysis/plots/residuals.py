@@ -22,7 +22,7 @@ from analysis.plots.style import (
     WIDE,
     Shown,
     height_words,
-    pair_words,
+    named_pair,
     shown,
     styled,
 )
@@ -58,8 +58,56 @@ def plot_residuals(fit: FitResult) -> Figure:
         raise AnalysisError(f"There is no residual to draw: {fit.outcome.message}")
     unit = shown({one.item.shot.quantity for one in fit.shots})
     title = f"Residual of {fit.model.upper()}, mean over repetitions"
+    return plot_stack(stacks_json(fit.shots), fit.noise_rms, title=title, unit=unit)
+
+
+def plot_stack(
+    stacks: Json, noise_rms: float, *, title: str, unit: Shown, wide: float = WIDE
+) -> Figure:
+    """Draw residuals that were stacked over repetitions.
+
+    Parameters
+    ----------
+    stacks : dict
+        ``residual.*.stacks`` of ``impactd-diagnosis/1``.
+    noise_rms : float
+        Of one sample, hatched. [as recorded]
+    title : str
+        Over the figure.
+    unit : Shown
+        To draw the residual in.
+    wide : float, optional
+        Width of the figure. [inch]
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        One panel per pair, one line per drop height.
+    """
     with styled():
-        return _stack(stacks_json(fit.shots), fit.noise_rms, title, unit)
+        curves = stacks["by_pair_and_height"]
+        pairs = sorted({curve["pair"] for curve in curves})
+        heights = sorted({curve["drop_height_m"] or 0.0 for curve in curves})
+        columns, rows = _grid(len(pairs))
+        figure = Figure(figsize=(wide, 1.5 * rows + 1.1), layout="constrained")
+        panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        looks = [_look(place) for place in range(len(heights))]
+        for axes, pair in zip(panels.flat, pairs, strict=False):
+            _frame(axes, stacks, noise_rms, unit)
+            axes.set_title(named_pair(pair), loc="left", fontsize=7.5)
+            for curve in (c for c in curves if c["pair"] == pair):
+                look = looks[heights.index(curve["drop_height_m"] or 0.0)]
+                axes.plot(*_line(stacks, curve, unit), **look)
+        _finish(panels, len(pairs), unit)
+        handles = [Line2D([], [], label=height_words(h), **look)
+                   for h, look in zip(heights, looks, strict=True) if h]  # fmt: skip
+        if handles:
+            figure.legend(
+                handles=handles, loc="outside lower center", ncols=min(5, len(handles)),
+                title="drop height",
+            )  # fmt: skip
+        figure.suptitle(title + "   (hatched: noise of one sample)", x=0.01, ha="left", fontsize=9)
+        return figure
 
 
 def plot_diagnosis(document: Json) -> Figure:
@@ -101,7 +149,7 @@ def plot_diagnosis(document: Json) -> Figure:
         for axes, pair in zip(panels.flat, pairs, strict=False):
             height = _worst_height(before["stacks"], pair)
             _frame(axes, before["stacks"], document["noise_rms_V"], unit)
-            axes.set_title(_pair(pair), loc="left", fontsize=7.5)
+            axes.set_title(named_pair(pair), loc="left", fontsize=7.5)
             axes.annotate(height_words(height), (0.98, 0.04), xycoords="axes fraction", ha="right",
                           fontsize=7)  # fmt: skip
             for seen, look in zip((before, after), looks, strict=True):
@@ -124,37 +172,6 @@ def plot_diagnosis(document: Json) -> Figure:
 def _grid(count: int) -> tuple[int, int]:
     columns = min(MOST_COLUMNS, count)
     return columns, math.ceil(count / columns)
-
-
-def _pair(name: str) -> str:
-    sphere, _, surface = name.partition("/")
-    return pair_words(sphere, surface)
-
-
-def _stack(stacks: Json, noise_rms: float, title: str, unit: Shown) -> Figure:
-    curves = stacks["by_pair_and_height"]
-    pairs = sorted({curve["pair"] for curve in curves})
-    heights = sorted({curve["drop_height_m"] or 0.0 for curve in curves})
-    columns, rows = _grid(len(pairs))
-    figure = Figure(figsize=(WIDE, 1.5 * rows + 1.1), layout="constrained")
-    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    looks = [_look(place) for place in range(len(heights))]
-    for axes, pair in zip(panels.flat, pairs, strict=False):
-        _frame(axes, stacks, noise_rms, unit)
-        axes.set_title(_pair(pair), loc="left", fontsize=7.5)
-        for curve in (c for c in curves if c["pair"] == pair):
-            look = looks[heights.index(curve["drop_height_m"] or 0.0)]
-            axes.plot(*_line(stacks, curve, unit), **look)
-    _finish(panels, len(pairs), unit)
-    handles = [Line2D([], [], label=height_words(h), **look)
-               for h, look in zip(heights, looks, strict=True) if h]  # fmt: skip
-    if handles:
-        figure.legend(
-            handles=handles, loc="outside lower center", ncols=min(5, len(handles)),
-            title="drop height",
-        )  # fmt: skip
-    figure.suptitle(title + "   (hatched: noise of one sample)", x=0.01, ha="left", fontsize=9)
-    return figure
 
 
 def _look(place: int) -> dict[str, Any]:

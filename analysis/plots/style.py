@@ -125,6 +125,12 @@ def pair_words(sphere: str | None, surface: str | None) -> str:
     return " on ".join(names) or "unnamed pair"
 
 
+def named_pair(name: str) -> str:
+    """Return a pair ``sphere/surface`` for a label; what is not known is left out."""
+    sphere, _, surface = name.partition("/")
+    return pair_words(sphere, surface)
+
+
 def height_words(height_m: float | None) -> str:
     """Return a drop height for a label, empty when it is not known."""
     return "" if height_m is None else f"{height_m * 1e3:.1f} mm"

@@ -10,6 +10,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
+from analysis.plots.style import height_words, named_pair
 from impactd.diagnosis.figures import (
     AFTER,
     BEFORE,
@@ -17,8 +18,6 @@ from impactd.diagnosis.figures import (
     INK,
     LOOK,
     WIDE,
-    height_words,
-    pair_words,
     svg,
 )
 from impactd.diagnosis.unit import Unit
@@ -74,7 +73,7 @@ def course(coefficients: dict[str, float]) -> str | None:
 
 
 def _owner_words(owner: str) -> str:
-    return pair_words(owner) if owner else ""
+    return named_pair(owner) if owner else ""
 
 
 def closure(curves: Json, unit: Unit) -> str | None:
@@ -110,7 +109,7 @@ def closure(curves: Json, unit: Unit) -> str | None:
             axes.plot(t[near], unit.factor * residual[near], color=BEFORE, lw=1.2, label="residual")
             rest = unit.factor * left[near]
             axes.plot(t[near], rest, color=AFTER, lw=1.2, label="with the closure")
-            where = f"{pair_words(shot['pair'])} {height_words(shot['drop_height_m'])}"
+            where = f"{named_pair(shot['pair'])} {height_words(shot['drop_height_m'])}"
             axes.set_title(where, loc="left", fontsize=8)
         for axes in list(grid.flat)[len(shots) :]:
             axes.set_visible(False)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import base64
 import io
-import math
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
 
+from analysis.plots.residuals import SHOWN_SHARES, plot_stack
+from analysis.plots.style import Shown, styled
 from impactd.diagnosis.unit import Unit
 
 Json = dict[str, Any]
@@ -22,8 +22,6 @@ BEFORE, AFTER, NOISE, INK = "#c4572c", "#1c6dd0", "#8a8f98", "#202124"
 HEIGHTS = "viridis"
 WIDE = 9.9
 """Width of every picture, so that letters come out equally large. [inch]"""
-SHOWN = (-0.7, 7.0)
-"""What of a stack is drawn, in contact times."""
 
 # Any: matplotlib's own type names each of its hundreds of keys
 LOOK: Any = {
@@ -48,7 +46,7 @@ def stacked(stacks: Json, noise_rms: float, title: str, unit: Unit) -> str:
     stacks : dict
         ``residual.*.stacks`` of a diagnosis.
     noise_rms : float
-        Drawn as a band. [as recorded]
+        Of one sample, hatched. [as recorded]
     title : str
         Over the picture.
     unit : Unit
@@ -59,39 +57,9 @@ def stacked(stacks: Json, noise_rms: float, title: str, unit: Unit) -> str:
     str
         Data URI of an SVG.
     """
-    curves = stacks["by_pair_and_height"]
-    pairs = sorted({curve["pair"] for curve in curves})
-    heights = sorted({curve["drop_height_m"] or 0.0 for curve in curves})
-    columns = min(3, len(pairs))
-    rows = math.ceil(len(pairs) / columns)
-    t = np.array(stacks["time_us"])
-    low, high = (share * stacks["contact_us"] for share in SHOWN)
-    near = (t >= low) & (t <= high)
-    with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(WIDE, 1.75 * rows + 1.1), layout="constrained")
-        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        colours = mpl.colormaps[HEIGHTS](np.linspace(0.85, 0.1, len(heights)))
-        for axes, pair in zip(grid.flat, pairs, strict=False):
-            axes.axhspan(-noise_rms * unit.factor, noise_rms * unit.factor, color="#eef0f3", lw=0)
-            axes.axvspan(0, stacks["contact_us"], color="#f6efe6", lw=0)
-            for curve in (c for c in curves if c["pair"] == pair):
-                y = np.array([np.nan if v is None else v for v in curve["mean"]]) * unit.factor
-                place = heights.index(curve["drop_height_m"] or 0.0)
-                axes.plot(t[near], y[near], color=colours[place], lw=1.1)
-            axes.set_title(pair_words(pair), loc="left", fontsize=9)
-            axes.set_xlim(low, high)
-        for axes in list(grid.flat)[len(pairs) :]:
-            axes.set_visible(False)
-        for axes in grid[:, 0]:
-            axes.set_ylabel(f"residual / {unit.label}")
-        for axes in grid[-1]:
-            axes.set_xlabel("time after touch-down / µs")
-        if len(heights) > 1:
-            lines = [Line2D([], [], color=colour, label=height_words(height))
-                     for colour, height in zip(colours, heights, strict=True)]  # fmt: skip
-            figure.legend(handles=lines, loc="outside upper right", ncols=7, fontsize=8)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=10)
-        return svg(figure)
+    drawn_in = Shown(unit.label, unit.label, unit.factor)
+    with styled():
+        return svg(plot_stack(stacks, noise_rms, title=title, unit=drawn_in, wide=WIDE))
 
 
 def in_time(stacks: Json, unit: Unit) -> str | None:
@@ -113,7 +81,7 @@ def in_time(stacks: Json, unit: Unit) -> str | None:
     if len(parts) < 2:
         return None
     t = np.array(stacks["time_us"])
-    low, high = (share * stacks["contact_us"] for share in SHOWN)
+    low, high = (share * stacks["contact_us"] for share in SHOWN_SHARES)
     near = (t >= low) & (t <= high)
     with mpl.rc_context(LOOK):
         figure = Figure(figsize=(WIDE, 2.7), layout="constrained")
@@ -128,39 +96,6 @@ def in_time(stacks: Json, unit: Unit) -> str | None:
         axes.set_ylabel(f"residual / {unit.label}")
         axes.legend(fontsize=8)
         return svg(figure)
-
-
-def height_words(height_m: float | None) -> str:
-    """Return a drop height for a label.
-
-    Parameters
-    ----------
-    height_m : float or None
-        [m]
-
-    Returns
-    -------
-    str
-        In mm; empty for an unknown one.
-    """
-    return "" if height_m is None else f"{height_m * 1e3:.1f} mm"
-
-
-def pair_words(pair: str) -> str:
-    """Return a pair for a label.
-
-    Parameters
-    ----------
-    pair : str
-        ``sphere/surface``; ``?`` or ``None`` for a name that is not known.
-
-    Returns
-    -------
-    str
-        The same; ``unnamed`` for each unknown name.
-    """
-    names = ["unnamed" if name in ("?", "None", "") else name for name in pair.split("/")]
-    return "unnamed pair" if set(names) == {"unnamed"} else "/".join(names)
 
 
 def spectra(before: Json, after: Json | None, unit: Unit) -> str:

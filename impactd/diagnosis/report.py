@@ -180,7 +180,7 @@ def _stack(seen: Json, noise_rms: float, title: str, unit: Unit) -> str:
         return ""
     return _picture(
         figures.stacked(seen["stacks"], noise_rms, title, unit),
-        "Mean over repetitions. Sand: the contact; grey: one standard deviation of a sample's "
+        "Mean over repetitions. Grey: the contact; hatched: one standard deviation of a sample's "
         "noise.",
     )
 

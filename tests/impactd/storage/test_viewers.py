@@ -44,7 +44,11 @@ def test_the_default_leads_from_the_root_to_a_curve(archive, stored):
 def test_silx_reads_the_default_plot(archive, stored):
     """silx's own reader finds the same curve, where silx is installed."""
     nxdata = pytest.importorskip("silx.io.nxdata")
-    found = nxdata.get_default(str(archive.shot_path(stored())))
-    assert found is not None
-    assert found.is_curve
-    assert found.axes_names == ["time"] or found.axes_dataset_names == ["time"]
+    with h5py.File(archive.shot_path(number := stored())) as file:
+        found = nxdata.get_default(file)
+        assert found is not None
+        assert found.issues == []
+        assert found.is_curve
+        assert found.title.startswith(f"Shot {number}:")
+        assert found.signal_name == "signal (V)"
+        assert found.axes_names == ["time after the trigger (s)"]
