@@ -1,4 +1,4 @@
-r"""Which slot? A multinomial logistic regression on what generic families explain.
+r"""Which slot? What generic families explain, judged by physics and by simulated campaigns.
 
 For each family k of `BANK` the evidence gives how far the whitened squares fall, g_k, twice the
 number of coefficients taken off. What counts is how much of the best a family leaves:
@@ -6,10 +6,12 @@ number of coefficients taken off. What counts is how much of the best a family l
 .. math::
 
     x_k = -\log_{10} \frac{1.02\, g_{max} - g_k + 10}{1.02\, g_{max} + 10}, \qquad
-    p_s \propto \exp\Big(b_s + \sum_k w_{sk} \frac{x_k - m_k}{d_k}\Big)
+    p_s \propto \exp\Big(2 u_s + b_s + \sum_k w_{sk} \frac{x_k - m_k}{d_k}\Big)
 
-Two numbers stand beside these: how much slow unrest there is before the trigger, and log g_max.
-The table of b, w, m, d is in `slot_table`, with how it was made and how well it does.
+u_s is `slot_physics`: which part of an instrument can do such a thing at all. The rest is learned
+from simulated effects, and knows best what resembles them; two numbers stand beside the x_k there:
+how much slow unrest there is before the trigger, and log g_max. The table of b, w, m, d is in
+`slot_table`, with how it was made and how well both do together, and each without the other.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.evidence import Evidence, Explained
+from analysis.discovery.slot_physics import physical_score
 from analysis.discovery.slot_table import BIAS, CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
@@ -55,6 +58,9 @@ BANK: tuple[Part, ...] = (
     ("stiffness", "sphere drift"),
     ("stiffness", "surface drift"),
     ("cell", "order"),
+    *((family, "shot") for family in (
+        "memory", "creep", "contact", "loss", "curve", "bend", "response",
+    )),
 )  # fmt: skip
 """(family, scope) in the order of the table."""
 
@@ -64,6 +70,8 @@ PRICE = 2.0
 """Of a coefficient, in whitened squares."""
 CALM_TERMS = 16
 """Slowest cosines of the quiet part that are looked at."""
+FAITH_IN_PHYSICS = 2.0
+"""How sharply the physical score counts beside what was learned."""
 LEAST_QUIET = 200
 MOST_UNREST = 1.0
 
@@ -141,6 +149,7 @@ def probabilities(found: Array) -> dict[str, float]:
     dict
         Slot to probability.
     """
-    score = BIAS + WEIGHTS @ ((found - CENTRE) / SPREAD)
+    physics = physical_score(found[: len(BANK)], [family for family, _ in BANK])
+    score = FAITH_IN_PHYSICS * physics + BIAS + WEIGHTS @ ((found - CENTRE) / SPREAD)
     odds = np.exp(score - score.max())
     return dict(zip(SLOT_NAMES, map(float, odds / odds.sum()), strict=True))

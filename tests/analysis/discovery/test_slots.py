@@ -10,6 +10,8 @@ import pytest
 
 from analysis.discovery.evidence import gather
 from analysis.discovery.owners import owners
+from analysis.discovery.slot_physics import SHARES, physical_score
+from analysis.discovery.slot_table import CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
 from analysis.discovery.slots import BANK, FAMILIES, ask_bank, features, probabilities, unrest
 from analysis.discovery.tuned import TUNED, best_frequency, tuned_columns
 
@@ -36,6 +38,34 @@ def test_every_feature_has_its_column_in_the_table(leaky, answers):
     shots = leaky.steps[0].problem.shots
     assert features(answers, shots).shape == (len(BANK) + 2,)
     assert np.all(np.isfinite(features({}, shots)))
+
+
+def test_the_table_has_a_column_for_every_feature():
+    """And a row for every slot."""
+    assert WEIGHTS.shape == (len(SLOT_NAMES), len(BANK) + 2)
+    assert CENTRE.shape == SPREAD.shape == (len(BANK) + 2,)
+    assert np.all(SPREAD > 0.0)
+
+
+def test_every_family_but_the_generic_one_is_the_work_of_some_slot():
+    """``locked`` follows anything that is in step with the impact."""
+    assert {family for family, _ in BANK} - set(SHARES) == {"locked"}
+    assert all(max(shares) > 0.0 for shares in SHARES.values())
+
+
+def test_the_work_of_one_slot_speaks_for_it_and_a_shared_one_for_both():
+    """Speeds that contradict heights are the release's; a curve may be crystal or converter."""
+    families = ("locked", "speed", "curve", "stiffness")
+    assert physical_score(np.array([2.0, 1.0, 0.1, 0.1]), families).argmax() == 0
+    found = physical_score(np.array([2.0, 0.1, 1.0, 0.9]), families)
+    score = dict(zip(SLOT_NAMES, found, strict=True))
+    assert score["sensor"] == score["electronics"] == 1.0
+    assert score["contact"] == pytest.approx(0.9**4)
+
+
+def test_what_explains_next_to_nothing_speaks_for_nobody():
+    """A hundredth of a decade is no explanation."""
+    assert np.all(physical_score(np.array([0.01, 0.0]), ("speed", "gain")) < 1e-4)
 
 
 def test_quiet_stretches_of_plain_noise_have_no_unrest(clean):
