@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
@@ -27,6 +28,8 @@ from analysis.plots.style import (
 
 BEFORE_SHARE, AFTER_SHARE = 0.7, 7.0
 """What is drawn before and after touch-down, in contact times."""
+ROOM = 0.22
+"""Free height above a residual, where its rms is written. [1]"""
 _K95 = 1.959963984540054
 
 
@@ -119,6 +122,9 @@ def _residual(axes: Axes, drawn: tuple[FitResult, ShotFit, Any], look: Any, unit
     axes.axhspan(-noise, noise, facecolor="none", edgecolor=SOFT, hatch="////", lw=0, alpha=0.6)
     axes.plot(t, one.residual * unit.factor, **{**look, "lw": 0.8, "ls": "-"})
     axes.axhline(0, color=INK, lw=0.5)
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + ROOM * (high - low))
+    axes.yaxis.set_major_locator(MaxNLocator(nbins=5, min_n_ticks=3))
     axes.set_ylabel(f"{fit.model.upper()[:12]} leaves\n/ {unit.residual}")
     axes.annotate(
         f"rms {one.rms * unit.factor:.3g} {unit.residual}; noise (hatched) {noise:.3g}",

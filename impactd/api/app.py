@@ -147,8 +147,16 @@ async def _validation_problem(_request: Request, error: Exception) -> JSONRespon
         }
         for item in error.errors()
     ]
-    said = "; ".join(f"{item['pointer']}: {item['reason']}" for item in found)
-    return ProblemError("invalid", said, errors=found).response()
+    said = "; ".join(_sentence(item) for item in found)
+    return ProblemError("invalid", f"{said}.", errors=found).response()
+
+
+def _sentence(found: dict[str, Any]) -> str:
+    """Return what is wrong with one value, as a person reads it."""
+    name = found["pointer"].removeprefix("#/") or "the body"
+    given = "" if found["given"] is None else f" is {found['given']}"
+    reason = str(found["reason"]).removesuffix(".")
+    return f"{name}{given}: {reason[:1].lower()}{reason[1:]}"
 
 
 def _pointer(location: tuple[Any, ...]) -> str:

@@ -86,7 +86,10 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     csv_out: Csv = None,
     url: Url = None,
 ) -> None:
-    """Close the loop: find what the model misses, name it, and show the error before and after."""
+    """Find what the model misses, and name it.
+
+    Shows the error on held-out shots before and after.
+    """
     from impactd.console import diagnoses
 
     given = what or []

@@ -75,7 +75,10 @@ def verify(config: Config = None, data: Data = None, as_json: Json = False) -> N
 
 
 def reindex(config: Config = None, data: Data = None, as_json: Json = False) -> None:
-    """Rebuild the index from the shot files; the daemon must be stopped."""
+    """Rebuild the index from the shot files.
+
+    The daemon must be stopped.
+    """
     from impactd.console import archive_files
 
     archive_files.reindex(config=config, data=data, as_json=as_json)
@@ -100,7 +103,10 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
     data: Data = None,
     as_json: Json = False,
 ) -> None:
-    """Fit every stored shot again with today's calibration; goes on where it was ended."""
+    """Fit every stored shot again with today's calibration.
+
+    Goes on where it was ended.
+    """
     from impactd.console import refit as console
 
     console.run(

@@ -142,6 +142,6 @@ def _told(calibration: dict[str, Any]) -> str:
     if calibration["state"] == "done":
         told = (
             f"Calibration {calibration['number']} is done after {count} drops, valid until "
-            f"{calibration['valid_until_utc']}."
+            f"{calibration['valid_until_utc'][:10]}."
         )
     return told

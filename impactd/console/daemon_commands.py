@@ -62,7 +62,10 @@ def demo(
         bool, typer.Option("--json", help="Print the outcome as JSON; the story goes to stderr.")
     ] = False,
 ) -> None:
-    """Do the main job in one go on the simulated rig: drops, moduli, and what the model lacks."""
+    """Do the whole job once on a simulated rig.
+
+    Drops, moduli, and what the model lacks; then the truth.
+    """
     from impactd.demo import run_demo
 
     raise typer.Exit(run_demo(seed=seed, effect=effect, out=out, as_json=as_json))
@@ -92,7 +95,10 @@ def bench(
 
 
 def doctor(config: Config = None, data: Data = None, as_json: Json = False) -> None:
-    """Check configuration, devices, permissions and disk, and say how to mend each."""
+    """Check the installation, and say how to mend it.
+
+    Packages, configuration, permissions, disk, tokens and devices.
+    """
     from impactd.console import doctor as console
 
     console.run(config, data, as_json=as_json)

@@ -93,7 +93,7 @@ def _watch(client: Client, number: int) -> dict[str, Any]:
 def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
     lines = [
         f"Shot {shot['number']}: {shot['sphere']} on {shot['surface']} from "
-        f"{shot['drop_height_m']:g} m, peak {shot['peak']:.3g}."
+        f"{shot['drop_height_m']:g} m, peak {shot['peak']:.3g} V."
     ]
     for fit in shot["fits"] or []:
         modulus = measured(fit["result"].get("reduced_modulus_Pa"), scale=1e-9)

@@ -25,7 +25,10 @@ def paper(
     seed: Annotated[int, typer.Option("--seed", help="Of the first rig.")] = 1,
     as_json: Json = False,
 ) -> None:
-    """Compute Maranzano & Hancock 2016 anew, every number beside theirs."""
+    """Compute Maranzano & Hancock 2016 anew.
+
+    Every number stands beside theirs.
+    """
     from impactd.paper.run import run_paper
 
     run_paper(out=out, rigs=rigs, seed=seed, as_json=as_json)

@@ -62,7 +62,10 @@ def plot(  # noqa: PLR0917 - the framework fills them by name
     url: Url = None,
     as_json: Json = False,
 ) -> None:
-    """Draw a shot, a campaign, a diagnosis, calibrations or a blind trial for a paper."""
+    """Draw a picture for a paper.
+
+    Of a shot, a campaign, a diagnosis, calibrations or a blind trial.
+    """
     from impactd.console import plots
 
     plots.run(

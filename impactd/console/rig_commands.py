@@ -91,7 +91,10 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
 
 
 def abort(url: Url = None, as_json: Json = False) -> None:
-    """Abort whatever the rig does, at once; the vacuum comes back on."""
+    """Abort whatever the rig does, at once.
+
+    The vacuum comes back on.
+    """
     from impactd.console.client import connect
     from impactd.console.tables import print_json
 
@@ -141,7 +144,10 @@ def calibrate(  # noqa: PLR0917 - the framework fills them by name
     url: Url = None,
     as_json: Json = False,
 ) -> None:
-    """Calibrate the load cell with the reference spheres of the settings' plan, or with weights."""
+    """Calibrate the load cell.
+
+    With the reference spheres of the settings' plan, or with weights.
+    """
     from impactd.console import calibration_chart, calibrations
 
     if history or chart is not None:

@@ -30,7 +30,10 @@ def schema(
     name: Annotated[Schema, typer.Argument(help="Of what.")],
     as_json: Json = False,
 ) -> None:
-    """Print the JSON Schema of a campaign, a fit, a diagnosis or the settings."""
+    """Print the JSON Schema of what is exchanged.
+
+    A campaign, a fit, a diagnosis or the settings.
+    """
     import json
     from importlib import resources
 

@@ -11,6 +11,7 @@ from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Campaign
 from impactd.console.client import connect
 from impactd.console.progress_bar import progress
+from impactd.jobs.rebound import with_restitution
 from impactd.storage.exchange import archive_campaign
 from impactd.storage.shot_store import read_shot
 
@@ -79,6 +80,9 @@ def with_calibration(campaign: Campaign, *, url: str | None) -> Campaign:
 def campaign_of_files(files: Sequence[Path]) -> Campaign:
     """Return shot files as one campaign, with what they remember of materials and load cell.
 
+    As in the daemon's own fits the restitution is told by the bounce in each record, so that a
+    drawn modulus is the one that a drop was answered with.
+
     Parameters
     ----------
     files : sequence of Path
@@ -101,4 +105,10 @@ def campaign_of_files(files: Sequence[Path]) -> Campaign:
         # nobody says what such a file must hash to; the checksums inside are checked all the same
         sha256 = hashlib.sha256(file.read_bytes()).hexdigest()
         stored.append(read_shot(file, sha256))
-    return archive_campaign(sorted(stored, key=lambda one: one.shot.number))
+    stored.sort(key=lambda one: one.shot.number)
+    campaign = archive_campaign(stored)
+    bounced = [
+        with_restitution(shot, one.about, None)
+        for shot, one in zip(campaign.shots, stored, strict=True)
+    ]
+    return replace(campaign, shots=tuple(bounced))

@@ -39,8 +39,8 @@ export function drawImpact(place, { trace, curves, left }, signal) {
       traces,
       layout: {
         xaxis: axis("time since the trigger / µs", { anchor: "y2", zeroline: false, range: FIRST_LOOK_US }),
-        yaxis: axis(`signal / ${trace.unit}`, { domain: [0.36, 1] }),
-        yaxis2: axis(`left over / ${milli ? "mV" : trace.unit}`, { domain: [0, 0.26], zeroline: true, zerolinecolor: colour("edge") }),
+        yaxis: axis(`signal / ${trace.unit}`, { domain: [0.43, 1] }),
+        yaxis2: axis(`left over / ${milli ? "mV" : trace.unit}`, { domain: [0, 0.35], zeroline: true, zerolinecolor: colour("edge") }),
         hovermode: "x unified",
       },
       words: `The measured impact with the curves of ${curves.map((one) => modelName(one.model)).join(" and ") || "no model"}; below it what ${left ? modelName(left) : "no model"} leaves.`,
