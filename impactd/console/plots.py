@@ -193,14 +193,19 @@ def _of_campaign(
             few = ", ".join(one.name for one in campaign.shots[:5])
             raise Failure(f"the campaign has no shot {name!r}; it begins with {few}.")
         one_shot = replace(campaign, shots=alone)
-        return plot_shot(*(_fit(one_shot, model) for model in models or ["hsd", "kv"]))
+        # By pair, as the daemon answers a drop: what the record says, not the stated moduli.
+        fits = (_fit(one_shot, model, by_pair=True) for model in models or ["hsd", "kv"])
+        return plot_shot(*fits)
     fit = _fit(campaign, models[-1] if models else "kv")
     if kind == "moduli":
         return plot_moduli(fit.to_json(), literature_of(campaign))
     return plot_traces(fit) if kind == "traces" else plot_residuals(fit)
 
 
-def _fit(campaign: Campaign, model: str) -> FitResult:
+def _fit(campaign: Campaign, model: str, *, by_pair: bool = False) -> FitResult:
     return fit_campaign(
-        campaign, model, progress=lambda what, share: progress(f"{model}: {what}", share=share)
+        campaign,
+        model,
+        by_pair=by_pair,
+        progress=lambda what, share: progress(f"{model}: {what}", share=share),
     )

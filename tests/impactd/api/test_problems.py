@@ -75,6 +75,8 @@ def test_a_wrong_member_of_a_body_is_named(rig, change):
     document = problem(rig.operator.post("/v1/drops", json=body, headers=KEY), "invalid")
     (member,) = change
     assert document["errors"][0]["pointer"] == f"#/{member}"
+    assert document["detail"].startswith(member)
+    assert document["detail"].endswith(".")
 
 
 @pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity", "1e999"])

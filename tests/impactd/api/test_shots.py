@@ -7,6 +7,9 @@ import hashlib
 import numpy as np
 import pytest
 
+from analysis import fit_campaign
+from impactd.console.stored_shots import campaign_of_files
+
 from .conftest import until
 
 
@@ -148,3 +151,17 @@ def test_moduli_hold_value_unit_and_uncertainty(rig, shot):
     assert answer.status_code == 200, answer.text
     assert "acetal" in answer.text
     assert rig.reader.get("/v1/moduli", params={"specimen": "nothing such"}).status_code == 200
+
+
+def test_a_downloaded_shot_is_fitted_as_the_daemon_fitted_it(rig, shot, tmp_path):
+    """A picture and the answer to a drop give one modulus: both take the bounce into account."""
+    number = shot["number"]
+    file = tmp_path / "shot.h5"
+    file.write_bytes(rig.reader.get(f"/v1/shots/{number}.h5").content)
+    campaign = campaign_of_files([file])
+    assert campaign.shots[0].restitution is not None
+    (pair,) = fit_campaign(campaign, "hsd", by_pair=True).to_json()["pairs"].values()
+    now = rig.reader.get(f"/v1/shots/{number}").json()
+    fitted = next(fit["result"] for fit in now["fits"] if fit["model"] == "hsd")
+    value = fitted["reduced_modulus_Pa"]["value"]
+    assert pair["reduced_modulus_Pa"]["value"] == pytest.approx(value, rel=1e-4)
