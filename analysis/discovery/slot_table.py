@@ -2,7 +2,7 @@
 
 Made from 225 simulated campaigns whose residual is structured (more than 200 whitened squares): 171
 with one of 39 effects from outside the library, 54 with one of 20 library effects. Materials, sizes
-and noise were drawn as blind trials draw them, 1/f noise left out, seeds 60000 to 60047, 62000 to
+and noise were drawn as blind trials draw them, 1/f noise left out, seeds 60000 to 60021, 62000 to
 62199, 63000 to 63063 and 64000 to 64083. Maximum likelihood with a ridge of 10, effects weighted by
 one over the root of how often they were drawn; then all scores halved. The halving, and the 2 that
 the physical score counts, are a compromise between the three tests below.
