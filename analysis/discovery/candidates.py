@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.discovery.before_trigger import is_there_before
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -331,7 +332,7 @@ def extended(
     larger = dataclasses.replace(problem, model=model, names=list(problem.names))
     first = len(problem.model.shared)
     for row in range(first, len(model.shared)):
-        larger.names.extend(sorted({larger.effect_key(row, s) for s in problem.shots}))
+        larger.names.extend(larger.effect_keys(row))
     new = larger.names[len(problem.names) :]
     start = np.array([coordinates.get(n, 0.0) for n in new])
     size, old = len(larger.names), len(problem.names)
@@ -368,18 +369,21 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
     -------
     bool
         A number outside its bounds by more than two standard uncertainties; or a free signal that
-        is alike in all shots: the mains do not know when a sphere falls.
+        is alike in all shots, or absent before the trigger: the mains do not know when a sphere
+        falls.
     """
     if effect.basis is not None:
         first = problem.model.nuisances.index(f"{effect.id}.basis0")
         sizes = fitted.nuisances[:, first : first + effect.basis_size]
         alike = float((sizes.mean(axis=0) ** 2).sum() / max((sizes**2).mean(axis=0).sum(), 1e-300))
-        return alike > ALIKE and len(sizes) >= FEWEST_PHASES
+        locked = alike > ALIKE and len(sizes) >= FEWEST_PHASES
+        return locked or not is_there_before(problem.shots, effect, sizes)
     u = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     for parameter in effect.parameters:
         if parameter.scope == "shot":
             own = problem.model.nuisances.index(f"{effect.id}.{parameter.name}")
-            typical = parameter.value(float(np.median(fitted.nuisances[:, own])))
+            felt = [effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots]
+            typical = parameter.value(float(np.median(fitted.nuisances[felt, own])))
             if not parameter.low <= typical <= parameter.high:
                 return True
             continue
@@ -481,7 +485,8 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
         A fit that went nowhere has a gain of minus infinity.
     """
     result = found.fitted
-    own = own_numbers(found.effect) * len(problem.shots)
+    felt = sum(found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots)
+    own = own_numbers(found.effect) * felt
     return dataclasses.replace(
         found,
         gain=base.cost - result.cost if math.isfinite(result.cost) else -math.inf,

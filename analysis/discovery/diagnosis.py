@@ -31,6 +31,8 @@ PARTIAL_LEFT = 0.05
 """Share of what an effect explains that may remain beside a partial finding."""
 PARTIAL_AHEAD, AHEAD_OF_LEFT = 100.0, 2.0
 """Whitened squares by which it must be ahead of other names, and how often what remains."""
+PARTIALS_LEFT, PARTIALS_AHEAD = 0.01, 2.0
+"""The same share where two or more are named, and how many times any other's gain each brings."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
@@ -162,8 +164,9 @@ def _judge(trail: Trail, progress: Progress) -> Diagnosis:
         return Diagnosis(verdict, steps, chosen, near, chosen[0].effect.slot)
     crystal = [c for c in chosen if c.effect.replaces_base]
     rest = chosen[len(crystal) :]
-    if rest and _stands_alone(steps[len(crystal) :], rest):
-        kept = len(crystal) + 1
+    standing = _standing(steps[len(crystal) :], rest)
+    if standing:
+        kept = len(crystal) + standing
         located = locate(steps[kept], progress)
         slot = rest[0].effect.slot
         return Diagnosis("partial", steps[: kept + 1], chosen[:kept], {}, slot, located)
@@ -174,16 +177,31 @@ def _judge(trail: Trail, progress: Progress) -> Diagnosis:
     return Diagnosis("unknown", steps[:1], [], {}, located.slot, located)
 
 
-def _stands_alone(steps: list[Step], chosen: list[Refit]) -> bool:
-    """Tell whether the first effect is certain although something else remains.
+def _standing(steps: list[Step], chosen: list[Refit]) -> int:
+    """Return how many effects, from the first, are certain although something else remains.
 
-    It must take up nearly all that any closure could, and be far ahead of every other name.
+    Each must take up far more than what is left, and be far ahead of every other name. Two that
+    together mimic a third thing take up much as well, so more is asked of more than one.
     """
-    if chosen[0].effect.basis is not None:
+    for count in range(len(chosen), 0, -1):
+        left = max((a.gain - a.dof for a in steps[count].omnibus.answers.values()), default=0.0)
+        share, ahead = (PARTIAL_LEFT, 0.0) if count == 1 else (PARTIALS_LEFT, PARTIALS_AHEAD)
+        if all(
+            _stands(steps[at], steps[at + 1], chosen[at], left, share=share, ahead=ahead)
+            for at in range(count)
+        ):
+            return count
+    return 0
+
+
+def _stands(
+    before: Step, after: Step, taken: Refit, left: float, *, share: float, ahead: float
+) -> bool:
+    if taken.effect.basis is not None:
         return False  # sizes that are free in every shot follow much that they are not
-    first, second = steps[0], steps[1]
-    explained = first.fitted.cost - second.fitted.cost
-    left = max((a.gain - a.dof for a in second.omnibus.answers.values()), default=0.0)
-    others = [r.gain for r in first.refits if r.owner != chosen[0].owner and not r.at_bound]
-    ahead = explained - max(others, default=0.0)
-    return left < PARTIAL_LEFT * explained and ahead > max(PARTIAL_AHEAD, AHEAD_OF_LEFT * left)
+    explained = before.fitted.cost - after.fitted.cost
+    others = max(
+        (r.gain for r in before.refits if r.owner != taken.owner and not r.at_bound), default=0.0
+    )
+    clear = explained - others > max(PARTIAL_AHEAD, AHEAD_OF_LEFT * left)
+    return left < share * explained and clear and explained > ahead * others

@@ -57,7 +57,8 @@ def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
                 u = math.sqrt(max(float(fitted.covariance[j, j]), LEAST_U**2))
                 numbers[name] = {"coordinate": float(fitted.theta[j]), "u": u}
         owners = {p.name: p.scope for p in effect.parameters}
-        effects.append({"id": effect.id, "owners": owners, "numbers": numbers})
+        entry = {"id": effect.id, "owners": owners, "numbers": numbers}
+        effects.append(entry | ({"only": list(effect.only)} if effect.only else {}))
     return {"name": model.name, "base": model.base, "effects": effects}
 
 
@@ -81,7 +82,9 @@ def model_of(definition: Json) -> ImpactModel:
     """
     model = model_named(definition["base"])
     for entry in definition["effects"]:
-        model = model.with_effect(_owned(effect_named(entry["id"]), entry["owners"]))
+        effect = _owned(effect_named(entry["id"]), entry["owners"])
+        only = tuple(entry["only"]) if entry.get("only") else None
+        model = model.with_effect(dataclasses.replace(effect, only=only))
     return model
 
 

@@ -212,6 +212,8 @@ def _item(problem: JointProblem, drop: _Drop) -> FitShot:
         mass_kg=(sphere.mass_kg if sphere else None) or template.frame.mass_kg,
         coupon_mass_kg=surface.coupon_mass_kg if surface else None,
         coupon_thickness_m=surface.coupon_thickness_m if surface else None,
+        sphere=drop.sphere,
+        surface=drop.surface,
     )
     shot = dataclasses.replace(
         template.shot,
@@ -237,7 +239,8 @@ def _predict(side: _Side, drop: _Drop) -> _Prediction | None:
     problem, fitted = side.problem, side.rival.fitted
     item, model = _item(problem, drop), problem.model
     rows = range(len(SHARED[model.kind]), len(model.shared))
-    if any(problem.effect_key(row, item) not in problem.names for row in rows):
+    keys = [problem.effect_key(row, item) for row in rows]
+    if any(key is not None and key not in problem.names for key in keys):
         return None
     shared, chain = problem.shared_local(item, fitted.theta)
     assert item.speed_prior is not None

@@ -39,7 +39,8 @@ def parameters_by_shot(effect: Effect, result: FitResult) -> Json:
     for parameter in own.parameters:
         if parameter.scope == "shot":
             at = model.nuisances.index(f"{own.id}.{parameter.name}")
-            values = [parameter.value(float(x)) for x in result.fitted.nuisances[:, at]]
+            felt = [own.acts_on(s.shot.sphere, s.shot.surface) for s in result.problem.shots]
+            values = [parameter.value(float(x)) for x in result.fitted.nuisances[felt, at]]
             found[parameter.name] = _told(values, parameter.unit)
     if own.basis is not None:
         unit = "V" if result.shots[0].item.shot.quantity == "voltage" else "of the signal"

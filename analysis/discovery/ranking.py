@@ -459,11 +459,11 @@ def rivals_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -
             )
             for start in forms.values()
         ]
-    found.sort(key=_order)
+    found.sort(key=rank)
     found[:INTO_LAST] = [
         r if r.fitted.converged else continued(fitted, r) for r in found[:INTO_LAST]
     ]
-    return _one_form_each(sorted(found, key=_order))
+    return one_form_each(sorted(found, key=rank))
 
 
 def _best_forms(
@@ -472,13 +472,13 @@ def _best_forms(
     """Return the best start of each form of an effect, some steps further where slopes mislead."""
     found = []
     for form in sorted({r.effect.id for r in tries}):
-        own = sorted((r for r in tries if r.effect.id == form), key=_order)
+        own = sorted((r for r in tries if r.effect.id == form), key=rank)
         if far and own[0].effect.structure is not None:
             # from afar the way is long, and the first steps do not show which start gets there
             own = [continued(base, r, max_iterations=AFAR_STEPS) for r in own[:AFAR_KEPT]]
         elif bent and not own[0].fitted.converged:
             own = [continued(base, own[0], max_iterations=SECOND_STEPS)]
-        found.append(min(own, key=_order))
+        found.append(min(own, key=rank))
     return found
 
 
@@ -490,8 +490,9 @@ def _short(entries: dict[str, list[Start]]) -> list[str]:
     return order[:SHORTLIST] + far
 
 
-def _order(found: Refit) -> tuple[bool, float]:
-    return found.at_bound, -found.score(PENALTY)
+def rank(found: Refit) -> tuple[bool, bool, float]:
+    """Return what puts refits in order: physical ones first, then those fitted to all shots."""
+    return not found.on_all_shots, found.at_bound, -found.score(PENALTY)
 
 
 def _merit(found: Refit, factor: float) -> float:
@@ -575,10 +576,10 @@ def _later_rounds(
                 ),
             )  # fmt: skip
         last.append(moved if moved.fitted.converged else continued(fitted, moved))
-    return _one_form_each([*sorted(last, key=_order), *sorted(behind, key=_order)])
+    return one_form_each([*sorted(last, key=rank), *sorted(behind, key=rank)])
 
 
-def _one_form_each(refits: list[Refit]) -> list[Refit]:
+def one_form_each(refits: list[Refit]) -> list[Refit]:
     """Return the refits without an effect's lesser forms."""
     found: dict[str, Refit] = {}
     for one in refits:

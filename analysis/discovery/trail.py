@@ -12,9 +12,20 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from analysis.discovery.candidates import Proposal, Refit, proposals
+from analysis.discovery.divided import divided
 from analysis.discovery.evidence import Evidence, gather
+from analysis.discovery.isolated import SLOTS, explains_all, isolated, tried_alone
+from analysis.discovery.left_out import LeftOut, left_out
 from analysis.discovery.omnibus import Omnibus, ask
-from analysis.discovery.ranking import PENALTY, Ground, ranked, rivals_refitted
+from analysis.discovery.ranking import (
+    PENALTY,
+    Ground,
+    one_form_each,
+    rank,
+    ranked,
+    rivals_refitted,
+)
+from analysis.discovery.reformed import reformed
 from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -59,6 +70,8 @@ class Step:
         What was tried on top, best first.
     refused : dict
         Why other effects could not be tried.
+    without : list of LeftOut
+        The same model without each material's shots, where that was asked.
     """
 
     problem: JointProblem
@@ -67,6 +80,7 @@ class Step:
     omnibus: Omnibus
     refits: list[Refit] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
+    without: list[LeftOut] = field(default_factory=list)
 
 
 @dataclass
@@ -108,7 +122,8 @@ class Trail:
         """Return the trail one effect further, its numbers owned by whom the data ask for."""
         step = look(found.problem, found.fitted)
         if step.omnibus.structured:
-            wide = widened(self.last.problem, self.last.fitted, found, PENALTY)
+            wide = reformed(self.last.problem, self.last.fitted, found, PENALTY)
+            wide = widened(self.last.problem, self.last.fitted, wide, PENALTY)
             if wide.score(PENALTY) > found.score(PENALTY) + MIN_GAIN:
                 found, step = wide, look(wide.problem, wide.fitted)
         return Trail([*self.steps, step], [*self.chosen, found])
@@ -135,12 +150,20 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
     """Fill in what library effects bring on top of a step."""
     tried: list[Proposal]
     tried, step.refused = proposals(step.problem)
-    step.refits += ranked(
-        Ground(step.problem, step.fitted, usual),
-        tried,
-        progress,
-        first=not step.problem.model.effects,
-    )
+    ground = Ground(step.problem, step.fitted, usual)
+    first = not step.problem.model.effects
+    progress("asking whether one material makes the difference", 0.0)
+    step.without = left_out(ground)
+    apart = isolated(ground, step.without)
+    found: list[Refit] = []
+    if apart is not None:
+        found = tried_alone(apart, ground, progress, first=first)
+        tried = [p for p in tried if p.effect.slot not in SLOTS]
+        if found and explains_all(found[0], ground):
+            tried = []
+    if tried:
+        found += ranked(ground, tried, progress, first=first)
+    step.refits += one_form_each(sorted(found, key=rank))
 
 
 def useful(step: Step) -> list[Refit]:
@@ -171,11 +194,14 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     """
     try_effects(start.last, usual, progress)
     firsts = useful(start.last)
-    if not firsts:
-        return start
-    found = [start.on(firsts[0])]
-    if found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS:
+    found = [start.on(first) for first in firsts[:1]]
+    if found and (found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS):
         return found[0]
+    apart = _divided(start, usual, progress)
+    if apart is not None and (apart.adequate or not found):
+        return apart
+    if not found:
+        return start
     for place, first in enumerate(firsts[:FIRSTS_TRIED]):
         if first.gain < FIRST_SHARE * firsts[0].gain:
             break
@@ -185,8 +211,37 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     best = min(found, key=lambda t: t.score)
     if len(best.chosen) < MAX_EFFECTS and _nearly(start, best):
         third = _with_second(best, usual, progress)
-        return third if third.adequate else best
+        # the third of a chain is where what the first two leave for their forms would get a name
+        return best if third.last.omnibus.structured else third
     return best
+
+
+def _divided(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail | None:
+    """Return a trail of two effects of which one is one material's, None where there is none."""
+
+    def alone(
+        problem: JointProblem, fitted: joint.Fitted, place: joint.Fitted, told: Progress
+    ) -> Refit | None:
+        some = Trail([look(problem, fitted)], [])
+        if some.adequate:
+            return None  # then that material makes all the difference, and was tried alone
+        try_effects(some.last, place, told)
+        for first in useful(some.last)[:FIRSTS_TRIED]:
+            one = some.on(first)
+            if one.adequate:
+                return one.chosen[-1]
+        return None
+
+    ground = Ground(start.last.problem, start.last.fitted, usual)
+    found = divided(ground, start.last.without, alone, progress)
+    if found is None:
+        return None
+    first, seconds = found
+    step = look(first.problem, first.fitted)
+    step.refits += seconds
+    trail = Trail([*start.steps, step], [*start.chosen, first])
+    second = useful(step)[:1]
+    return trail.on(second[0]) if second else None
 
 
 def _with_second(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:

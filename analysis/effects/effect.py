@@ -24,7 +24,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -199,6 +199,8 @@ class Effect:
     variants : tuple of Effect
         Other forms of the same effect, tried beside it under ids ``<id>:<form>``; the library lists
         them under this one.
+    only : tuple of str or None
+        Whose shots it acts on, as (``surface`` or ``sphere``, name); None for all.
     """
 
     id: str
@@ -225,6 +227,21 @@ class Effect:
     bases: tuple[str, ...] = ("hsd", "kv")
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
+    only: tuple[str, str] | None = None
+
+    def acts_on(self, sphere: str | None, surface: str | None) -> bool:
+        """Tell whether a shot of this sphere on this surface feels it."""
+        return self.only in (None, ("sphere", sphere), ("surface", surface))
+
+    def silent(self) -> Effect:
+        """Return it with its numbers and without what they do, for shots that do not feel it."""
+        return replace(
+            self,
+            **dict.fromkeys(
+                ("contact", "pack", "share", "mobility", "reach", "structure", "output", "speed",
+                 "again", "steps")
+            ),
+        )  # fmt: skip
 
     @property
     def in_solver(self) -> bool:

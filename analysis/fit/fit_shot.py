@@ -75,6 +75,8 @@ def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
         coupon_mass_kg=surface.coupon_mass_kg if surface else None,
         coupon_thickness_m=surface.coupon_thickness_m if surface else None,
         rail=rail(shot, window),
+        sphere=shot.sphere,
+        surface=shot.surface,
     )
 
 

@@ -115,14 +115,25 @@ class JointProblem:
             return None
         return f"sphere.{shot.shot.sphere}", f"surface.{shot.shot.surface}"
 
-    def effect_key(self, row: int, shot: FitShot) -> str:
-        """Return the global's name of an effect's shared local parameter for this shot."""
+    def effect_key(self, row: int, shot: FitShot) -> str | None:
+        """Return the global's name of an effect's shared local parameter for this shot.
+
+        None where the shot does not feel the effect.
+        """
         name = self.model.shared[row]
         effect, _, parameter = name.partition(".")
         found = next(e for e in self.model.effects if e.id == effect)
+        if not found.acts_on(shot.shot.sphere, shot.shot.surface):
+            return None
         scope = next(p.scope for p in found.parameters if p.name == parameter)
         owner = {"surface": shot.shot.surface, "sphere": shot.shot.sphere, "pair": shot.pair}
-        return name if scope == "rig" else f"{name}[{owner[scope] or '?'}]"
+        if scope == "rig":
+            return name if found.only is None else f"{name}[{found.only[1]}]"
+        return f"{name}[{owner[scope] or '?'}]"
+
+    def effect_keys(self, row: int) -> list[str]:
+        """Return the globals' names of an effect's shared local parameter, over all shots."""
+        return sorted({key for s in self.shots if (key := self.effect_key(row, s)) is not None})
 
     def shared_local(
         self, shot: FitShot, theta: NDArray[np.float64]
@@ -164,8 +175,10 @@ class JointProblem:
         for row, name in enumerate(names[1:], start=1):
             column = self.index(f"sensor.{name}")
             if row >= len(SHARED[self.model.kind]):
-                column = self.names.index(self.effect_key(row, shot))
-                values[row], chain[row, column] = theta[column], 1.0
+                key = self.effect_key(row, shot)
+                if key is not None:
+                    column = self.names.index(key)
+                    values[row], chain[row, column] = theta[column], 1.0
             elif name == "seen_ms":
                 column = self.index(SEEN)
                 if column is not None:
@@ -247,7 +260,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     if told >= SEEN_NEEDS_SHOTS and not by_pair:
         names.append(SEEN)
     for row in range(len(SHARED[model.kind]), len(model.shared)):
-        names.extend(sorted({problem.effect_key(row, s) for s in shots}))
+        names.extend(problem.effect_keys(row))
     _set_priors(problem, priors)
     if any(s.speed_prior for s in shots) and campaign.speed_repeatability is None:
         problem.assumptions.append(

@@ -72,6 +72,8 @@ class ShotFrame:
         For effects that need them; None where unknown.
     rail : tuple of float or None
         Ends of the converter's range, where the record reaches one. [unit of the signal]
+    sphere, surface : str or None
+        For effects that act on one of them only.
     """
 
     sample_rate_hz: float
@@ -84,6 +86,8 @@ class ShotFrame:
     coupon_mass_kg: float | None = None
     coupon_thickness_m: float | None = None
     rail: tuple[float, float] | None = None
+    sphere: str | None = None
+    surface: str | None = None
 
     def cut(self, signal: Array, jacobian: Array | None = None) -> None:
         """Hold a signal within the converter's range; beyond it nothing moves it.
@@ -220,9 +224,27 @@ class ImpactModel:
         """Return this model with one more effect."""
         return replace(self, effects=(*self.effects, effect))
 
+    @cached_property
+    def _for_some(self) -> dict[tuple[str | None, str | None], ImpactModel]:
+        return {}
+
+    def felt_by(self, frame: ShotFrame) -> ImpactModel:
+        """Return this model as a shot feels it: the same numbers, some without a consequence."""
+        if all(e.only is None for e in self.effects):
+            return self
+        own = (frame.sphere, frame.surface)
+        found = self._for_some.get(own)
+        if found is None:
+            # without `only`, so that this is asked once
+            effects = (e if e.acts_on(*own) else e.silent() for e in self.effects)
+            found = replace(self, effects=tuple(replace(e, only=None) for e in effects))
+            self._for_some[own] = found
+        return found
+
     def steps(self, local: Array, frame: ShotFrame) -> int:
         """Return the solver's steps for these parameters; kept while derivatives are taken."""
-        return self._steps(self._column(local, frame))
+        model = self.felt_by(frame)
+        return model._steps(model._column(local, frame))
 
     def _steps(self, column: Column) -> int:
         context = column.context
@@ -262,16 +284,17 @@ class ImpactModel:
         Prediction
             NaN rebound when the contact did not end.
         """
+        model = self.felt_by(frame)
         try:
-            column = self._column(local, frame)
-            steps = self._allowed(self._steps(column) if steps is None else steps)
+            column = model._column(local, frame)
+            steps = model._allowed(model._steps(column) if steps is None else steps)
             table = np.zeros((1, frame.samples))
-            found = neighbours.add_first_contacts(table, self, [column], steps)[0]
-            neighbours.add_second_contacts(table[0], self, column, steps)
-            signal = neighbours.read(table[0], self.chain, column)[-1]
+            found = neighbours.add_first_contacts(table, model, [column], steps)[0]
+            neighbours.add_second_contacts(table[0], model, column, steps)
+            signal = neighbours.read(table[0], model.chain, column)[-1]
         except OverflowError:  # an effect's numbers that no float can hold
             return _nothing(frame)
-        prediction = self._prediction(signal, found, column)
+        prediction = model._prediction(signal, found, column)
         frame.cut(prediction.signal)
         return prediction
 
@@ -313,7 +336,7 @@ class ImpactModel:
 
     def speed_shift(self, local: Array, frame: ShotFrame) -> float:
         """Return by how much effects shift ln of the speed that the drop height promises."""
-        having = [e for e in self.effects if e.speed is not None]
+        having = [e for e in self.felt_by(frame).effects if e.speed is not None]
         if not having:
             return 0.0
         values, context = self.effect_values(local), self.context(local, frame)
@@ -365,11 +388,12 @@ class ImpactModel:
         1e-6 leaves about 1e-6 relative of truncation and 1e-8 of rounding. Baseline and free sizes
         are analytic, and so is the gain where nothing reads the signal.
         """
+        model = self.felt_by(frame)
         table = np.zeros((local.size + 1, frame.samples))
         try:
-            centre = self._column(local, frame)
-            steps = self._allowed(self._steps(centre))
-            found, gradient = neighbours.fill_neighbours(table, self, frame, centre, steps)
+            centre = model._column(local, frame)
+            steps = model._allowed(model._steps(centre))
+            found, gradient = neighbours.fill_neighbours(table, model, frame, centre, steps)
         except OverflowError:  # an effect's numbers that no float can hold
             table[:] = math.nan
             return _nothing(frame), table[1:].T, np.full(local.size, math.nan)
@@ -381,7 +405,7 @@ class ImpactModel:
                 columns = effect.basis(frame.samples, centre.context)
                 jacobian[:, at : at + effect.basis_size] = columns
                 at += effect.basis_size
-        prediction = self._prediction(table[0], found, centre)
+        prediction = model._prediction(table[0], found, centre)
         frame.cut(prediction.signal, jacobian)
         return prediction, jacobian, gradient
 

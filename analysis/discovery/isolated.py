@@ -1,0 +1,234 @@
+"""Does one material make the difference? Then the rest knows the cell, and its shots the effect.
+
+Where the shots of every other coupon, or of every other sphere, are plain noise under the present
+model, they tell the cell and the materials that are shared as if nothing were the matter. What is
+looked for then acts on one material's shots alone, from a place that it has not itself bent.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from analysis.discovery.candidates import Refit, extended, proposals, refitted
+from analysis.discovery.evidence import gather
+from analysis.discovery.left_out import (
+    MOST_STEPS,
+    LeftOut,
+    chance,
+    excess,
+    far_begin,
+    part_of_shots,
+)
+from analysis.discovery.omnibus import ask
+from analysis.discovery.ranking import PENALTY, Ground, Progress, rank, ranked
+from analysis.discovery.reformed import reformed
+from analysis.discovery.widened import widened
+from analysis.effects.effect import Effect
+from analysis.fit import joint
+from analysis.fit.nuisances import carried_over
+from analysis.fit.problem import JointProblem
+
+SHARE = 0.02
+"""Of what is beyond the noise, that may lie outside the one material's shots."""
+NOTHING_BESIDE = 1e-3
+"""Share below which what lies outside is another matter, whether it is noise or not."""
+CERTAIN = 1e4
+"""Whitened squares by which what acts on one material differs from all that acts on every shot."""
+SLOTS = ("contact", "mounting")
+"""Where an effect can belong to one material."""
+
+
+@dataclass(frozen=True)
+class Isolated:
+    """One material's shots, under what all the others say.
+
+    Attributes
+    ----------
+    only : tuple of str
+        (``surface`` or ``sphere``, name).
+    places : list of int
+        Its shots in the campaign.
+    problem, fitted : JointProblem, Fitted
+        Its shots alone; what they share with the others is known as well as those know it.
+    usual : Fitted
+        The same, where the rig was before any record but for what the others tell.
+    rest_problem, rest_fitted : JointProblem, Fitted
+        The other shots.
+    """
+
+    only: tuple[str, str]
+    places: list[int]
+    problem: JointProblem
+    fitted: joint.Fitted
+    usual: joint.Fitted
+    rest_problem: JointProblem
+    rest_fitted: joint.Fitted
+
+
+def isolated(ground: Ground, without: list[LeftOut]) -> Isolated | None:
+    """Return the one material without whose shots the present model is adequate.
+
+    Parameters
+    ----------
+    ground : Ground
+        The present model at its best, which is not adequate, and where it would be without a
+        record.
+    without : list of LeftOut
+        From `left_out`.
+
+    Returns
+    -------
+    Isolated or None
+        None where there is no such material, or more than one.
+    """
+    beyond = excess(ground.problem, ground.fitted)
+    if not without or without[0].left > SHARE * beyond + chance(ground.problem):
+        return None
+    least = without[0]
+    if least.left > NOTHING_BESIDE * beyond and ask(gather(least.problem, least.fitted)).structured:
+        return None
+    return apart_from(ground, least, far_begin(ground))
+
+
+def apart_from(ground: Ground, rest: LeftOut, begin: joint.Fitted) -> Isolated:
+    """Return one material's shots under what the rest says of all that they share.
+
+    Parameters
+    ----------
+    ground : Ground
+        The present model on all shots.
+    rest : LeftOut
+        The others.
+    begin : Fitted
+        Where the present model begins, on all shots.
+
+    Returns
+    -------
+    Isolated
+        The present model fitted to the one material's shots.
+    """
+    part, kept = part_of_shots(ground.problem, rest.places)
+    start = dataclasses.replace(
+        begin, theta=begin.theta[kept], nuisances=begin.nuisances[rest.places]
+    )
+    alone = _alone(part, start, rest.problem, rest.fitted)
+    before = ground.usual.theta.copy()
+    for j, name in enumerate(ground.problem.names[: before.size]):
+        at = rest.problem.index(name)
+        before[j] = before[j] if at is None else rest.fitted.theta[at]
+    usual = dataclasses.replace(
+        ground.usual,
+        theta=before[[j for j in kept if j < before.size]],
+        nuisances=ground.usual.nuisances[rest.places],
+    )
+    return Isolated(
+        rest.only, rest.places, part, alone, usual, rest.problem, rest.fitted
+    )
+
+
+def _alone(
+    part: JointProblem, begin: joint.Fitted, rest: JointProblem, known: joint.Fitted
+) -> joint.Fitted:
+    """Fit one material's shots, what they share with the rest known as well as there."""
+    own = [j for j, name in enumerate(part.names) if name in rest.names]
+    other = [rest.names.index(part.names[j]) for j in own]
+    part.start = begin.theta.copy()
+    part.prior_mean, part.prior_precision = part.prior_mean.copy(), part.prior_precision.copy()
+    part.start[own] = part.prior_mean[own] = known.theta[other]
+    part.prior_precision[np.ix_(own, own)] = np.linalg.inv(known.covariance[np.ix_(other, other)])
+    nuisances = joint.settle(part, part.start, begin.nuisances)
+    return joint.fit(part, nuisances, max_iterations=MOST_STEPS)
+
+
+def tried_alone(
+    apart: Isolated, ground: Ground, progress: Progress, *, first: bool
+) -> list[Refit]:
+    """Return the effects that one material can have, refitted where they act alone.
+
+    Parameters
+    ----------
+    apart : Isolated
+        The material and its shots.
+    ground : Ground
+        The present model on all shots.
+    progress : callable
+        Told what is being done and a share between 0 and 1.
+    first : bool
+        Nothing was added yet.
+
+    Returns
+    -------
+    list of Refit
+        The best few fitted to all shots, best first; the rest behind them, their gain as it would
+        be there.
+    """
+    inner = Ground(apart.problem, apart.fitted, apart.usual)
+    tried = [p for p in proposals(apart.problem)[0] if p.effect.slot in SLOTS]
+    already = ground.fitted.cost - apart.rest_fitted.cost - apart.fitted.cost
+    refits = ranked(inner, tried, progress, first=first)
+    if refits and not _is_noise(apart.problem, refits[0].fitted):
+        near = reformed(apart.problem, apart.fitted, refits[0], PENALTY)
+        refits[0] = widened(apart.problem, apart.fitted, near, PENALTY)
+    found = []
+    for one in refits:
+        if one.on_all_shots:
+            found.append(on_all_shots(one, apart, ground.problem, ground.fitted))
+        else:
+            found.append(dataclasses.replace(one, gain=one.gain + already))
+    return sorted(found, key=rank)
+
+
+def explains_all(found: Refit, ground: Ground) -> bool:
+    """Tell whether so much was explained, down to the noise, that no other slot need be asked."""
+    usable = found.on_all_shots and not found.at_bound and found.gain > CERTAIN
+    return usable and _is_noise(ground.problem, found.fitted)
+
+
+def _is_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
+    return excess(problem, fitted) < chance(problem)
+
+
+def on_all_shots(
+    found: Refit, apart: Isolated, problem: JointProblem, fitted: joint.Fitted
+) -> Refit:
+    """Return an effect that was found on one material's shots as part of the whole campaign.
+
+    Parameters
+    ----------
+    found : Refit
+        On those shots.
+    apart : Isolated
+        Whose they are.
+    problem, fitted : JointProblem, Fitted
+        The model without the effect, on all shots.
+
+    Returns
+    -------
+    Refit
+        Fitted again; the other shots do not feel the effect.
+    """
+    effect = dataclasses.replace(found.effect, only=apart.only)
+    larger, theta, _ = extended(problem, fitted, effect, {})
+    where = dict(zip(apart.rest_problem.names, apart.rest_fitted.theta, strict=True))
+    for name, value in zip(found.problem.names, found.fitted.theta, strict=True):
+        where.setdefault(_owned(name, effect, apart.only[1]), float(value))
+    theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
+    nuisances = carried_over(problem.model, larger.model, fitted.nuisances)
+    others = [at for at in range(len(problem.shots)) if at not in apart.places]
+    shared = [larger.model.nuisances.index(n) for n in problem.model.nuisances]
+    nuisances[np.ix_(others, shared)] = apart.rest_fitted.nuisances
+    nuisances[apart.places] = found.fitted.nuisances
+    result = joint.fit(larger, nuisances, theta=theta)
+    scope = apart.only[0] if found.scope == "rig" else found.scope
+    whole = dataclasses.replace(
+        found, effect=effect, scope=scope, problem=larger, fitted=result, on_all_shots=True
+    )
+    return refitted(whole, problem, fitted)
+
+
+def _owned(name: str, effect: Effect, owner: str) -> str:
+    """Return the name that a number of the effect has where it belongs to one material."""
+    return f"{name}[{owner}]" if name.startswith(f"{effect.id}.") and "[" not in name else name
