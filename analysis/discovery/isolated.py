@@ -168,7 +168,7 @@ def tried_alone(
     inner = Ground(apart.problem, apart.fitted, apart.usual)
     tried = [p for p in proposals(apart.problem)[0] if p.effect.slot in SLOTS]
     already = ground.fitted.cost - apart.rest_fitted.cost - apart.fitted.cost
-    refits = ranked(inner, tried, progress, first=first)
+    refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not _is_noise(apart.problem, refits[0].fitted):
         near = reformed(apart.problem, apart.fitted, refits[0], PENALTY)
         refits[0] = widened(apart.problem, apart.fitted, near, PENALTY)

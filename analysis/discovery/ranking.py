@@ -140,7 +140,9 @@ def part_of(
     return few, joint.fit(few, fitted.nuisances[places], theta=fitted.theta)
 
 
-def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
+def starts(
+    evidence: Evidence, tried: list[Proposal], *, alone: bool = False
+) -> dict[str, list[Start]]:
     """Return for each library entry where to begin, the most promising first.
 
     Parameters
@@ -149,6 +151,8 @@ def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
         Of the present model, with the proposals' columns.
     tried : list of Proposal
         What may be tried.
+    alone : bool
+        The shots are one material's: its numbers are that one's, or each shot's.
 
     Returns
     -------
@@ -158,6 +162,8 @@ def starts(evidence: Evidence, tried: list[Proposal]) -> dict[str, list[Start]]:
     found: dict[str, list[Start]] = {}
     for proposal in tried:
         for scope in scopes_of(proposal.effect):
+            if alone and scope in ("surface", "sphere"):
+                continue
             seen = evidence.explain(proposal.key, scope, heldout=False)
             sizes = {_owner(label): value for label, value in seen.coefficients.items()}
             own = seen.dof if scope == "shot" else 0
@@ -360,7 +366,12 @@ class Ground:
 
 
 def ranked(
-    ground: Ground, tried: list[Proposal], progress: Progress, *, first: bool = True
+    ground: Ground,
+    tried: list[Proposal],
+    progress: Progress,
+    *,
+    first: bool = True,
+    alone: bool = False,
 ) -> list[Refit]:
     """Return library effects refitted on top of a model, best first.
 
@@ -374,6 +385,8 @@ def ranked(
         Told what is being done and a share between 0 and 1.
     first : bool
         Nothing was added yet: then every effect is tried where slopes mislead.
+    alone : bool
+        As for `starts`.
 
     Returns
     -------
@@ -384,7 +397,7 @@ def ranked(
     places = thinned(ground.problem, FEW)
     few, base = part_of(ground.problem, ground.fitted, places)
     evidence = gather(few, base, tried)
-    entries = starts(evidence, tried)
+    entries = starts(evidence, tried, alone=alone)
     samples = sum(s.white.size for s in evidence.shots)
     bent = evidence.chi2 - samples > BENT
     far = evidence.chi2 > FAR * samples

@@ -201,6 +201,8 @@ class Effect:
         them under this one.
     only : tuple of str or None
         Whose shots it acts on, as (``surface`` or ``sphere``, name); None for all.
+    rides : bool
+        Its second contact meets the structure as the first has left it, ringing.
     """
 
     id: str
@@ -228,6 +230,7 @@ class Effect:
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
     only: tuple[str, str] | None = None
+    rides: bool = False
 
     def acts_on(self, sphere: str | None, surface: str | None) -> bool:
         """Tell whether a shot of this sphere on this surface feels it."""

@@ -15,10 +15,42 @@ tests. The neutral value is a limit, speed ratio to 0, where the pulse goes with
 Scope: the rig's; a delay that goes with the height is not in this form.
 """
 
-from analysis.effects.effect import Effect, EffectParameter
+from dataclasses import replace
+
+from analysis.effects.effect import Effect, EffectParameter, Values
 
 # a second pulse far from where it is looked for has no slope towards it: look every 12 %
 _DELAYS_S = tuple(1.5e-4 * 1.12**i for i in range(25))
+
+_PARAMETERS = (
+    EffectParameter(
+        "speed_ratio",
+        "1",
+        "rig",
+        "log",
+        0.1,
+        5e-4,
+        1.0,
+        (0.1, 4e-3),
+        "second impact speed over the first",
+    ),
+    EffectParameter(
+        "delay_s",
+        "s",
+        "rig",
+        "log",
+        1e-3,
+        1e-4,
+        0.3,
+        _DELAYS_S,
+        "from first to second touch-down",
+    ),
+)
+
+
+def _again(values: Values) -> tuple[float, float]:
+    return values["delay_s"], values["speed_ratio"]
+
 
 EFFECT = Effect(
     id="recontact",
@@ -27,29 +59,19 @@ EFFECT = Effect(
     tell_tale="second pulse",
     source="superposition",
     validation="sum of single traces",
-    parameters=(
-        EffectParameter(
-            "speed_ratio",
-            "1",
-            "rig",
-            "log",
-            0.1,
-            5e-4,
-            1.0,
-            (0.1, 4e-3),
-            "second impact speed over the first",
-        ),
-        EffectParameter(
-            "delay_s",
-            "s",
-            "rig",
-            "log",
-            1e-3,
-            1e-4,
-            0.3,
-            _DELAYS_S,
-            "from first to second touch-down",
+    parameters=_PARAMETERS,
+    again=_again,
+    variants=(
+        Effect(
+            id="recontact:ringing",
+            slot="release",
+            title="the sphere touches twice, the second time on a ringing cell",
+            tell_tale="second pulse",
+            source="own",
+            validation="DOP853",
+            parameters=tuple(replace(p, starts=p.starts[:1]) for p in _PARAMETERS),
+            again=_again,
+            rides=True,
         ),
     ),
-    again=lambda v: (v["delay_s"], v["speed_ratio"]),
 )

@@ -36,7 +36,7 @@ import numpy as np
 from numba import float64, njit, types
 
 from analysis.model.by_address import call_term, load, store
-from analysis.model.free_ring import add_free_ring
+from analysis.model.free_ring import add_free_ring, carry_on
 from analysis.model.solver import ENDLESS, MAX_STEPS, _quintic
 
 TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
@@ -258,7 +258,7 @@ def _reading_at(work, row, first, force, masses, A, b, reading):  # type: ignore
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _integrate(  # type: ignore[no-untyped-def]
-    out, numbers, count, terms, packed, masses, A, b, reading, top, steps, work, spare
+    out, numbers, count, terms, packed, masses, A, b, reading, top, steps, work, spare, state
 ):
     """Add the contact to ``out``; all but ``out`` and ``numbers`` are counts and addresses.
 
@@ -274,6 +274,8 @@ def _integrate(  # type: ignore[no-untyped-def]
         store(work, i, 0.0)
     store(work, _Y, math.sqrt(math.sqrt(reach)))
     store(work, _U, v0)
+    for j in range(2 * masses):
+        store(work, _at(first + j), state[j])
     cd, per_mass = alpha * math.sqrt(m * K), 1.0 / m
     depth = (1.25 * m * v0 * v0 / K) ** 0.4
     h = 13.05 * depth**0.25 / v0 / steps
@@ -343,8 +345,9 @@ def _integrate(  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def integrate_columns(  # type: ignore[no-untyped-def]
-    table, rows, numbers, terms, packed, which, systems, loads, readings, tops, steps, found
-):
+    table, rows, numbers, terms, packed, which, systems, loads, readings, tops, steps, found,
+    states, spans,
+):  # fmt: skip
     r"""Add impacts at t = 0, sampled at ``start + i dt``, to rows of a table.
 
     Parameters
@@ -375,6 +378,11 @@ def integrate_columns(  # type: ignore[no-untyped-def]
     found : ndarray of float64, shape (c, 3)
         Written: contact duration [s], sphere's rebound speed [m/s], largest indentation [m]; the
         duration is NaN when the contact did not end within the allowed steps.
+    states : ndarray of float64, shape (c, 2 q)
+        How the structure moves before the sphere comes, its ring already among the samples;
+        overwritten with how it moves at lift-off. [m, m/s]
+    spans : ndarray of float64, shape (c,)
+        How long before touch-down it moved like that. [s]
     """
     masses, count = loads.shape[1], terms.size
     first = _Z + count
@@ -383,15 +391,28 @@ def integrate_columns(  # type: ignore[no-untyped-def]
     state = np.zeros(2 * masses)
     for c in range(rows.size):
         s, out, own = which[c], table[rows[c]], numbers[c]
+        moving = False
+        for j in range(2 * masses):
+            moving = moving or states[c, j] != 0.0
+        state[:] = states[c]
+        if moving:
+            # what follows contains the old ring, which is taken off from touch-down on
+            carry_on(systems[s], spans[c], state)
+            states[c] = state
+            i = max(0, math.ceil(min(-own[0] / own[1] - 1e-12, float(out.size))))
+            add_free_ring(
+                out, i, own[0] + i * own[1], own[1], systems[s], readings[s], -own[9], state
+            )
+            state[:] = states[c]
         duration, rebound, deepest, i = _integrate(
             out, own, count, terms.ctypes.data, packed[c].ctypes.data, masses,
             systems[s].ctypes.data, loads[s].ctypes.data, readings[s].ctypes.data, tops[s],
-            steps, work.ctypes.data, spare.ctypes.data,
+            steps, work.ctypes.data, spare.ctypes.data, state,
         )  # fmt: skip
         found[c, 0], found[c, 1], found[c, 2] = duration, rebound, deepest
+        for j in range(2 * masses):
+            state[j] = states[c, j] = work[_at(first + j)]
         if masses and i < out.size:
-            for j in range(2 * masses):
-                state[j] = work[_at(first + j)]
             ahead = own[0] + i * own[1] - duration
             add_free_ring(out, i, ahead, own[1], systems[s], readings[s], own[9], state)
     # addresses keep nothing alive

@@ -142,7 +142,8 @@ def integrate_with_effects(
     cells: Sequence[Cell],
     *,
     steps: int,
-) -> Array:
+    before: tuple[Array, float] | None = None,
+) -> tuple[Array, Array]:
     """Integrate columns into a table of traces.
 
     Parameters
@@ -157,12 +158,17 @@ def integrate_with_effects(
         One each.
     steps : int
         Solver steps over the contact.
+    before : tuple of ndarray, shape (c, 2 q), and float, optional
+        How the structure moved some time before touch-down, its ring already among the samples,
+        and that time; at rest by default. [m and m/s, s]
 
     Returns
     -------
-    ndarray, shape (c, 3)
+    found : ndarray, shape (c, 3)
         Contact time [s], rebound speed [m/s], largest indentation [m]; NaN where the contact did
         not end.
+    states : ndarray, shape (c, 2 q)
+        Displacements and velocities of the structure's q masses at lift-off. [m, m/s]
     """
     addresses = term_addresses()
     acting = [e for e in effects if e.contact is not None]
@@ -177,6 +183,10 @@ def integrate_with_effects(
         structures, which = _distinct(effects, cells, columns)
         matrices = _stacked([s.assemble() for s in structures])
     found = np.empty((len(columns), 3))
+    states = np.zeros((len(columns), 2 * matrices[1].shape[1]))
+    span = 0.0
+    if before is not None:
+        states[:], span = before
     integrate_columns(
         table,
         np.array([c.row for c in columns]),
@@ -187,5 +197,7 @@ def integrate_with_effects(
         *matrices,
         steps,
         found,
+        states,
+        np.full(len(columns), span),
     )
-    return found
+    return found, states

@@ -144,3 +144,32 @@ def add_free_ring(out, i, ahead, dt, A, reading, gain, s):  # type: ignore[no-un
                 out[i + k] += rows[col, k] * value
         _carried(s, Q, other)
         i += count
+
+
+@njit(cache=True, nogil=True)
+def carry_on(A, span, s):  # type: ignore[no-untyped-def]
+    """Replace a state by what its free motion has made of it after ``span`` seconds.
+
+    Parameters
+    ----------
+    A : ndarray, shape (q, 2 q)
+        As in `add_free_ring`.
+    span : float
+        [s]
+    s : ndarray, shape (2 q,)
+        Displacements and velocities, alternating; overwritten. [m, m/s]
+    """
+    size = A.shape[1]
+    rate = 0.0
+    for row in range(size // 2):
+        rate = max(rate, abs(A[row, 2 * row]))
+    rate = math.sqrt(rate)
+    if not rate > 0.0:
+        rate = 1.0
+    P, work, other = np.empty((size, size)), np.empty((3, size, size)), np.empty(size)
+    _propagator(P, A, rate, span, work)
+    for row in range(size // 2):
+        s[2 * row + 1] /= rate
+    _carried(s, P, other)
+    for row in range(size // 2):
+        s[2 * row + 1] *= rate

@@ -289,12 +289,12 @@ class ImpactModel:
             column = model._column(local, frame)
             steps = model._allowed(model._steps(column) if steps is None else steps)
             table = np.zeros((1, frame.samples))
-            found = neighbours.add_first_contacts(table, model, [column], steps)[0]
-            neighbours.add_second_contacts(table[0], model, column, steps)
+            found, ends = neighbours.add_first_contacts(table, model, [column], steps)
+            neighbours.add_second_contacts(table[0], model, column, steps, ends[0])
             signal = neighbours.read(table[0], model.chain, column)[-1]
         except OverflowError:  # an effect's numbers that no float can hold
             return _nothing(frame)
-        prediction = model._prediction(signal, found, column)
+        prediction = model._prediction(signal, found[0], column)
         frame.cut(prediction.signal)
         return prediction
 

@@ -33,8 +33,8 @@ TIME_STEP_US = 1e-4
 MOST_BOUNCES = 6
 SLOWEST = 2e-4
 """Share of the impact speed below which no later contact is followed."""
-SETTLES = 3.0
-"""Times the speed at which inertia and weight press alike, from which a sphere bounces on."""
+SETTLES = 0.1
+"""Times the speed at which inertia and weight press alike, below which a hop is not seen."""
 _IN_CONTEXT = ("ln_K", "ln_v0", "ln_e", "t0_us")
 _IN_STRUCTURE = ("ln_w", "ln_z", "ln_M")
 
@@ -66,6 +66,22 @@ class Move:
     parameter: EffectParameter | None = None
     in_context: bool = False
     same_structure: bool = False
+
+
+@dataclass(frozen=True)
+class End:
+    """How a contact left what it touched.
+
+    Attributes
+    ----------
+    time_s : float
+        Lift-off after the first touch-down; NaN where there was none. [s]
+    state : ndarray, shape (2 q,)
+        Displacements and velocities of the structure's masses; empty where nobody asks. [m, m/s]
+    """
+
+    time_s: float
+    state: Array
 
 
 def _stage_of(effect: Effect) -> int:
@@ -175,7 +191,7 @@ def _base_trace(
 
 def add_first_contacts(
     table: Array, model: ImpactModel, columns: list[Column], steps: int
-) -> Array:
+) -> tuple[Array, list[End]]:
     """Integrate columns into a table of traces.
 
     Parameters
@@ -191,16 +207,23 @@ def add_first_contacts(
 
     Returns
     -------
-    ndarray, shape (c, 3)
+    found : ndarray, shape (c, 3)
         Contact time [s], rebound speed [m/s], largest indentation [m] of each column.
+    ends : list of End
+        How each column's structure was left.
     """
-    if any(e.in_solver for e in model.effects):
+    if any(e.in_solver or e.rides for e in model.effects):
         cells = [_cell(model, c.local) for c in columns]
-        return integrate_with_effects(table, model.effects, columns, cells, steps=steps)
-    return np.array([_base_trace(table[c.row], model, c, steps, (0.0, 1.0)) for c in columns])
+        found, states = integrate_with_effects(table, model.effects, columns, cells, steps=steps)
+        ends = [End(float(t), s) for t, s in zip(found[:, 0], states, strict=True)]
+        return found, ends
+    found = np.array([_base_trace(table[c.row], model, c, steps, (0.0, 1.0)) for c in columns])
+    return found, [End(float(t), np.zeros(0)) for t in found[:, 0]]
 
 
-def add_second_contacts(signal: Array, model: ImpactModel, column: Column, steps: int) -> None:
+def add_second_contacts(
+    signal: Array, model: ImpactModel, column: Column, steps: int, end: End
+) -> None:
     """Add to a trace the contacts that come after the first, of the same bodies.
 
     Parameters
@@ -213,6 +236,8 @@ def add_second_contacts(signal: Array, model: ImpactModel, column: Column, steps
         With which numbers.
     steps : int
         Solver steps over a contact.
+    end : End
+        How the first contact left the structure.
 
     Notes
     -----
@@ -223,14 +248,18 @@ def add_second_contacts(signal: Array, model: ImpactModel, column: Column, steps
         if effect.again is None:
             continue
         delay, ratio = effect.again(column.values[effect.id])
-        end = signal.size / column.context.sample_rate_hz - column.context.touch_down_s
+        last = signal.size / column.context.sample_rate_hz - column.context.touch_down_s
         speed = column.context.speed_m_per_s * ratio
+        left = end if effect.rides else None
         for _ in range(MOST_BOUNCES):
-            if not delay < end:
+            if not delay < last:
                 break
-            duration, rebound = _later_contact(signal, model, column, steps, (delay, speed))
+            duration, rebound, state = _later_contact(
+                signal, model, column, steps, (delay, speed), left
+            )
             if not (math.isfinite(duration) and rebound > _settling_speed(column)):
                 break
+            left = End(delay + duration, state) if effect.rides else None
             delay += duration + 2.0 * rebound / column.context.gravity_m_per_s2
             speed = rebound
 
@@ -244,19 +273,24 @@ def _settling_speed(column: Column) -> float:
 
 
 def _later_contact(
-    signal: Array, model: ImpactModel, column: Column, steps: int, later: tuple[float, float]
-) -> tuple[float, float]:
-    """Add a contact at a time after the first [s] and a speed [m/s]; duration, rebound speed."""
+    signal: Array,
+    model: ImpactModel,
+    column: Column,
+    steps: int,
+    later: tuple[float, float],
+    left: End | None,
+) -> tuple[float, float, Array]:
+    """Add a contact at a time after the first [s] and a speed [m/s]; duration, rebound, state."""
     if later[1] < SLOWEST * column.context.speed_m_per_s:
-        return math.nan, math.nan  # hardly moves, and the scheme does not follow it
+        return math.nan, math.nan, np.zeros(0)  # hardly moves, and the scheme does not follow it
     # a slow contact lasts longer, by speed^(-1/5), and the cell swings as fast as ever; in powers
     # of two, so that neighbours take the same steps
     longer = (column.context.speed_m_per_s / later[1]) ** 0.2
     steps = min(steps << max(0, math.ceil(math.log2(longer))), solver.MAX_STEPS)
-    if not any(e.in_solver for e in model.effects):
+    if left is None and not any(e.in_solver for e in model.effects):
         ratio = later[1] / column.context.speed_m_per_s
         duration, rebound, _ = _base_trace(signal, model, column, steps, (later[0], ratio))
-        return duration, rebound
+        return duration, rebound, np.zeros(0)
     context = dataclasses.replace(
         column.context,
         touch_down_s=column.context.touch_down_s + later[0],
@@ -264,8 +298,16 @@ def _later_contact(
     )
     again = dataclasses.replace(column, row=0, context=context)
     cells = [_cell(model, column.local)]
-    found = integrate_with_effects(signal[None, :], model.effects, [again], cells, steps=steps)
-    return float(found[0, 0]), float(found[0, 1])
+    before = None
+    if left is not None:
+        span = later[0] - left.time_s
+        if not span >= 0.0:
+            return math.nan, math.nan, left.state  # it has not left yet
+        before = left.state[None, :], span
+    found, states = integrate_with_effects(
+        signal[None, :], model.effects, [again], cells, steps=steps, before=before
+    )
+    return float(found[0, 0]), float(found[0, 1]), states[0]
 
 
 def read(signal: Array, chain: tuple[Effect, ...], column: Column, since: int = 0) -> list[Array]:
@@ -350,7 +392,7 @@ def fill_neighbours(
     chain = model.chain
     columns = [(move, moved(model, frame, centre, move)) for move in model.moves]
     solved = [centre, *(c for move, c in columns if move.stage == SOLVE)]
-    found = add_first_contacts(table, model, solved, steps)
+    found, ends = add_first_contacts(table, model, solved, steps)
     gradient = np.zeros(centre.local.size)
     ratio = found[:, 1] / np.array([c.context.speed_m_per_s for c in solved])
     for c, r in zip(solved[1:], ratio[1:], strict=True):
@@ -359,8 +401,8 @@ def fill_neighbours(
     first = table[0]
     if model.has_second_contacts:
         first = table[0].copy()
-        for c in solved:
-            add_second_contacts(table[c.row], model, c, steps)
+        for c, end in zip(solved, ends, strict=True):
+            add_second_contacts(table[c.row], model, c, steps, end)
     stages = read(table[0].copy(), chain, centre)
     for move, column in columns:
         row, since = table[column.row], 0
@@ -371,7 +413,7 @@ def fill_neighbours(
             row[:] = stages[0] * math.exp(-move.step)
         elif move.stage == AGAIN:
             row[:] = first
-            add_second_contacts(row, model, column, steps)
+            add_second_contacts(row, model, column, steps, ends[0])
         if move.stage == READ:
             since = chain.index(move.effect)
             ahead = read(stages[since], chain, column, since)[-1]
