@@ -32,6 +32,8 @@ KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
 PRESENT = 0.3
 """Share of an effect's start, in the linear look, below which an owner begins without it."""
+LEAST_EACH = 10.0
+"""Whitened squares a number that every shot needs of its own for such numbers to be believed."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
 SCOPES_TRIED = ("rig", "surface", "sphere")
@@ -394,7 +396,8 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
         ]
         largest = float(np.abs(fitted.theta[places]).max(initial=0.0))
         for j in places:
-            at, width = float(fitted.theta[j]), 2.0 * float(u[j])
+            at = float(fitted.theta[j])
+            width = 0.0 if parameter.resolved else 2.0 * float(u[j])
             if parameter.form != "log" and abs(at) < HARDLY * largest:
                 continue  # next to another owner's it is neutral
             nearest = [_value(parameter, c) for c in (at - width, at, at + width)]
@@ -491,7 +494,9 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
         found,
         gain=base.cost - result.cost if math.isfinite(result.cost) else -math.inf,
         parameters=len(found.problem.names) - len(problem.names) + own,
-        at_bound=not result.blocks or left_its_range(found.problem, result, found.effect),
+        at_bound=not result.blocks
+        or left_its_range(found.problem, result, found.effect)
+        or (found.effect.basis is None and base.cost - result.cost < LEAST_EACH * own),
         own=own,
     )
 

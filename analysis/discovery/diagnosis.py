@@ -33,6 +33,14 @@ PARTIAL_AHEAD, AHEAD_OF_LEFT = 100.0, 2.0
 """Whitened squares by which it must be ahead of other names, and how often what remains."""
 PARTIALS_LEFT, PARTIALS_AHEAD = 0.01, 2.0
 """The same share where two or more are named, and how many times any other's gain each brings."""
+AKIN = {
+    "release": ("speed",),
+    "contact": ("contact", "loss"),
+    "mounting": ("cell",),
+    "sensor": ("cell", "response", "static", "dynamic"),
+    "electronics": ("response", "static", "dynamic"),
+}
+"""Families of the omnibus test that an effect of a slot looks like."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
@@ -185,6 +193,9 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
     """
     for count in range(len(chosen), 0, -1):
         left = max((a.gain - a.dof for a in steps[count].omnibus.answers.values()), default=0.0)
+        looks_like = steps[count].omnibus.strongest.family
+        if any(looks_like in AKIN[c.effect.slot] for c in chosen[:count]):
+            continue  # what remains is of the kind that was named: the name only resembles it
         share, ahead = (PARTIAL_LEFT, 0.0) if count == 1 else (PARTIALS_LEFT, PARTIALS_AHEAD)
         if all(
             _stands(steps[at], steps[at + 1], chosen[at], left, share=share, ahead=ahead)

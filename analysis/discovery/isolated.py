@@ -124,9 +124,7 @@ def apart_from(ground: Ground, rest: LeftOut, begin: joint.Fitted) -> Isolated:
         theta=before[[j for j in kept if j < before.size]],
         nuisances=ground.usual.nuisances[rest.places],
     )
-    return Isolated(
-        rest.only, rest.places, part, alone, usual, rest.problem, rest.fitted
-    )
+    return Isolated(rest.only, rest.places, part, alone, usual, rest.problem, rest.fitted)
 
 
 def _alone(
@@ -143,9 +141,7 @@ def _alone(
     return joint.fit(part, nuisances, max_iterations=MOST_STEPS)
 
 
-def tried_alone(
-    apart: Isolated, ground: Ground, progress: Progress, *, first: bool
-) -> list[Refit]:
+def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: bool) -> list[Refit]:
     """Return the effects that one material can have, refitted where they act alone.
 
     Parameters

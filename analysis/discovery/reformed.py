@@ -11,6 +11,7 @@ import math
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.discovery.candidates import HARDLY, Refit, extended, refitted
 from analysis.effects.effect import Effect
@@ -102,7 +103,7 @@ def _in_form(form: Effect, problem: JointProblem, base: joint.Fitted, found: Ref
     rest = np.array([known.get(n, v) for n, v in zip(larger.names, first, strict=True)])
     nuisances = carried_over(found.problem.model, larger.model, found.fitted.nuisances)
     neutral = _neutral_owners(found)
-    ways = []
+    ways: list[tuple[float, int, NDArray[np.float64]]] = []
     for start in _starts(form, found):
         theta = rest.copy()
         for parameter, value in zip(form.parameters, start, strict=True):

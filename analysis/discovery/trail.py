@@ -169,9 +169,7 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
 def useful(step: Step) -> list[Refit]:
     """Return the refits of a step that may be taken, best first."""
     return [
-        r
-        for r in step.refits
-        if r.on_all_shots and not r.at_bound and r.score(PENALTY) >= MIN_GAIN
+        r for r in step.refits if r.on_all_shots and not r.at_bound and r.score(PENALTY) >= MIN_GAIN
     ]
 
 

@@ -75,9 +75,7 @@ def _owned_by(
     known = dict(zip(found.problem.names, found.fitted.theta, strict=True))
     theta = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = carried_over(old, new, found.fitted.nuisances)
-    felt = np.array(
-        [found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots]
-    )
+    felt = np.array([found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots])
     for parameter, at in zip(effect.parameters, new.places[effect.id], strict=True):
         before = old.names.index(f"{effect.id}.{parameter.name}")
         values = _values(found, before)

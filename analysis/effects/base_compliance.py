@@ -73,6 +73,7 @@ EFFECT = Effect(
             5e4,
             _FREQUENCIES_HZ,
             "of the base on the stand",
+            resolved=True,
         ),
         EffectParameter(
             "damping_ratio", "1", "rig", "log", 0.03, 1e-4, 1.0, (0.05,), "of the base on the stand"

@@ -134,6 +134,9 @@ class EffectParameter:
         signal's own unit; where given they are better than ``starts``.
     threshold : bool
         Nothing happens on the far side of it, and nothing there has a slope towards it.
+    resolved : bool
+        The effect is told by it: a fit that ends beyond its bounds has found another, however
+        little the data say of the number itself.
     """
 
     name: str
@@ -147,6 +150,7 @@ class EffectParameter:
     description: str
     peak_starts: tuple[float, ...] = ()
     threshold: bool = False
+    resolved: bool = False
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""

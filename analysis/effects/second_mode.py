@@ -52,9 +52,10 @@ EFFECT = Effect(
             5e5,
             _FREQUENCIES_HZ,
             "natural frequency",
+            resolved=True,
         ),
         EffectParameter(
-            "damping_ratio", "1", "rig", "log", 0.03, 1e-4, 1.0, (0.03,), "of the mode"
+            "damping_ratio", "1", "rig", "log", 0.03, 1e-4, 0.4, (0.03,), "of the mode"
         ),
     ),
     order=10,

@@ -61,6 +61,7 @@ EFFECT = Effect(
             1e-3,
             (1.5e-5, 4e-6, 6e-5, 2.5e-4),
             "time constant",
+            resolved=True,
         ),
     ),
     contact=_term,

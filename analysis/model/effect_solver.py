@@ -37,7 +37,7 @@ from numba import float64, njit, types
 
 from analysis.model.by_address import call_term, load, store
 from analysis.model.free_ring import add_free_ring, carry_on
-from analysis.model.solver import ENDLESS, MAX_STEPS, _quintic
+from analysis.model.solver import ENDLESS, HOVERS, MAX_STEPS, _quintic
 
 TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
     float64, float64, float64, float64, float64, float64, float64, float64
@@ -277,8 +277,10 @@ def _integrate(  # type: ignore[no-untyped-def]
     for j in range(2 * masses):
         store(work, _at(first + j), state[j])
     cd, per_mass = alpha * math.sqrt(m * K), 1.0 / m
-    depth = (1.25 * m * v0 * v0 / K) ** 0.4
-    h = 13.05 * depth**0.25 / v0 / steps
+    # a sphere that hardly moves is driven by its weight
+    speed = math.sqrt(v0 * v0 + 2.0 * g * (2.5 * g * m / K) ** (2.0 / 3.0))
+    depth = (1.25 * m * speed * speed / K) ** 0.4
+    h = 13.05 * depth**0.25 / speed / steps
     i = 0
     if start < 0.0:
         # a touch-down beyond the window, however far, leaves all of it untouched
@@ -306,6 +308,8 @@ def _integrate(  # type: ignore[no-untyped-def]
                 continue
             y1 = 0.0
             store(work, new + _Y, 0.0)
+            ended = True
+        elif y1 < HOVERS * depth**0.25 and abs(u1) < HOVERS * speed:
             ended = True
         deepest = max(deepest, y1)
         t0, t1 = load(work, _T), load(work, new + _T)

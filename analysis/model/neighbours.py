@@ -30,7 +30,10 @@ SOLVE, GAIN, AGAIN, READ, NOTHING = range(5)
 
 LOG_STEP = 1e-6
 TIME_STEP_US = 1e-4
-MOST_BOUNCES = 6
+MOST_BOUNCES = 12
+LEAST_STEPS = 48
+PRESSED = 3.0
+"""Times that speed, below which a contact is followed without what effects make of it."""
 SLOWEST = 2e-4
 """Share of the impact speed below which no later contact is followed."""
 SETTLES = 0.1
@@ -255,21 +258,21 @@ def add_second_contacts(
             if not delay < last:
                 break
             duration, rebound, state = _later_contact(
-                signal, model, column, steps, (delay, speed), left
+                signal, model, column, steps, later=(delay, speed), left=left
             )
-            if not (math.isfinite(duration) and rebound > _settling_speed(column)):
-                break
+            if not (math.isfinite(duration) and column.context.gravity_m_per_s2 > 0.0):
+                break  # it stays, or never comes back
             left = End(delay + duration, state) if effect.rides else None
-            delay += duration + 2.0 * rebound / column.context.gravity_m_per_s2
-            speed = rebound
+            # a hop that is not seen is taken for the least that is
+            speed = max(rebound, SETTLES * _weighing_speed(column))
+            delay += duration + 2.0 * speed / column.context.gravity_m_per_s2
 
 
-def _settling_speed(column: Column) -> float:
-    """Return the speed below which the sphere's own weight keeps it down. [m/s]"""
+def _weighing_speed(column: Column) -> float:
+    """Return the speed at which inertia and weight press the sphere down alike. [m/s]"""
     context = column.context
     g = context.gravity_m_per_s2
-    sunk = (context.mass_kg * g / context.stiffness) ** (2 / 3)
-    return SETTLES * math.sqrt(g * sunk)
+    return math.sqrt(g * (context.mass_kg * g / context.stiffness) ** (2 / 3))
 
 
 def _later_contact(
@@ -277,17 +280,22 @@ def _later_contact(
     model: ImpactModel,
     column: Column,
     steps: int,
+    *,
     later: tuple[float, float],
     left: End | None,
 ) -> tuple[float, float, Array]:
     """Add a contact at a time after the first [s] and a speed [m/s]; duration, rebound, state."""
     if later[1] < SLOWEST * column.context.speed_m_per_s:
         return math.nan, math.nan, np.zeros(0)  # hardly moves, and the scheme does not follow it
-    # a slow contact lasts longer, by speed^(-1/5), and the cell swings as fast as ever; in powers
-    # of two, so that neighbours take the same steps
-    longer = (column.context.speed_m_per_s / later[1]) ** 0.2
-    steps = min(steps << max(0, math.ceil(math.log2(longer))), solver.MAX_STEPS)
-    if left is None and not any(e.in_solver for e in model.effects):
+    # a slow contact lasts longer, by speed^(-1/5), and the cell swings as fast as ever: in powers
+    # of two, so that neighbours take the same steps; it is fainter, by speed^(6/5), and an error
+    # that falls with the fifth power of the steps may be larger in itself
+    slower = max(1.0, column.context.speed_m_per_s / later[1])
+    steps <<= math.ceil(math.log2(slower) / 5.0)
+    steps = min(max(steps >> int(0.24 * math.log2(slower)), LEAST_STEPS), solver.MAX_STEPS)
+    pressed = later[1] < PRESSED * _weighing_speed(column)
+    if left is None and (pressed or not any(e.in_solver for e in model.effects)):
+        # where weight prevails, terms and masses change little of what is little itself
         ratio = later[1] / column.context.speed_m_per_s
         duration, rebound, _ = _base_trace(signal, model, column, steps, (later[0], ratio))
         return duration, rebound, np.zeros(0)

@@ -49,6 +49,10 @@ MAX_STEPS = 20_000
 ENDLESS = 4
 """Times the usual steps of a contact after which it is followed only as far as it is seen."""
 
+HOVERS = 1e-3
+"""Share of its scales of depth (to the fourth root) and speed at which a sphere neither presses nor
+leaves, where the solver's time would stand still."""
+
 # Dormand & Prince's fifth-order pair (J. Comput. Appl. Math. 6 (1980) 19-26), the order-5 row.
 _A21 = 1 / 5
 _A31, _A32 = 3 / 40, 9 / 40
@@ -251,10 +255,12 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
     KM, w2, g2 = 0.0, 0.0, 0.0
     if kind == KV:
         KM, w2, g2 = K / M, k / M, mu / M
-    depth = (1.25 * v0 * v0 / Km) ** 0.4
+    # a sphere that hardly moves is driven by its weight
+    speed = math.sqrt(v0 * v0 + 2.0 * g * (2.5 * g / Km) ** (2.0 / 3.0))
+    depth = (1.25 * speed * speed / Km) ** 0.4
     y_scale = depth**0.25
     # s over a loss-free contact is 13.05 y_max / v0 (computed once, see the tests)
-    h = 13.05 * y_scale / v0 / steps
+    h = 13.05 * y_scale / speed / steps
     y, u, D, w, t = 0.0, v0, 0.0, 0.0, 0.0
     i = 0
     if start < 0.0:
@@ -270,6 +276,8 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
             part = _lift_off(y, u, D, w, t, h, Km, cd, KM, w2, g2, g)
             y1, u1, D1, w1, t1 = _step(y, u, D, w, t, part, Km, cd, KM, w2, g2, g)
             y1 = 0.0
+            ended = True
+        elif y1 < HOVERS * y_scale and abs(u1) < HOVERS * speed:
             ended = True
         deepest = max(deepest, y1)
         if i < n and start + i * dt <= t1:
