@@ -7,8 +7,10 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 
-from analysis.effects.library import effect_named
+from analysis.effects.library import effect_named, library
 from analysis.model.impact_model import model_named
 
 from .conftest import Rig, apart
@@ -79,6 +81,65 @@ def test_a_slow_second_contact_bounces_on() -> None:
     assert later < 3e-3
     added = np.abs(found - rig.predict("kv").signal).max()
     assert np.abs(found - expected)[:until].max() < 1e-3 * added
+
+
+def _touch_twice(rig: Rig, delay_s: float, speed_m_per_s: float) -> NDArray[np.float64]:
+    """Return the cell's compression over two contacts by DOP853, the second relative to the ring.
+
+    States are x, x', D, D'; the sphere falls freely in between and is put down where it is told.
+    """
+
+    def slopes(_: float, s: NDArray[np.float64], touching: bool) -> list[float]:
+        x, v, d, w = s
+        depth = max(x - d, 0.0) if touching else 0.0
+        elastic = rig.stiffness * depth**1.5
+        loss = rig.dashpot(depth, v - w) if touching else 0.0
+        pull = elastic - rig.cell_stiffness * d - rig.cell_damping * w
+        return [v, 9.80665 - (elastic + loss) / rig.mass, w, pull / rig.cell_mass]
+
+    def leaves(_: float, s: NDArray[np.float64], touching: bool) -> float:
+        return s[0] - s[2] if touching else 1.0
+
+    leaves.terminal, leaves.direction = True, -1.0  # type: ignore[attr-defined]
+    end_s = float(rig.times[-1])
+    compression = np.zeros(rig.samples)
+    start_s, state = 0.0, np.array([0.0, rig.speed, 0.0, 0.0])
+    while start_s < end_s:
+        for touching in (True, False):
+            until = delay_s if not touching and start_s < delay_s else end_s
+            part = solve_ivp(
+                slopes, (start_s, until), state, method="DOP853", rtol=1e-11, atol=1e-16,
+                dense_output=True, events=leaves, args=(touching,), max_step=2e-6,
+            )  # fmt: skip
+            inside = (rig.times >= start_s) & (rig.times <= part.t[-1])
+            if inside.any():
+                compression[inside] = part.sol(rig.times[inside])[2]
+            start_s, state = float(part.t[-1]), part.y[:, -1]
+        state = np.array([state[2], state[3] + speed_m_per_s, state[2], state[3]])
+    return compression
+
+
+def test_a_second_contact_may_meet_the_ring_of_the_first() -> None:
+    """A sphere that comes back while the cell rings is kicked by it: DOP853 of both contacts."""
+    form = next(v for v in library()["recontact"].variants if v.rides)
+    model = dataclasses.replace(model_named("kv"), effects=(form,))
+    ratio, delay = 0.08, 1.61e-4
+    values = {f"{form.id}.speed_ratio": ratio, f"{form.id}.delay_s": delay}
+    rig = RIG.but(samples=520)
+    found = model.predict(rig.local(model, values), rig.frame()).signal
+    expected = _touch_twice(rig, delay, ratio * rig.speed) / rig.compliance_m_per_v
+    assert apart(found, expected) < 2e-6
+    added = {"recontact.speed_ratio": ratio, "recontact.delay_s": delay}
+    assert apart(rig.predict("kv+recontact", added).signal, expected) > 1e-3
+
+
+def test_a_sphere_that_comes_to_rest_leaves_its_weight() -> None:
+    """Long after a hop that is not seen, the cell bears the sphere."""
+    rig = RIG.but(samples=12000, speed=0.5, restitution=0.3)
+    values = {"recontact.speed_ratio": 1e-3, "recontact.delay_s": 6e-4}
+    left = rig.predict("kv+recontact", values).signal[-500:]
+    weight_v = rig.mass * 9.80665 / (rig.cell_stiffness * rig.compliance_m_per_v)
+    assert left.mean() == pytest.approx(weight_v, rel=0.02)
 
 
 def test_a_second_contact_has_the_law_of_the_first() -> None:
