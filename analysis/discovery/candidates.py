@@ -1,33 +1,22 @@
-"""Named effects as hypotheses: a cheap look along each first, then an honest refit of the best."""
+"""Named effects as hypotheses: an honest refit of what a cheap look promised."""
 
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.discovery.before_trigger import is_there_before
-from analysis.effects.effect import Effect, EffectParameter
-from analysis.effects.library import library
+from analysis.discovery.physical import left_its_range
+from analysis.discovery.proposals import Proposal, rescoped
+from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
-from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
-
-STARTS_TRIED = 50
-AMPLITUDE_STEP = 0.05
-"""Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
-HARDLY = 0.05
-"""Share of the largest owner's amplitude below which another's is as good as neutral."""
-ALIKE, FEWEST_PHASES = 0.4, 6
-"""Share of a free signal's power that is the same in all shots, from which its phase is not free;
-the inverse of the number of shots is what chance leaves."""
 KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
 PRESENT = 0.3
@@ -36,35 +25,6 @@ LEAST_EACH = 10.0
 """Whitened squares a number that every shot needs of its own for such numbers to be believed."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
-SCOPES_TRIED = ("rig", "surface", "sphere")
-
-
-@dataclass(frozen=True)
-class Proposal:
-    """One effect from one start: what it would add to each shot, to first order.
-
-    Attributes
-    ----------
-    effect : Effect
-        In the form that is tried.
-    owner : str
-        Id of the library's entry, without the form.
-    coordinates : tuple of float
-        Where the effect's parameters start.
-    amplitude : int or None
-        Which parameter the column's coefficient multiplies; None where the whole column is a
-        difference and a coefficient of one means the start itself.
-    """
-
-    effect: Effect
-    owner: str
-    coordinates: tuple[float, ...]
-    amplitude: int | None
-
-    @property
-    def key(self) -> str:
-        """Return a name that is unique among proposals."""
-        return f"{self.effect.id}@{','.join(f'{c:.4g}' for c in self.coordinates)}"
 
 
 @dataclass(frozen=True)
@@ -138,172 +98,6 @@ def price(shared: int, own: int, gain: float, penalty: float) -> float:
     return penalty * (shared + 1) + own * (1.0 + math.log(max(gain / own, 1.0)))
 
 
-def amplitude_of(effect: Effect) -> int | None:
-    """Return which parameter of an effect is its size; None where none is neutral at a point."""
-    for at, parameter in enumerate(effect.parameters):
-        sloped = not (parameter.peak_starts or parameter.threshold)
-        if parameter.form in ("linear", "inverse") and sloped:
-            return at
-    return None
-
-
-def _starts(parameter: EffectParameter, top: float) -> tuple[float, ...]:
-    if parameter.peak_starts:
-        return tuple(top * s for s in parameter.peak_starts)
-    return parameter.starts
-
-
-def default_starts(effect: Effect, top: float) -> list[tuple[float, ...]]:
-    """Return an effect's usual numbers as coordinates, every combination of its starts.
-
-    Parameters
-    ----------
-    effect : Effect
-        Any.
-    top : float
-        Largest excursion of the campaign, for sizes in the signal's own unit.
-
-    Returns
-    -------
-    list of tuple of float
-        At most `STARTS_TRIED`.
-    """
-    lists = [_starts(p, top) for p in effect.parameters]
-    return [
-        tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
-        for values in itertools.islice(itertools.product(*lists), STARTS_TRIED)
-    ]
-
-
-def can_be_tried(effect: Effect, problem: JointProblem) -> str | None:
-    """Return why an effect cannot be tried on these data, None where it can."""
-    if effect.replaces_base:
-        return "it is a base model of its own"
-    if problem.model.base not in effect.bases:
-        return f"it has no meaning in the base model {problem.model.base}"
-    for need in effect.needs:
-        if any(getattr(s.frame, need) is None for s in problem.shots):
-            return f"{need} is not known for every shot"
-    if effect.speed is not None and any(s.speed_prior is None for s in problem.shots):
-        return "drop heights are not known for every shot"
-    return None
-
-
-def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
-    """Return what can be tried on top of a model, and why the rest cannot.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        The present model and its data.
-
-    Returns
-    -------
-    found : list of Proposal
-        All effects, forms and starts.
-    refused : dict
-        Reason by effect id.
-    """
-    top = max(s.window.peak for s in problem.shots)
-    present = {e.id.partition(":")[0] for e in problem.model.effects}
-    found, refused = [], {}
-    for listed in library().values():
-        if listed.id in present:
-            continue
-        why = can_be_tried(listed, problem)
-        if why is not None:
-            refused[listed.id] = why
-            continue
-        for effect in (listed, *listed.variants):
-            amplitude = amplitude_of(effect)
-            lists = [
-                _starts(p, top)[:1] if at == amplitude else _starts(p, top)
-                for at, p in enumerate(effect.parameters)
-            ]
-            for values in itertools.islice(itertools.product(*lists), STARTS_TRIED):
-                at = tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
-                found.append(Proposal(effect, listed.id, at, amplitude))
-    return found, refused
-
-
-def column(
-    proposal: Proposal, model: ImpactModel, local: Array, item: FitShot, base: Array
-) -> tuple[Array, Array]:
-    """Return what a proposal adds to one shot per unit coefficient: signal and promised speed.
-
-    Parameters
-    ----------
-    proposal : Proposal
-        What is tried.
-    model : ImpactModel
-        The present model.
-    local : ndarray, shape (p,)
-        The shot's fitted local parameters.
-    item : FitShot
-        The shot.
-    base : ndarray, shape (n,)
-        The present model's signal.
-
-    Returns
-    -------
-    signal : ndarray, shape (n, q)
-        q is 1, or the number of free sizes of an effect with a basis.
-    speed : ndarray, shape (q,)
-        Shift of ln v0.
-    """
-    effect = proposal.effect
-    if effect.basis is not None:
-        found = effect.basis(item.frame.samples, model.context(local, item.frame))
-        return found * item.window.peak, np.zeros(found.shape[1])
-    at = len(model.shared)
-    coordinates = np.array(proposal.coordinates)
-    step = 1.0
-    if proposal.amplitude is not None:
-        step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
-        coordinates[proposal.amplitude] = step
-    tried = model.with_effect(rescoped(effect, "rig"))
-    moved = np.concatenate([local[:at], coordinates, local[at:]])
-    signal = tried.predict(moved, item.frame).signal
-    shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
-    if not np.isfinite(signal).all():
-        signal = base
-    return ((signal - base) / step)[:, None], np.array([shift / step])
-
-
-def rescoped(effect: Effect, scope: str) -> Effect:
-    """Return an effect whose amplitude belongs to someone else; its other numbers stay the rig's.
-
-    Parameters
-    ----------
-    effect : Effect
-        Any.
-    scope : str
-        rig, surface, sphere or shot; without an amplitude all numbers go to that owner.
-
-    Returns
-    -------
-    Effect
-        With every number that is no amplitude owned by the rig.
-    """
-    amplitude = amplitude_of(effect)
-    parameters = tuple(
-        dataclasses.replace(p, scope=scope if amplitude is None or at == amplitude else "rig")
-        for at, p in enumerate(effect.parameters)
-    )
-    return dataclasses.replace(effect, parameters=parameters)
-
-
-def scopes_of(effect: Effect) -> tuple[str, ...]:
-    """Return the owners worth trying: of contact and mounting the materials too."""
-    if effect.basis is not None:
-        return ("shot",)
-    if effect.slot == "contact":
-        return SCOPES_TRIED
-    if effect.slot == "mounting":
-        return ("rig",) if amplitude_of(effect) is None else ("rig", "surface", "shot")
-    return ("rig",)
-
-
 def own_numbers(effect: Effect) -> int:
     """Return how many numbers of an effect every shot has for itself."""
     return effect.basis_size + sum(p.scope == "shot" for p in effect.parameters)
@@ -347,65 +141,6 @@ def extended(
     larger.start = theta
     nuisances = carried_over(problem.model, model, fitted.nuisances, coordinates)
     return larger, theta, nuisances
-
-
-def _value(parameter: EffectParameter, coordinate: float) -> float:
-    """Return the physical value, also where only an infinite uncertainty leads to it."""
-    try:
-        return parameter.value(coordinate)
-    except OverflowError:
-        return math.inf
-
-
-def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:
-    """Tell whether an effect's numbers are such as no such effect can have.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A fit that has the effect.
-    effect : Effect
-        Which one.
-
-    Returns
-    -------
-    bool
-        A number outside its bounds by more than two standard uncertainties; or a free signal that
-        is alike in all shots, or absent before the trigger: the mains do not know when a sphere
-        falls.
-    """
-    if effect.basis is not None:
-        first = problem.model.nuisances.index(f"{effect.id}.basis0")
-        sizes = fitted.nuisances[:, first : first + effect.basis_size]
-        alike = float((sizes.mean(axis=0) ** 2).sum() / max((sizes**2).mean(axis=0).sum(), 1e-300))
-        locked = alike > ALIKE and len(sizes) >= FEWEST_PHASES
-        return locked or not is_there_before(problem.shots, effect, sizes)
-    u = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
-    for parameter in effect.parameters:
-        if parameter.scope == "shot":
-            own = problem.model.nuisances.index(f"{effect.id}.{parameter.name}")
-            felt = [effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots]
-            typical = parameter.value(float(np.median(fitted.nuisances[felt, own])))
-            if not parameter.low <= typical <= parameter.high:
-                return True
-            continue
-        places = [
-            j
-            for j, name in enumerate(problem.names)
-            if name.split("[", 1)[0] == f"{effect.id}.{parameter.name}"
-        ]
-        largest = float(np.abs(fitted.theta[places]).max(initial=0.0))
-        for j in places:
-            at = float(fitted.theta[j])
-            width = 0.0 if parameter.resolved else 2.0 * float(u[j])
-            if parameter.form != "log" and abs(at) < HARDLY * largest:
-                continue  # next to another owner's it is neutral
-            nearest = [_value(parameter, c) for c in (at - width, at, at + width)]
-            if parameter.form == "inverse" and at - width <= 0.0 <= at + width:
-                continue  # neutral is within reach
-            if not any(parameter.low <= v <= parameter.high for v in nearest):
-                return True
-    return False
 
 
 def refit(

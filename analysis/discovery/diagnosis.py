@@ -10,7 +10,7 @@ from analysis.campaign import Campaign
 from analysis.discovery.candidates import Refit
 from analysis.discovery.localise import Located, locate
 from analysis.discovery.next_drop import NextDrop, propose
-from analysis.discovery.ranking import PENALTY, usual_place
+from analysis.discovery.starting import PENALTY, usual_place
 from analysis.discovery.trail import (
     MIN_GAIN,
     Step,

@@ -14,7 +14,8 @@ import numpy as np
 from analysis.discovery.candidates import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.discovery.isolated import apart_from, tried_alone
 from analysis.discovery.left_out import LeftOut, excess
-from analysis.discovery.ranking import Ground, Progress
+from analysis.discovery.parts import Ground
+from analysis.discovery.ranking import Progress
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem

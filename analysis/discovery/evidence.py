@@ -20,10 +20,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
-from analysis.discovery.candidates import Proposal, column
 from analysis.discovery.columns import Scale
 from analysis.discovery.families import View, family_columns, scale_of, tuned
 from analysis.discovery.owners import owners
+from analysis.discovery.proposals import Proposal, column
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.discovery.candidates import Refit, extended, proposals, refitted
+from analysis.discovery.candidates import Refit, extended, refitted
 from analysis.discovery.evidence import gather
 from analysis.discovery.left_out import (
     MOST_STEPS,
@@ -23,8 +23,11 @@ from analysis.discovery.left_out import (
     part_of_shots,
 )
 from analysis.discovery.omnibus import ask
-from analysis.discovery.ranking import PENALTY, Ground, Progress, rank, ranked
+from analysis.discovery.parts import Ground
+from analysis.discovery.proposals import proposals
+from analysis.discovery.ranking import Progress, rank, ranked
 from analysis.discovery.reformed import reformed
+from analysis.discovery.starting import PENALTY
 from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect
 from analysis.fit import joint

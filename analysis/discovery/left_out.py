@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.discovery.ranking import FAR, Ground
+from analysis.discovery.parts import FAR, Ground
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from analysis.discovery.candidates import Refit, scopes_of
+from analysis.discovery.candidates import Refit
 from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.noise_words import times_noise
-from analysis.discovery.ranking import PENALTY
+from analysis.discovery.proposals import scopes_of
+from analysis.discovery.starting import PENALTY
 from analysis.discovery.trail import MIN_GAIN, Step
 from analysis.effects.library import effect_named
 

@@ -13,7 +13,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.discovery.candidates import HARDLY, Refit, extended, refitted
+from analysis.discovery.candidates import Refit, extended, refitted
+from analysis.discovery.physical import HARDLY
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint

@@ -11,21 +11,17 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from analysis.discovery.candidates import Proposal, Refit, proposals
+from analysis.discovery.candidates import Refit
 from analysis.discovery.divided import divided
 from analysis.discovery.evidence import Evidence, gather
 from analysis.discovery.isolated import SLOTS, explains_all, isolated, tried_alone
 from analysis.discovery.left_out import LeftOut, left_out
 from analysis.discovery.omnibus import Omnibus, ask
-from analysis.discovery.ranking import (
-    PENALTY,
-    Ground,
-    one_form_each,
-    rank,
-    ranked,
-    rivals_refitted,
-)
+from analysis.discovery.parts import Ground
+from analysis.discovery.proposals import Proposal, proposals
+from analysis.discovery.ranking import one_form_each, rank, ranked, rivals_refitted
 from analysis.discovery.reformed import reformed
+from analysis.discovery.starting import PENALTY
 from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect
 from analysis.fit import joint

@@ -12,7 +12,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.discovery.candidates import Refit, extended, refitted, rescoped, scopes_of
+from analysis.discovery.candidates import Refit, extended, refitted
+from analysis.discovery.proposals import rescoped, scopes_of
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over

@@ -1,6 +1,6 @@
 """What a structure does after lift-off: a free linear motion, exact from sample to sample."""
 
-# ruff: noqa: PLR0912, PLR0917 - a compiled kernel takes its numbers by position
+# ruff: noqa: PLR0917 - a compiled kernel takes its numbers by position
 
 from __future__ import annotations
 
@@ -66,6 +66,15 @@ def _propagator(E, A, rate, dt, work):  # type: ignore[no-untyped-def]
         E[:] = other
 
 
+@njit(cache=True, nogil=True)
+def _fastest(A):  # type: ignore[no-untyped-def]
+    """Return the largest angular frequency of a mass by itself, 1 where nothing holds any."""
+    rate = 0.0
+    for row in range(A.shape[0]):
+        rate = max(rate, abs(A[row, 2 * row]))
+    return math.sqrt(rate) if rate > 0.0 else 1.0
+
+
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def _carried(s, P, other):  # type: ignore[no-untyped-def]
     """Replace the state by P s."""
@@ -111,12 +120,7 @@ def add_free_ring(out, i, ahead, dt, A, reading, gain, s):  # type: ignore[no-un
     P, Q = np.empty((size, size)), np.empty((size, size))
     work = np.empty((3, size, size))
     other = np.empty(size)
-    rate = 0.0
-    for row in range(size // 2):
-        rate = max(rate, abs(A[row, 2 * row]))
-    rate = math.sqrt(rate)
-    if not rate > 0.0:
-        rate = 1.0
+    rate = _fastest(A)
     for row in range(size // 2):
         s[2 * row + 1] /= rate
     _propagator(P, A, rate, ahead, work)
@@ -160,12 +164,7 @@ def carry_on(A, span, s):  # type: ignore[no-untyped-def]
         Displacements and velocities, alternating; overwritten. [m, m/s]
     """
     size = A.shape[1]
-    rate = 0.0
-    for row in range(size // 2):
-        rate = max(rate, abs(A[row, 2 * row]))
-    rate = math.sqrt(rate)
-    if not rate > 0.0:
-        rate = 1.0
+    rate = _fastest(A)
     P, work, other = np.empty((size, size)), np.empty((3, size, size)), np.empty(size)
     _propagator(P, A, rate, span, work)
     for row in range(size // 2):
