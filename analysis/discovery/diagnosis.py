@@ -41,6 +41,8 @@ AKIN = {
     "electronics": ("response", "static", "dynamic"),
 }
 """Families of the omnibus test that an effect of a slot looks like."""
+AKIN_LEFT = 0.005
+"""Share of what was explained that may still look like it: no equation is exact."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
@@ -194,7 +196,9 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
     for count in range(len(chosen), 0, -1):
         left = max((a.gain - a.dof for a in steps[count].omnibus.answers.values()), default=0.0)
         looks_like = steps[count].omnibus.strongest.family
-        if any(looks_like in AKIN[c.effect.slot] for c in chosen[:count]):
+        explained = steps[0].fitted.cost - steps[count].fitted.cost
+        akin = any(looks_like in AKIN[c.effect.slot] for c in chosen[:count])
+        if akin and left > AKIN_LEFT * explained:
             continue  # what remains is of the kind that was named: the name only resembles it
         share, ahead = (PARTIAL_LEFT, 0.0) if count == 1 else (PARTIALS_LEFT, PARTIALS_AHEAD)
         if all(

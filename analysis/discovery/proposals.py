@@ -16,7 +16,7 @@ from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
 
-STARTS_TRIED = 50
+STARTS_TRIED = 75
 AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
 SCOPES_TRIED = ("rig", "surface", "sphere")

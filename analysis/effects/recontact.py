@@ -31,7 +31,7 @@ _PARAMETERS = (
         0.1,
         5e-4,
         1.0,
-        (0.1, 4e-3),
+        (0.1, 4e-3, 1.5e-3),
         "second impact speed over the first",
     ),
     EffectParameter(
