@@ -76,7 +76,16 @@ EFFECT = Effect(
             resolved=True,
         ),
         EffectParameter(
-            "damping_ratio", "1", "rig", "log", 0.03, 1e-4, 1.0, (0.05,), "of the base on the stand"
+            "damping_ratio",
+            "1",
+            "rig",
+            "log",
+            0.03,
+            1e-6,
+            0.6,
+            (0.05,),
+            "of the base on the stand",
+            resolved=True,
         ),
     ),
     structure=_structure,

@@ -55,7 +55,16 @@ EFFECT = Effect(
             resolved=True,
         ),
         EffectParameter(
-            "damping_ratio", "1", "rig", "log", 0.03, 1e-4, 0.4, (0.03,), "of the mode"
+            "damping_ratio",
+            "1",
+            "rig",
+            "log",
+            0.03,
+            1e-6,
+            0.4,
+            (0.03,),
+            "of the mode",
+            resolved=True,
         ),
     ),
     order=10,
