@@ -244,11 +244,17 @@ class Effect:
         """Return it with its numbers and without what they do, for shots that do not feel it."""
         return replace(
             self,
-            **dict.fromkeys(
-                ("contact", "pack", "share", "mobility", "reach", "structure", "output", "speed",
-                 "again", "steps")
-            ),
-        )  # fmt: skip
+            contact=None,
+            pack=None,
+            share=None,
+            mobility=None,
+            reach=None,
+            structure=None,
+            output=None,
+            speed=None,
+            again=None,
+            steps=None,
+        )
 
     @property
     def in_solver(self) -> bool:
