@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.discovery.candidates import Refit
+from analysis.discovery.candidates import LEAST_EACH, Refit
 from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.noise_words import times_noise
 from analysis.discovery.proposals import scopes_of
@@ -37,7 +37,12 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
     if not to_the_end(refit):
         return "not fitted to the end: its search was far behind the others when they were taken on"
     if refit.at_bound and refit.effect.basis is not None:
-        return "its sizes and phases are alike in all shots, and the mains do not know of a drop"
+        return (
+            "it is not there before the trigger, or its sizes and phases are alike in all shots, and "
+            "the mains do not know of a drop"
+        )
+    if refit.at_bound and refit.gain < LEAST_EACH * refit.own:
+        return "every shot needs a number of its own, and they bring too little to be believed"
     if refit.at_bound:
         bounds = "; ".join(
             f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
