@@ -36,24 +36,29 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
         return None
     if not to_the_end(refit):
         return "not fitted to the end: its search was far behind the others when they were taken on"
-    if refit.at_bound and refit.effect.basis is not None:
-        return (
-            "it is not there before the trigger, or its sizes and phases are alike in all shots, and "
-            "the mains do not know of a drop"
-        )
-    if refit.at_bound and refit.gain < LEAST_EACH * refit.own:
-        return "every shot needs a number of its own, and they bring too little to be believed"
     if refit.at_bound:
-        bounds = "; ".join(
-            f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
-        )
-        return f"its best fit leaves what is physically possible ({bounds})"
+        return _not_physical(refit)
     if refit.score(PENALTY) < MIN_GAIN:
         return (
             f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its "
             f"{refit.parameters} number(s) cost by chance alone"
         )
     return _beaten(diagnosis, step, refit, taken)
+
+
+def _not_physical(refit: Refit) -> str:
+    """Return why a fit has not found the effect whose numbers it has."""
+    if refit.effect.basis is not None:
+        return (
+            "it is not there before the trigger, or its sizes and phases are alike in all shots, "
+            "and the mains do not know of a drop"
+        )
+    if refit.gain < LEAST_EACH * refit.own:
+        return "every shot needs a number of its own, and they bring too little to be believed"
+    bounds = "; ".join(
+        f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
+    )
+    return f"its best fit leaves what is physically possible ({bounds})"
 
 
 def to_the_end(refit: Refit) -> bool:
