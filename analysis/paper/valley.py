@@ -15,6 +15,10 @@ from analysis.paper.fits import Known, predict
 Array = NDArray[np.float64]
 
 
+SAME_COST = 1e-3
+"""Squares by which fits that ended at the valley's bottom may differ."""
+
+
 @dataclass(frozen=True)
 class Valley:
     """How one shot of one pair sees two moduli.
@@ -103,7 +107,8 @@ def valley(
         )
         ends.append((start, found.x, 2 * float(found.cost)))
     least = min(cost for _, _, cost in ends)
-    best = min(ends, key=lambda end: end[2])[1]
+    # along the valley costs differ by rounding, also where one modulus has gone to infinity
+    best = next(x for _, x, cost in ends if cost - least < SAME_COST)
 
     step = 1e-4
     columns = [
