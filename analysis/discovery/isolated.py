@@ -50,25 +50,18 @@ class Isolated:
 
     Attributes
     ----------
-    only : tuple of str
-        (``surface`` or ``sphere``, name).
-    places : list of int
-        Its shots in the campaign.
+    rest : LeftOut
+        Which material, and the other shots.
     problem, fitted : JointProblem, Fitted
         Its shots alone; what they share with the others is known as well as those know it.
     usual : Fitted
         The same, where the rig was before any record but for what the others tell.
-    rest_problem, rest_fitted : JointProblem, Fitted
-        The other shots.
     """
 
-    only: tuple[str, str]
-    places: list[int]
+    rest: LeftOut
     problem: JointProblem
     fitted: joint.Fitted
     usual: joint.Fitted
-    rest_problem: JointProblem
-    rest_fitted: joint.Fitted
 
 
 def isolated(ground: Ground, without: list[LeftOut]) -> Isolated | None:
@@ -127,7 +120,7 @@ def apart_from(ground: Ground, rest: LeftOut, begin: joint.Fitted) -> Isolated:
         theta=before[[j for j in kept if j < before.size]],
         nuisances=ground.usual.nuisances[rest.places],
     )
-    return Isolated(rest.only, rest.places, part, alone, usual, rest.problem, rest.fitted)
+    return Isolated(rest, part, alone, usual)
 
 
 def _alone(
@@ -166,7 +159,7 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
     """
     inner = Ground(apart.problem, apart.fitted, apart.usual)
     tried = [p for p in proposals(apart.problem)[0] if p.effect.slot in SLOTS]
-    already = ground.fitted.cost - apart.rest_fitted.cost - apart.fitted.cost
+    already = ground.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not _is_noise(apart.problem, refits[0].fitted):
         near = reformed(apart.problem, apart.fitted, refits[0], PENALTY)
@@ -209,19 +202,19 @@ def on_all_shots(
     Refit
         Fitted again; the other shots do not feel the effect.
     """
-    effect = dataclasses.replace(found.effect, only=apart.only)
+    rest = apart.rest
+    effect = dataclasses.replace(found.effect, only=rest.only)
     larger, theta, _ = extended(problem, fitted, effect, {})
-    where = dict(zip(apart.rest_problem.names, apart.rest_fitted.theta, strict=True))
+    where = dict(zip(rest.problem.names, rest.fitted.theta, strict=True))
     for name, value in zip(found.problem.names, found.fitted.theta, strict=True):
-        where.setdefault(_owned(name, effect, apart.only[1]), float(value))
+        where.setdefault(_owned(name, effect, rest.only[1]), float(value))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = carried_over(problem.model, larger.model, fitted.nuisances)
-    others = [at for at in range(len(problem.shots)) if at not in apart.places]
     shared = [larger.model.nuisances.index(n) for n in problem.model.nuisances]
-    nuisances[np.ix_(others, shared)] = apart.rest_fitted.nuisances
-    nuisances[apart.places] = found.fitted.nuisances
+    nuisances[np.ix_(rest.others, shared)] = rest.fitted.nuisances
+    nuisances[rest.places] = found.fitted.nuisances
     result = joint.fit(larger, nuisances, theta=theta)
-    scope = apart.only[0] if found.scope == "rig" else found.scope
+    scope = rest.only[0] if found.scope == "rig" else found.scope
     whole = dataclasses.replace(
         found, effect=effect, scope=scope, problem=larger, fitted=result, on_all_shots=True
     )

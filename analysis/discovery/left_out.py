@@ -48,14 +48,18 @@ class LeftOut:
         return len(self.others) / (len(self.others) + len(self.places))
 
 
+def _samples(problem: JointProblem) -> int:
+    return sum(item.window.signal.size for item in problem.shots)
+
+
 def excess(problem: JointProblem, fitted: joint.Fitted) -> float:
     """Return the whitened squares beyond the noise. [1]"""
-    return fitted.cost - sum(item.window.signal.size for item in problem.shots)
+    return fitted.cost - _samples(problem)
 
 
 def chance(problem: JointProblem) -> float:
     """Return the squares beyond the noise that are no sign of more. [1]"""
-    return CHANCE * math.sqrt(2.0 * sum(item.window.signal.size for item in problem.shots))
+    return CHANCE * math.sqrt(2.0 * _samples(problem))
 
 
 def far_begin(ground: Ground) -> joint.Fitted:
@@ -71,8 +75,7 @@ def far_begin(ground: Ground) -> joint.Fitted:
     Fitted
         On all shots.
     """
-    samples = sum(item.window.signal.size for item in ground.problem.shots)
-    if ground.fitted.cost > FAR * samples and not ground.problem.model.effects:
+    if ground.fitted.cost > FAR * _samples(ground.problem) and not ground.problem.model.effects:
         return dataclasses.replace(ground.usual, theta=ground.problem.start)
     return ground.fitted
 

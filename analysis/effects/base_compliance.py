@@ -20,6 +20,7 @@ from analysis.effects.effect import (
     EffectParameter,
     ShotContext,
     Values,
+    damping_ratio,
     resolving_steps,
 )
 from analysis.model.structure import FRAME, Structure
@@ -75,18 +76,7 @@ EFFECT = Effect(
             "of the base on the stand",
             resolved=True,
         ),
-        EffectParameter(
-            "damping_ratio",
-            "1",
-            "rig",
-            "log",
-            0.03,
-            1e-6,
-            0.6,
-            (0.05,),
-            "of the base on the stand",
-            resolved=True,
-        ),
+        damping_ratio(0.05, most=0.6, of="of the base on the stand"),
     ),
     structure=_structure,
     steps=_steps,

@@ -25,6 +25,7 @@ from analysis.effects.effect import (
     EffectParameter,
     ShotContext,
     Values,
+    damping_ratio,
     resolving_steps,
 )
 from analysis.model.structure import Structure
@@ -81,18 +82,7 @@ EFFECT = Effect(
             "natural frequency",
             resolved=True,
         ),
-        EffectParameter(
-            "damping_ratio",
-            "1",
-            "rig",
-            "log",
-            0.03,
-            1e-6,
-            0.4,
-            (0.03,),
-            "of the mode",
-            resolved=True,
-        ),
+        damping_ratio(0.03, most=0.4, of="of the mode"),
     ),
     structure=_structure,
     steps=_steps,

@@ -262,6 +262,28 @@ class Effect:
         return any(x is not None for x in (self.contact, self.share, self.mobility, self.structure))
 
 
+def damping_ratio(start: float, *, most: float, of: str) -> EffectParameter:
+    """Return the damping ratio of a mode, which is no mode where it is damped by more.
+
+    Parameters
+    ----------
+    start : float
+        Where a fit begins; the scale as well. [1]
+    most : float
+        Largest of such a mode. [1]
+    of : str
+        Whose it is, in words.
+
+    Returns
+    -------
+    EffectParameter
+        The rig's, as a logarithm.
+    """
+    return EffectParameter(
+        "damping_ratio", "1", "rig", "log", start, 1e-6, most, (start,), of, resolved=True
+    )
+
+
 def resolving_steps(rate_per_s: float, context: ShotContext) -> float:
     """Return how many solver steps over the contact resolve something as fast as this.
 

@@ -5,12 +5,17 @@ r"""Recontact: the sphere meets the coupon again within the window.
 The coupon hops or the cell swings back before the sphere is away; the ordinary bounce comes much
 later and outside the fit window. A second contact that is slow bounces on: with a rebound speed u
 the sphere is back after 2 u / g, and again, until its weight keeps it down. All contacts have the
-law and the structure that the other effects of the model make of them.
+law and the structure that the other effects of the model make of them, but where its weight presses
+the sphere more than its speed does. At the end the cell bears that weight.
 
-Source: superposition of contacts on a linear cell; free flight between them. Validity: the first
-contact is over, and the cell's ring no longer moves the surface as fast as the sphere comes back:
-where it does, a percent of the second pulse is missed. Validation: sums of single traces in the
-tests. The neutral value is a limit, speed ratio to 0, where the pulse goes with ratio^(6/5).
+Two forms: the second contact is added to the ring of the first (the effect), or it meets the
+structure as the first has left it (``recontact:ringing``), at the given speed relative to it.
+
+Source: superposition of contacts on a linear cell, or continued integration; free flight between
+them. Validity: the first contact is over; added, the ring no longer moves the surface as fast as
+the sphere comes back. Validation: sums of single traces; DOP853 of both contacts for the ringing
+form; the weight at rest, in the tests. The neutral value of the added form is a limit, speed ratio
+to 0, where the pulse goes with ratio^(6/5).
 
 Scope: the rig's; a delay that goes with the height is not in this form.
 """

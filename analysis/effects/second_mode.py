@@ -10,7 +10,14 @@ Scope: the rig's, there is one cell.
 
 import math
 
-from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
+from analysis.effects.effect import (
+    Array,
+    Effect,
+    EffectParameter,
+    ShotContext,
+    Values,
+    damping_ratio,
+)
 from analysis.effects.resonance import resonance
 
 
@@ -54,18 +61,7 @@ EFFECT = Effect(
             "natural frequency",
             resolved=True,
         ),
-        EffectParameter(
-            "damping_ratio",
-            "1",
-            "rig",
-            "log",
-            0.03,
-            1e-6,
-            0.4,
-            (0.03,),
-            "of the mode",
-            resolved=True,
-        ),
+        damping_ratio(0.03, most=0.4, of="of the mode"),
     ),
     order=10,
     output=_output,

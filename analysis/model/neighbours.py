@@ -245,7 +245,7 @@ def add_second_contacts(
     Notes
     -----
     What touches again slowly bounces on within the window: with the speed u of its rebound it is
-    back after 2 u / g, until it lies still.
+    back after 2 u / g, a hop that is not seen being taken for the least that is, until it stays.
     """
     for effect in model.effects:
         if effect.again is None:
