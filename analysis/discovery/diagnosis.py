@@ -10,6 +10,7 @@ from analysis.campaign import Campaign
 from analysis.discovery.candidates import Refit
 from analysis.discovery.localise import Located, locate
 from analysis.discovery.next_drop import NextDrop, propose
+from analysis.discovery.spikes import Spikes, spikes
 from analysis.discovery.starting import PENALTY, usual_place
 from analysis.discovery.trail import (
     MIN_GAIN,
@@ -69,6 +70,8 @@ class Diagnosis:
         Where it lives and the learned closure, where no name explains all.
     next_drop : NextDrop or None
         The drop that would tell the likeliest names apart.
+    spikes : Spikes or None
+        How spiky the records are before the trigger; None where nobody looked.
     """
 
     verdict: str
@@ -78,6 +81,12 @@ class Diagnosis:
     slot: str | None = None
     located: Located | None = None
     next_drop: NextDrop | None = None
+    spikes: Spikes | None = None
+
+    @property
+    def spiky(self) -> bool:
+        """Whether spikes or jumps come that no impact causes and no noise makes."""
+        return self.spikes is not None and self.spikes.clear
 
     @property
     def confusable(self) -> list[str]:
@@ -129,9 +138,21 @@ def diagnose_campaign(
             trail = trail.on(crystal)
     if not trail.adequate:
         trail = without_needless(follow(trail, usual, told))
-    found = _judge(trail, told)
+    found = _with_spikes(_judge(trail, told), spikes(problem.shots))
     told("looking for the drop that would tell most", 0.98)
     return dataclasses.replace(found, next_drop=_next_drop(found))
+
+
+def _with_spikes(found: Diagnosis, seen: Spikes) -> Diagnosis:
+    """Return the verdict with what no test for structure sees, as nothing repeats in it."""
+    found = dataclasses.replace(found, spikes=seen)
+    if not seen.clear:
+        return found
+    if found.verdict == "adequate":
+        return dataclasses.replace(found, verdict="unknown", slot="electronics")
+    if found.verdict in ("identified", "family"):
+        return dataclasses.replace(found, verdict="partial")
+    return found
 
 
 def _next_drop(found: Diagnosis) -> NextDrop | None:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+from scipy.stats import norm
+
+from analysis.discovery.spikes import FAR, Spikes
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.noise import NoiseModel
@@ -29,19 +32,21 @@ def times_noise(squares: float) -> str:
     return f"{ratio:.3g}" if ratio < 1000 else f"{ratio:,.0f}"
 
 
-def noise_json(result: FitResult) -> Json:
+def noise_json(result: FitResult, spikes: Spikes | None = None) -> Json:
     """Return the noise that a fit is judged by.
 
     Parameters
     ----------
     result : FitResult
         With the noise as measured.
+    spikes : Spikes, optional
+        How spiky the records are before the trigger.
 
     Returns
     -------
     dict
-        ``instruments``, one entry for each; ``said``, what a person should know before anything is
-        said of a residual.
+        ``instruments``, one entry for each; ``spikes``, or None; ``said``, what a person should
+        know before anything is said of a residual.
     """
     entries, said = [], []
     seen: set[tuple[str, float]] = set()
@@ -53,7 +58,46 @@ def noise_json(result: FitResult) -> Json:
         seen.add(instrument)
         entries.append(_entry(noise, rate) | {"quantity": instrument[0]})
         said += [s for s in noise_sentences(noise, rate) if s not in said]
-    return {"instruments": entries, "said": said}
+    if spikes is None or spikes.samples == 0:
+        return {"instruments": entries, "spikes": None, "said": said}
+    if spikes.clear:
+        said.append(f"It is no plain noise: {spikes_said(spikes)}.")
+    return {"instruments": entries, "spikes": _spikes_entry(spikes), "said": said}
+
+
+def _spikes_entry(seen: Spikes) -> Json:
+    return {
+        "clear": seen.clear,
+        "excess_kurtosis": seen.excess_kurtosis,
+        "p_value": seen.p_value,
+        "quiet_samples": seen.samples,
+        f"beyond_{FAR:g}_deviations": seen.far,
+    }
+
+
+def spikes_said(seen: Spikes) -> str:
+    """Return in words how spiky the records are before the trigger.
+
+    Parameters
+    ----------
+    seen : Spikes
+        That no Gaussian noise is like.
+
+    Returns
+    -------
+    str
+        The part of a sentence.
+    """
+    if not seen.far:
+        return (
+            "spikes or jumps come at any time, also before the trigger (excess kurtosis "
+            f"{seen.excess_kurtosis:.2g} of {seen.samples} quiet samples; Gaussian noise has 0)"
+        )
+    chance = 2.0 * float(norm.sf(FAR)) * seen.samples
+    return (
+        f"spikes or jumps come at any time, also before the trigger ({seen.far} of {seen.samples} "
+        f"quiet samples lie beyond {FAR:g} standard deviations; Gaussian noise leaves {chance:.1g})"
+    )
 
 
 def _entry(noise: NoiseModel, rate_hz: float) -> Json:

@@ -56,9 +56,9 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "format": FORMAT,
         "verdict": diagnosis.verdict,
         "sentence": sentence(diagnosis, before, after),
-        "p_value": first.omnibus.p_value,
+        "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
-        "noise": noise_json(before),
+        "noise": noise_json(before, diagnosis.spikes),
         "effects": [
             _effect(refit, after, [r.owner for r in diagnosis.rivals.get(refit.owner, [])])
             for refit in diagnosis.chosen
@@ -69,7 +69,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "before": _block(before),
         "after": stated,
         "accepted_model": definition_of(after.problem, after.fitted) if diagnosis.chosen else None,
-        "remaining": _remaining(last),
+        "remaining": _remaining(diagnosis, last),
         "closure": _closure(diagnosis, before),
         "candidates": _candidates(diagnosis, first),
         "trail": [_turn(diagnosis, step) for step in diagnosis.steps],
@@ -249,13 +249,22 @@ def _turn(diagnosis: Diagnosis, step: Step) -> Json:
     }
 
 
-def _remaining(step: Step) -> Json:
+def _remaining(diagnosis: Diagnosis, step: Step) -> Json:
     strongest = step.omnibus.strongest
+    seen = {"family": strongest.family, "scope": strongest.scope}
+    if diagnosis.spiky and not step.omnibus.structured:
+        seen = {"family": "spikes", "scope": "shot"}
     return {
-        "structured": step.omnibus.structured,
-        "p_value": step.omnibus.p_value,
-        "strongest": {"family": strongest.family, "scope": strongest.scope},
+        "structured": step.omnibus.structured or diagnosis.spiky,
+        "p_value": _p_value(diagnosis, step),
+        "strongest": seen,
     }
+
+
+def _p_value(diagnosis: Diagnosis, step: Step) -> float:
+    """Return the chance of what is seen if there were only noise."""
+    seen = diagnosis.spikes
+    return min(step.omnibus.p_value, seen.p_value if seen is not None and seen.clear else 1.0)
 
 
 def _explained(found: Explained, *, brief: bool = False) -> Json:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis.discovery.diagnosis import Diagnosis
-from analysis.discovery.noise_words import frequency
+from analysis.discovery.noise_words import frequency, spikes_said
 from analysis.effects.library import library
 from analysis.fit.result import FitResult
 
@@ -35,7 +35,7 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
         return f"The model {before.model} explains the data: its residual is noise{rising}."
     if diagnosis.verdict == "identified":
         ends = f", which is noise ({noise})."
-        if diagnosis.steps[-1].omnibus.structured:
+        if _structured(diagnosis):
             ends = (
                 f" ({noise}). What remains beside the noise is less than 0.5 % of what it adds to "
                 "the signal, as far as its equation can be trusted."
@@ -44,14 +44,30 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     if diagnosis.verdict == "family":
         others = ", ".join(diagnosis.confusable)
         return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
+    if diagnosis.verdict == "partial" and diagnosis.spiky and not _structured(diagnosis):
+        return f"Found in part: {names}; {fall} ({noise}), but beside it {_spikes(diagnosis)}."
     if diagnosis.verdict == "partial":
         return f"Found in part: {names}; {fall}, but structure remains ({noise})."
+    if diagnosis.verdict == "unknown" and diagnosis.located is None:
+        return (
+            f"The model {before.model} explains what an impact causes, but {_spikes(diagnosis)}; "
+            "nothing in the library does that: look at plugs, cables and the supply."
+        )
     if diagnosis.verdict == "unknown":
         return (
             f"The model {before.model} misses something that no effect of the library explains"
             + _place(diagnosis)
         )
     return "These data could not show whether the model is complete."
+
+
+def _structured(diagnosis: Diagnosis) -> bool:
+    return diagnosis.steps[-1].omnibus.structured
+
+
+def _spikes(diagnosis: Diagnosis) -> str:
+    assert diagnosis.spikes is not None
+    return spikes_said(diagnosis.spikes)
 
 
 def _rising(result: FitResult) -> str:

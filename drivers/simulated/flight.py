@@ -42,7 +42,7 @@ class Segment:
     replaces_noise: bool = False
 
 
-@dataclass
+@dataclass(slots=True)
 class Touch:
     """One touch-down of a flight.
 
@@ -64,7 +64,10 @@ class Touch:
     peak_force_n: float
 
 
-@dataclass
+_SPENT = np.random.default_rng(0)
+
+
+@dataclass(slots=True)
 class Flight:
     """One release and all that follows.
 
@@ -87,6 +90,11 @@ class Flight:
     speed_m_per_s: float
     seed: tuple[int, ...]
     touches: list[Touch] = field(default_factory=list)
+
+    def keep_first_touch(self) -> None:
+        """Let go of the bounces, and of the chance that is made anew whenever it is needed."""
+        del self.touches[1:]
+        self.shot.rng = _SPENT
 
 
 def begin_flight(

@@ -31,6 +31,8 @@ from drivers.simulated.world_settings import WorldSettings
 __all__ = ["World", "WorldSettings"]
 
 _NEVER = 1 << 62
+_BOUNCES_KEPT = 100
+"""Of so many flights, the last, the truth tells every bounce; of others the first touch-down."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ class World:
         self._stream: _Stream | None = None
         self._segments: dict[int, list[Segment]] = {}
         self._over_s: dict[int, float] = {}  # when a flight's last segment ended, rig time
+        self._passed = 0  # flights before this one were over when the stream began
         self._conversions = [c for e in self._rig.effects if (c := e.conversion()) is not None]
         _warm_up(self._rig.effects)
 
@@ -219,8 +222,9 @@ class World:
         """Return the segments of all flights that may reach before ``stop``, rendered once."""
         found: list[Segment] = []
         with self._lock:
-            flights = list(self._flights)
-        for i, (flight, recording) in enumerate(flights):
+            self._pass_by(stream)
+            flights = [(i, *self._flights[i]) for i in range(self._passed, len(self._flights))]
+        for i, flight, recording in flights:
             if (flight.landing_s - stream.began_s) * stream.rate_hz > stop + 2e6 and not recording:
                 continue
             if self._over_s.get(i, math.inf) < stream.began_s:
@@ -237,6 +241,14 @@ class World:
                 self._over_s[i] = stream.began_s + max(ends, default=0) / stream.rate_hz
             found += self._segments[i]
         return found
+
+    def _pass_by(self, stream: _Stream) -> None:
+        """Look no more at flights that were over when the stream began; keep less of old ones."""
+        while self._over_s.get(self._passed, math.inf) < stream.began_s:
+            del self._over_s[self._passed]
+            if self._passed >= _BOUNCES_KEPT:
+                self._flights[self._passed - _BOUNCES_KEPT][0].keep_first_touch()
+            self._passed += 1
 
     # -- valve side ---------------------------------------------------------------------------
 
@@ -333,7 +345,11 @@ class World:
     # -- truth --------------------------------------------------------------------------------
 
     def truth(self) -> dict[str, object]:
-        """Return everything drawn and everything that happened, ready for JSON."""
+        """Return everything drawn and everything that happened, ready for JSON.
+
+        A rig may run for months: of flights before the last hundred the first touch-down is told,
+        not the bounces.
+        """
         with self._sampling, self._lock:
             shots = [
                 {

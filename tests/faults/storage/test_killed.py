@@ -70,11 +70,12 @@ def test_nothing_is_lost_and_nothing_fires_twice(tmp_path: Path, moments: int) -
 def _figures(
     moments: int, states: list[str], told: set[int], daemon: DaemonProcess, ready_s: list[float]
 ) -> str:
+    again_s = sorted(ready_s[1:])
     return (
         f"{moments} kills while {_count(states)}; {len(told)} told stored, 0 lost; "
-        f"{daemon.falls()} falls, 0 again; ready after {min(ready_s):.1f} s at least, "
-        f"{sorted(ready_s)[len(ready_s) // 2]:.1f} s (median), {max(ready_s):.1f} s at most, "
-        f"having computed for {daemon.start_cpu_s:.1f} s"
+        f"{daemon.falls()} falls, 0 again; first start {ready_s[0]:.1f} s; ready again after "
+        f"{again_s[0]:.1f} s at least, {again_s[len(again_s) // 2]:.1f} s (median), "
+        f"{again_s[-1]:.1f} s at most, having computed for {daemon.start_cpu_s:.1f} s"
     )
 
 
