@@ -7,10 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from analysis.campaign import Campaign
+from analysis.discovery.background import Background, background
 from analysis.discovery.candidates import Refit
 from analysis.discovery.localise import Located, locate
 from analysis.discovery.next_drop import NextDrop, propose
-from analysis.discovery.spikes import Spikes, spikes
 from analysis.discovery.starting import PENALTY, usual_place
 from analysis.discovery.trail import (
     MIN_GAIN,
@@ -21,7 +21,7 @@ from analysis.discovery.trail import (
     rivals,
     without_needless,
 )
-from analysis.effects.library import effect_named
+from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
@@ -44,6 +44,8 @@ AKIN = {
 """Families of the omnibus test that an effect of a slot looks like."""
 AKIN_LEFT = 0.005
 """Share of what was explained that may still look like it: no equation is exact."""
+SLOT = "electronics"
+"""Where what is on the line all the time gets in."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
@@ -70,8 +72,8 @@ class Diagnosis:
         Where it lives and the learned closure, where no name explains all.
     next_drop : NextDrop or None
         The drop that would tell the likeliest names apart.
-    spikes : Spikes or None
-        How spiky the records are before the trigger; None where nobody looked.
+    background : Background or None
+        What is on the line all the time; None where nobody looked.
     """
 
     verdict: str
@@ -81,12 +83,12 @@ class Diagnosis:
     slot: str | None = None
     located: Located | None = None
     next_drop: NextDrop | None = None
-    spikes: Spikes | None = None
+    background: Background | None = None
 
     @property
-    def spiky(self) -> bool:
-        """Whether spikes or jumps come that no impact causes and no noise makes."""
-        return self.spikes is not None and self.spikes.clear
+    def disturbed(self) -> bool:
+        """Whether something is on the line all the time that is no noise."""
+        return self.background is not None and self.background.clear
 
     @property
     def confusable(self) -> list[str]:
@@ -136,23 +138,33 @@ def diagnose_campaign(
         trail.last.refits = [crystal]
         if crystal.score(PENALTY) > MIN_GAIN:
             trail = trail.on(crystal)
+    seen = background(problem.shots)
+    if _is_all(seen, trail.last):
+        trail.last.refused = dict.fromkeys(library(), "what is on the line anyway may look like it")
+        verdict = "partial" if trail.chosen else "unknown"
+        return Diagnosis(verdict, trail.steps, trail.chosen, slot=SLOT, background=seen)
     if not trail.adequate:
         trail = without_needless(follow(trail, usual, told))
-    found = _with_spikes(_judge(trail, told), spikes(problem.shots))
+    found = _beside(seen, _judge(trail, told))
     told("looking for the drop that would tell most", 0.98)
     return dataclasses.replace(found, next_drop=_next_drop(found))
 
 
-def _with_spikes(found: Diagnosis, seen: Spikes) -> Diagnosis:
-    """Return the verdict with what no test for structure sees, as nothing repeats in it."""
-    found = dataclasses.replace(found, spikes=seen)
-    if not seen.clear:
-        return found
-    if found.verdict == "adequate":
-        return dataclasses.replace(found, verdict="unknown", slot="electronics")
-    if found.verdict in ("identified", "family"):
-        return dataclasses.replace(found, verdict="partial")
-    return found
+def _is_all(seen: Background, step: Step) -> bool:
+    """Return whether what is on the line anyway may be all that a model leaves beside noise.
+
+    It may look like anything in the windows, and no name is worth looking for.
+    """
+    structure = max((a.gain - a.dof for a in step.omnibus.answers.values()), default=0.0)
+    samples = sum(shot.white.size for shot in step.evidence.shots)
+    return seen.clear and (not step.omnibus.structured or structure < seen.share * samples)
+
+
+def _beside(seen: Background, found: Diagnosis) -> Diagnosis:
+    """Return a verdict that what is on the line anyway stands beside: it is not the whole."""
+    named = found.verdict in ("identified", "family")
+    verdict = "partial" if named and seen.clear else found.verdict
+    return dataclasses.replace(found, verdict=verdict, background=seen)
 
 
 def _next_drop(found: Diagnosis) -> NextDrop | None:

@@ -6,7 +6,7 @@ import math
 
 from scipy.stats import norm
 
-from analysis.discovery.spikes import FAR, Spikes
+from analysis.discovery.background import FAR, Background
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.noise import NoiseModel
@@ -32,72 +32,96 @@ def times_noise(squares: float) -> str:
     return f"{ratio:.3g}" if ratio < 1000 else f"{ratio:,.0f}"
 
 
-def noise_json(result: FitResult, spikes: Spikes | None = None) -> Json:
+def noise_json(result: FitResult, seen: Background | None = None) -> Json:
     """Return the noise that a fit is judged by.
 
     Parameters
     ----------
     result : FitResult
         With the noise as measured.
-    spikes : Spikes, optional
-        How spiky the records are before the trigger.
+    seen : Background, optional
+        What is on the line all the time.
 
     Returns
     -------
     dict
-        ``instruments``, one entry for each; ``spikes``, or None; ``said``, what a person should
+        ``instruments``, one entry for each; ``background``, or None; ``said``, what a person should
         know before anything is said of a residual.
     """
     entries, said = [], []
-    seen: set[tuple[str, float]] = set()
+    known: set[tuple[str, float]] = set()
     for shot in result.shots:
         noise, rate = shot.item.noise, shot.item.frame.sample_rate_hz
         instrument = (shot.item.shot.quantity, rate)
-        if instrument in seen:
+        if instrument in known:
             continue
-        seen.add(instrument)
+        known.add(instrument)
         entries.append(_entry(noise, rate) | {"quantity": instrument[0]})
         said += [s for s in noise_sentences(noise, rate) if s not in said]
-    if spikes is None or spikes.samples == 0:
-        return {"instruments": entries, "spikes": None, "said": said}
-    if spikes.clear:
-        said.append(f"It is no plain noise: {spikes_said(spikes)}.")
-    return {"instruments": entries, "spikes": _spikes_entry(spikes), "said": said}
-
-
-def _spikes_entry(seen: Spikes) -> Json:
+    if seen is not None and seen.clear:
+        said.append(f"It is no plain noise: {background_said(seen)}.")
     return {
-        "clear": seen.clear,
-        "excess_kurtosis": seen.excess_kurtosis,
-        "p_value": seen.p_value,
-        "quiet_samples": seen.samples,
-        f"beyond_{FAR:g}_deviations": seen.far,
+        "instruments": entries,
+        "background": None if seen is None else _background_json(seen),
+        "said": said,
     }
 
 
-def spikes_said(seen: Spikes) -> str:
-    """Return in words how spiky the records are before the trigger.
+def _background_json(seen: Background) -> Json:
+    spikes, tone = seen.spikes, seen.tone
+    return {
+        "clear": seen.clear,
+        "spikes": {
+            "clear": spikes.clear,
+            "quiet_samples": spikes.samples,
+            "beyond_five_deviations": spikes.far,
+            "excess_kurtosis": spikes.excess_kurtosis,
+            "p_value": spikes.p_value,
+        },
+        "tone": None
+        if tone is None
+        else {
+            "clear": tone.clear,
+            "frequency_Hz": tone.frequency_hz,
+            "times_its_neighbours": tone.times,
+            "p_value": tone.p_value,
+        },
+    }
+
+
+def background_said(seen: Background) -> str:
+    """Return in words what is on the line all the time.
 
     Parameters
     ----------
-    seen : Spikes
-        That no Gaussian noise is like.
+    seen : Background
+        With something that is no noise.
 
     Returns
     -------
     str
         The part of a sentence.
     """
-    if not seen.far:
-        return (
-            "spikes or jumps come at any time, also before the trigger (excess kurtosis "
-            f"{seen.excess_kurtosis:.2g} of {seen.samples} quiet samples; Gaussian noise has 0)"
+    said = []
+    spikes, tone = seen.spikes, seen.tone
+    if spikes.clear:
+        told = (
+            f"excess kurtosis {spikes.excess_kurtosis:.2g} of {spikes.samples} quiet samples; "
+            "Gaussian noise has 0"
         )
-    chance = 2.0 * float(norm.sf(FAR)) * seen.samples
-    return (
-        f"spikes or jumps come at any time, also before the trigger ({seen.far} of {seen.samples} "
-        f"quiet samples lie beyond {FAR:g} standard deviations; Gaussian noise leaves {chance:.1g})"
-    )
+        if spikes.far:
+            chance = 2.0 * float(norm.sf(FAR)) * spikes.samples
+            told = (
+                f"{spikes.far} of {spikes.samples} quiet samples lie beyond {FAR:g} standard "
+                f"deviations; Gaussian noise leaves {chance:.1g}"
+            )
+        said.append(f"spikes or jumps come at any time, also before the trigger ({told})")
+    if tone is not None and tone.clear:
+        said.append(
+            f"a tone of {frequency(tone.frequency_hz)} is there all the time, also before the "
+            f"trigger ({tone.times:.3g} times the noise beside it)"
+        )
+    return " and ".join(said)
 
 
 def _entry(noise: NoiseModel, rate_hz: float) -> Json:

@@ -58,7 +58,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "sentence": sentence(diagnosis, before, after),
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
-        "noise": noise_json(before, diagnosis.spikes),
+        "noise": noise_json(before, diagnosis.background),
         "effects": [
             _effect(refit, after, [r.owner for r in diagnosis.rivals.get(refit.owner, [])])
             for refit in diagnosis.chosen
@@ -252,10 +252,10 @@ def _turn(diagnosis: Diagnosis, step: Step) -> Json:
 def _remaining(diagnosis: Diagnosis, step: Step) -> Json:
     strongest = step.omnibus.strongest
     seen = {"family": strongest.family, "scope": strongest.scope}
-    if diagnosis.spiky and not step.omnibus.structured:
-        seen = {"family": "spikes", "scope": "shot"}
+    if diagnosis.disturbed and not step.omnibus.structured:
+        seen = {"family": "background", "scope": "shot"}
     return {
-        "structured": step.omnibus.structured or diagnosis.spiky,
+        "structured": step.omnibus.structured or diagnosis.disturbed,
         "p_value": _p_value(diagnosis, step),
         "strongest": seen,
     }
@@ -263,8 +263,8 @@ def _remaining(diagnosis: Diagnosis, step: Step) -> Json:
 
 def _p_value(diagnosis: Diagnosis, step: Step) -> float:
     """Return the chance of what is seen if there were only noise."""
-    seen = diagnosis.spikes
-    return min(step.omnibus.p_value, seen.p_value if seen is not None and seen.clear else 1.0)
+    seen = diagnosis.background
+    return min(step.omnibus.p_value, 1.0 if seen is None else seen.p_value)
 
 
 def _explained(found: Explained, *, brief: bool = False) -> Json:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis.discovery.diagnosis import Diagnosis
-from analysis.discovery.noise_words import frequency, spikes_said
+from analysis.discovery.noise_words import frequency, background_said
 from analysis.effects.library import library
 from analysis.fit.result import FitResult
 
@@ -44,14 +44,18 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     if diagnosis.verdict == "family":
         others = ", ".join(diagnosis.confusable)
         return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
-    if diagnosis.verdict == "partial" and diagnosis.spiky and not _structured(diagnosis):
-        return f"Found in part: {names}; {fall} ({noise}), but beside it {_spikes(diagnosis)}."
+    if diagnosis.verdict == "partial" and diagnosis.disturbed and not _structured(diagnosis):
+        beside = _background(diagnosis)
+        return f"Found in part: {names}; {fall} ({noise}), but beside it {beside}."
     if diagnosis.verdict == "partial":
         return f"Found in part: {names}; {fall}, but structure remains ({noise})."
     if diagnosis.verdict == "unknown" and diagnosis.located is None:
+        leaves = "explains what an impact causes"
+        if diagnosis.steps[0].omnibus.structured:
+            leaves = "leaves no more than what is on the line anyway"
         return (
-            f"The model {before.model} explains what an impact causes, but {_spikes(diagnosis)}; "
-            "nothing in the library does that: look at plugs, cables and the supply."
+            f"The model {before.model} {leaves}, but {_background(diagnosis)}; nothing in the "
+            "library does that: look at plugs, cables and the supply."
         )
     if diagnosis.verdict == "unknown":
         return (
@@ -65,9 +69,9 @@ def _structured(diagnosis: Diagnosis) -> bool:
     return diagnosis.steps[-1].omnibus.structured
 
 
-def _spikes(diagnosis: Diagnosis) -> str:
-    assert diagnosis.spikes is not None
-    return spikes_said(diagnosis.spikes)
+def _background(diagnosis: Diagnosis) -> str:
+    assert diagnosis.background is not None
+    return background_said(diagnosis.background)
 
 
 def _rising(result: FitResult) -> str:

@@ -1,4 +1,4 @@
-"""Spikes that no impact causes are told from noise, and noise of any level and colour is not."""
+"""Spikes and tones that no impact causes are told from noise, and noise of any colour is noise."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from analysis.discovery.diagnosis import diagnose_campaign
-from analysis.discovery.spikes import Spikes, spikes
+from analysis.discovery.background import Spikes, background
 from analysis.discovery.statement import diagnosis_json
 from analysis.fit.problem import FitShot, build
 from analysis.model.impact_model import model_named
@@ -35,7 +35,7 @@ def _with_quiet(shots: Sequence[FitShot], quiet: Sequence[Array]) -> list[FitSho
     """Return the shots with other samples, a clear pulse behind them."""
     noise = estimate_noise(quiet)
     assert noise is not None
-    pulse = 100.0 * np.sin(np.linspace(0, np.pi, 100))
+    pulse = 100.0 * max(np.std(samples) for samples in quiet) * np.sin(np.linspace(0, np.pi, 100))
     given = []
     for item, samples in zip(shots, quiet, strict=False):
         signal = np.concatenate([samples, pulse, np.zeros(2000)])
@@ -52,7 +52,7 @@ def _noise(rng: np.random.Generator, colour: float = 0.0) -> Array:
 def test_gaussian_noise_of_any_colour_is_noise(shots: list[FitShot], colour: float) -> None:
     """Its fourth moment is what theory says, to within its standard error."""
     rng = np.random.default_rng(1)
-    seen = spikes(_with_quiet(shots, [_noise(rng, colour) for _ in shots]))
+    seen = background(_with_quiet(shots, [_noise(rng, colour) for _ in shots])).spikes
     assert not seen.clear
     assert abs(seen.excess_kurtosis) < 4 * np.sqrt(24 / seen.samples)
 
@@ -61,14 +61,14 @@ def test_records_of_different_levels_are_no_spikes(shots: list[FitShot]) -> None
     """A record ten times as noisy as the others is measured by itself."""
     rng = np.random.default_rng(2)
     levels = [10.0, *([1.0] * (len(shots) - 1))]
-    assert not spikes(_with_quiet(shots, [level * _noise(rng) for level in levels])).clear
+    assert not background(_with_quiet(shots, [level * _noise(rng) for level in levels])).spikes.clear
 
 
 @pytest.mark.parametrize("step", [1.3, 3.0, 6.0])
 def test_a_coarse_converter_makes_no_spikes(shots: list[FitShot], step: float) -> None:
     """Rare single steps are what a converter leaves of a small noise."""
     rng = np.random.default_rng(3)
-    assert not spikes(_with_quiet(shots, [step * np.round(_noise(rng) / step) for _ in shots])).clear
+    assert not background(_with_quiet(shots, [step * np.round(_noise(rng) / step) for _ in shots])).spikes.clear
 
 
 def test_spikes_are_counted(shots: list[FitShot]) -> None:
@@ -77,17 +77,45 @@ def test_spikes_are_counted(shots: list[FitShot]) -> None:
     quiet = [_noise(rng) for _ in shots]
     for samples in quiet:
         samples[rng.choice(SAMPLES - 100, 3, replace=False)] += 10.0
-    seen = spikes(_with_quiet(shots, quiet))
+    seen = background(_with_quiet(shots, quiet)).spikes
     assert seen.clear
     assert seen.p_value < 1e-9
     assert 2.5 * len(shots) < seen.far <= 3 * len(shots)
+    assert seen.share == pytest.approx(3 * 100 / (SAMPLES + 3 * 100), rel=0.1)
+
+
+@pytest.mark.parametrize("size", [0.3, 1.0, 30.0])
+@pytest.mark.parametrize("frequency_hz", [3e3, 2e4, 3e5])
+def test_a_tone_is_heard(shots: list[FitShot], size: float, frequency_hz: float) -> None:
+    """From far below the noise to far above it, where the noise is taken for coloured."""
+    rng = np.random.default_rng(5)
+    turn = 2 * np.pi * frequency_hz * 1e-6 * np.arange(SAMPLES)
+    quiet = [_noise(rng) + size * np.sin(turn + rng.uniform(0, 7)) for _ in range(8)]
+    tone = background(_with_quiet(shots, quiet)).tone
+    assert tone is not None
+    assert tone.frequency_hz == pytest.approx(frequency_hz, abs=1e6 / SAMPLES)
+    assert tone.clear
+    power = size**2 / 2
+    if size <= 1.0:  # a louder one is in part taken for colour
+        assert tone.share == pytest.approx(power / (1 + power), rel=0.4)
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.6])
+def test_noise_and_hum_are_no_tone(shots: list[FitShot], colour: float) -> None:
+    """Hum is an effect of the library, and slower than the slowest line."""
+    rng = np.random.default_rng(6)
+    turn = 2 * np.pi * 150.0 * 1e-6 * np.arange(SAMPLES)
+    quiet = [_noise(rng, colour) + 20 * np.sin(turn + rng.uniform(0, 7)) for _ in range(8)]
+    tone = background(_with_quiet(shots, quiet)).tone
+    assert tone is not None
+    assert tone.p_value > 1e-4
 
 
 def test_without_quiet_samples_nothing_is_said(shots: list[FitShot]) -> None:
     """Too few samples are no evidence of anything."""
-    assert not spikes([]).clear
-    assert not Spikes(1999, 50, 90.0).clear
-    assert Spikes(0, 0, 0.0).p_value == 1.0
+    assert not background([]).clear
+    assert not Spikes(1999, 50, 90.0, 0.1).clear
+    assert Spikes(0, 0, 0.0, 0.0).p_value == 1.0
 
 
 def test_a_rig_with_spikes_ends_as_unknown_in_the_electronics(tmp_path: Path) -> None:
@@ -96,7 +124,16 @@ def test_a_rig_with_spikes_ends_as_unknown_in_the_electronics(tmp_path: Path) ->
     found = diagnosis_json(diagnose_campaign(campaign), software="impactd test")
     assert (found["verdict"], found["slot"], found["effects"]) == ("unknown", "electronics", [])
     assert "spikes" in found["sentence"]
-    assert found["noise"]["spikes"]["clear"]
+    assert found["noise"]["background"]["spikes"]["clear"]
     assert found["remaining"]["structured"]
     assert found["p_value"] < 1e-6
     json.dumps(found, allow_nan=False)
+
+
+def test_what_is_on_the_line_anyway_is_given_no_name(tmp_path: Path) -> None:
+    """A coil that rings behind the valve looks like a resonance in the windows."""
+    values = {"amplitude_v": 0.02, "frequency_hz": 4000.0, "decay_s": 0.2}
+    campaign = small_campaign(tmp_path, "x_microphonic_cable", **values)
+    found = diagnosis_json(diagnose_campaign(campaign), software="impactd test")
+    assert (found["verdict"], found["slot"], found["effects"]) == ("unknown", "electronics", [])
+    assert "tone" in found["sentence"]

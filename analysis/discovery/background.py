@@ -1,0 +1,230 @@
+"""Is what comes before the trigger noise? Spikes, jumps and tones are there all the time, and are not.
+
+No impact causes them, so nothing of them repeats from shot to shot, and every test for structure
+takes them for noise. But the noise of amplifiers and converters is Gaussian, and no line stands
+out of its spectrum.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import periodogram
+from scipy.stats import chi2, norm
+
+from analysis.fit.problem import FitShot
+from analysis.fit.window import quiet_part
+from analysis.quiet_spectrum import drift_degree, without_drift
+
+Array = NDArray[np.float64]
+
+CLEAR_SPIKES = 6.0
+"""Standard errors of the excess kurtosis: 1e-9 of Gaussian noise, with room as its law has a tail."""
+CLEAR_TONE = 1e-6
+"""Chance of the highest of all lines of a spectrum, if there were only noise."""
+FAR = 5.0
+"""Standard deviations that one sample in two million exceeds."""
+LEAST_QUIET, LEAST_IN_ALL = 200, 2000
+LEAST_STEPS = 0.75
+"""Of the converter, to a standard deviation: rounding then moves the kurtosis by less than 1e-3."""
+FIRST_LINE = 2
+"""Below it lies what is slow, hum among it."""
+NEAR, BESIDE = 2, 12
+"""Lines to either side that a window smears a tone over, and those that tell the level there."""
+LOUD = 30.0
+"""Times those beside it, that no slope of a 1/f spectrum makes a line; it makes 5 at most."""
+WORST_LEVEL = 0.97
+"""A median of so many lines, with its own scatter, is hardly ever less of the level."""
+
+
+@dataclass(frozen=True)
+class Spikes:
+    """How far the noise before the trigger is from Gaussian.
+
+    Attributes
+    ----------
+    samples : int
+        Whitened quiet samples that were looked at.
+    far : int
+        Of these, beyond `FAR` standard deviations, as the median tells them.
+    excess_kurtosis : float
+        Fourth moment over the squared second, less 3. [1]
+    share : float
+        Of the variance, that those far samples hold. [1]
+    """
+
+    samples: int
+    far: int
+    excess_kurtosis: float
+    share: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether no Gaussian noise is like that."""
+        return self.samples >= LEAST_IN_ALL and self._deviation > CLEAR_SPIKES
+
+    @property
+    def p_value(self) -> float:
+        """Return the chance of as large a kurtosis in Gaussian noise."""
+        return float(norm.sf(self._deviation)) if self.samples >= LEAST_IN_ALL else 1.0
+
+    @property
+    def _deviation(self) -> float:
+        return self.excess_kurtosis / math.sqrt(24.0 / self.samples)
+
+
+@dataclass(frozen=True)
+class Tone:
+    """The line that stands out most of the spectrum before the trigger.
+
+    Attributes
+    ----------
+    frequency_hz : float
+        Where, to within the width of a line. [Hz]
+    times : float
+        Its power over that of the lines beside it. [1]
+    p_value : float
+        Chance of one as high, anywhere, in noise.
+    share : float
+        Of the variance, that it holds beyond the level beside it. [1]
+    """
+
+    frequency_hz: float
+    times: float
+    p_value: float
+    share: float
+
+    @property
+    def clear(self) -> bool:
+        """Whether no noise of smooth spectrum is like that."""
+        return self.p_value < CLEAR_TONE
+
+
+@dataclass(frozen=True)
+class Background:
+    """What is on the line before anything falls.
+
+    Attributes
+    ----------
+    spikes : Spikes
+        Spikes and jumps.
+    tone : Tone or None
+        None where no quiet stretch is long enough.
+    """
+
+    spikes: Spikes
+    tone: Tone | None
+
+    @property
+    def clear(self) -> bool:
+        """Whether something is there that is no noise."""
+        return bool(self._found)
+
+    @property
+    def p_value(self) -> float:
+        """Return the chance of what is clear, 1 where nothing is."""
+        return min((one.p_value for one in self._found), default=1.0)
+
+    @property
+    def share(self) -> float:
+        """Return the share of the variance that is no noise, 0 where nothing is clear."""
+        return min(sum(one.share for one in self._found), 1.0)
+
+    @property
+    def _found(self) -> list[Spikes | Tone]:
+        return [one for one in (self.spikes, self.tone) if one is not None and one.clear]
+
+
+def background(shots: Sequence[FitShot]) -> Background:
+    """Return what is on the line before anything falls, beside noise.
+
+    Parameters
+    ----------
+    shots : sequence of FitShot
+        With their quiet stretches and their noise.
+
+    Returns
+    -------
+    Background
+        Each record measured by its own level, so that records of different noise make no tail.
+
+    Notes
+    -----
+    The standard error of the kurtosis of n Gaussian samples is sqrt(24/n) (Kendall and Stuart,
+    *The Advanced Theory of Statistics* 1, 12.18); whitened samples are as good as independent. A
+    line of the mean of m periodograms of Gaussian noise is chi-square with 2 m degrees of freedom
+    (Percival and Walden, *Spectral Analysis for Physical Applications*, 6.6).
+    """
+    kept = [(item, quiet) for item in shots if (quiet := _quiet(item)).size]
+    whole = [_whitened(item, quiet - quiet.mean()) for item, quiet in kept]
+    return Background(_spikes(whole), _tone(kept))
+
+
+def _quiet(item: FitShot) -> Array:
+    """Return a record's quiet samples; none where they are few or the converter's step hides them.
+
+    What a step leaves of a smaller noise are rare single steps, which are no spikes.
+    """
+    quiet = quiet_part(item.shot)
+    if quiet.size < LEAST_QUIET:
+        return np.zeros(0)
+    steps = np.diff(np.unique(quiet))
+    if steps.size == 0 or np.std(quiet) < LEAST_STEPS * steps.min():
+        return np.zeros(0)
+    return quiet
+
+
+def _whitened(item: FitShot, quiet: Array) -> Array:
+    """Return samples whitened, of mean 0 and standard deviation 1."""
+    white = item.noise.whiten(quiet)
+    white = white - white.mean()
+    return np.asarray(white / np.std(white))
+
+
+def _spikes(whole: list[Array]) -> Spikes:
+    if not whole:
+        return Spikes(0, 0, 0.0, 0.0)
+    pooled = np.concatenate(whole)
+    far = np.concatenate([w[np.abs(w) > FAR * np.median(np.abs(w)) / 0.6745] for w in whole])
+    share = float(far @ far) / pooled.size
+    return Spikes(pooled.size, far.size, float(np.mean(pooled**4)) - 3.0, share)
+
+
+def _tone(kept: list[tuple[FitShot, Array]]) -> Tone | None:
+    """Return the highest line of the mean spectrum, hum taken off first."""
+    rates = {item.frame.sample_rate_hz for item, _ in kept}
+    if len(rates) != 1:
+        return None  # lines of records sampled otherwise lie elsewhere
+    rate_hz = rates.pop()
+    calm = [without_drift(quiet, drift_degree(quiet.size, rate_hz)) for _, quiet in kept]
+    white = [_whitened(item, samples) for (item, _), samples in zip(kept, calm, strict=True)]
+    found = _highest(white, rate_hz)
+    loud = _highest([samples / np.std(samples) for samples in calm], rate_hz)
+    # a loud tone is taken for colour, and whitened away with it
+    return loud if loud.times > LOUD else found
+
+
+def _highest(records: list[Array], rate_hz: float) -> Tone:
+    """Return the line of the mean spectrum that is highest above those beside it."""
+    size = min(record.size for record in records)
+    spectra = [periodogram(r[-size:], rate_hz, "hann", detrend=False) for r in records]
+    at_hz, power = spectra[0][0], np.mean([p for _, p in spectra], axis=0)
+    lines = range(FIRST_LINE, power.size - 1)  # the last has half the freedom of the others
+    times = {k: float(power[k] / _level(power, k)) for k in lines}
+    highest = max(times, key=lambda k: times[k])
+    freedom = 2 * len(records)
+    p = float(chi2.sf(WORST_LEVEL * freedom * times[highest], freedom)) * len(lines)
+    around = power[highest - NEAR + 1 : highest + NEAR]
+    share = float(np.sum(around - _level(power, highest)) / np.sum(power))
+    return Tone(float(at_hz[highest]), times[highest], min(p, 1.0), max(share, 0.0))
+
+
+def _level(power: Array, k: int) -> float:
+    """Return the level around a line, from those beside it."""
+    below = power[max(FIRST_LINE, k - BESIDE) : max(FIRST_LINE, k - NEAR + 1)]
+    above = power[k + NEAR : k + BESIDE + 1]
+    return float(np.median(np.concatenate([below, above])))
