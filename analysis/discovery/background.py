@@ -1,4 +1,4 @@
-"""Is what comes before the trigger noise? Spikes, jumps and tones are there all the time, and are not.
+"""Is what comes before the trigger noise? Spikes, jumps and tones, there all the time, are not.
 
 No impact causes them, so nothing of them repeats from shot to shot, and every test for structure
 takes them for noise. But the noise of amplifiers and converters is Gaussian, and no line stands
@@ -23,7 +23,7 @@ from analysis.quiet_spectrum import drift_degree, without_drift
 Array = NDArray[np.float64]
 
 CLEAR_SPIKES = 6.0
-"""Standard errors of the excess kurtosis: 1e-9 of Gaussian noise, with room as its law has a tail."""
+"""Standard errors of the excess kurtosis: chance brings 1e-9; its law has a longer tail."""
 CLEAR_TONE = 1e-6
 """Chance of the highest of all lines of a spectrum, if there were only noise."""
 FAR = 5.0

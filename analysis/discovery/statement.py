@@ -252,7 +252,7 @@ def _turn(diagnosis: Diagnosis, step: Step) -> Json:
 def _remaining(diagnosis: Diagnosis, step: Step) -> Json:
     strongest = step.omnibus.strongest
     seen = {"family": strongest.family, "scope": strongest.scope}
-    if diagnosis.disturbed and not step.omnibus.structured:
+    if diagnosis.disturbed and diagnosis.located is None:
         seen = {"family": "background", "scope": "shot"}
     return {
         "structured": step.omnibus.structured or diagnosis.disturbed,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from analysis.discovery.diagnosis import Diagnosis
-from analysis.discovery.noise_words import frequency, background_said
+from analysis.discovery.noise_words import background_said, frequency
 from analysis.effects.library import library
 from analysis.fit.result import FitResult
 
@@ -44,25 +44,29 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     if diagnosis.verdict == "family":
         others = ", ".join(diagnosis.confusable)
         return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
-    if diagnosis.verdict == "partial" and diagnosis.disturbed and not _structured(diagnosis):
-        beside = _background(diagnosis)
-        return f"Found in part: {names}; {fall} ({noise}), but beside it {beside}."
     if diagnosis.verdict == "partial":
-        return f"Found in part: {names}; {fall}, but structure remains ({noise})."
-    if diagnosis.verdict == "unknown" and diagnosis.located is None:
-        leaves = "explains what an impact causes"
-        if diagnosis.steps[0].omnibus.structured:
-            leaves = "leaves no more than what is on the line anyway"
-        return (
-            f"The model {before.model} {leaves}, but {_background(diagnosis)}; nothing in the "
-            "library does that: look at plugs, cables and the supply."
-        )
+        ends = f", but structure remains ({noise})"
+        if diagnosis.disturbed and not _structured(diagnosis):
+            ends = f" ({noise}), but beside it {_background(diagnosis)}"
+        return f"Found in part: {names}; {fall}{ends}."
     if diagnosis.verdict == "unknown":
+        return _unknown(diagnosis, before)
+    return "These data could not show whether the model is complete."
+
+
+def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
+    if diagnosis.located is not None:
         return (
             f"The model {before.model} misses something that no effect of the library explains"
             + _place(diagnosis)
         )
-    return "These data could not show whether the model is complete."
+    leaves = "explains what an impact causes"
+    if _structured(diagnosis):
+        leaves = "leaves no more than what is on the line anyway"
+    return (
+        f"The model {before.model} {leaves}, but {_background(diagnosis)}; nothing in the library "
+        "does that: look at plugs, cables and the supply."
+    )
 
 
 def _structured(diagnosis: Diagnosis) -> bool:

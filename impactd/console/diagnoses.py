@@ -14,6 +14,7 @@ from impactd.console.fits import moduli_table
 from impactd.console.progress_bar import progress
 from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import measured, print_json, table
+from impactd.diagnosis.repair import is_repaired
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""
@@ -167,7 +168,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         if rows:
             parts.append(table(("effect", "parameter", "value +- u", "unit"), rows))
     blocks = [document["before"]]
-    if document["verdict"] != "adequate":
+    if is_repaired(document):
         blocks.append(document["after"])
     keys = ("rms_V", "heldout_rms_V", "nrmse", "r2", "chi2_per_dof")
     unit = _unit(document)

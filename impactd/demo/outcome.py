@@ -8,6 +8,7 @@ from typing import Any
 
 from analysis.model.hertz import reduced_modulus
 from impactd.demo.judgement import Judgement, judge
+from impactd.diagnosis.repair import is_repaired
 
 Json = dict[str, Any]
 
@@ -295,7 +296,7 @@ def compare(
     if diagnosis["effects"]:
         named = " + ".join(effect["id"] for effect in diagnosis["effects"])
         rungs.append(Rung("after", f"KV + {named}", diagnosis["after"]))
-    elif diagnosis["verdict"] == "unknown":
+    elif is_repaired(diagnosis):
         rungs.append(Rung("after", "KV + learned closure", diagnosis["after"]))
     pairs = [
         Row(

@@ -8,6 +8,7 @@ from typing import Any
 
 from impactd.console.tables import measured
 from impactd.diagnosis.markup import bullets, p_words, table
+from impactd.diagnosis.repair import is_repaired
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
 
@@ -51,7 +52,7 @@ def headline(document: Json) -> str:
         steps = [_short(before["heldout_rms_V"], unit)]
         if after is not before and after.get("heldout_rms_V") is not None:
             steps.append(_short(after["heldout_rms_V"], unit))
-        shown = " → ".join(steps if document["verdict"] != "adequate" else steps[:1])
+        shown = " → ".join(steps if is_repaired(document) else steps[:1])
         cards.append((f"{shown} {unit.label}", f"error on held-out shots; {noise}"))
     for name, old in before.get("moduli", {}).items():
         new = after.get("moduli", {}).get(name, {})
@@ -191,6 +192,11 @@ def next_drop(document: Json) -> str:
     """Return which drop would tell most."""
     wanted = document["next_drop"]
     if wanted is None:
+        if document["verdict"] == "unknown" and not is_repaired(document):
+            return (
+                "No drop tells more: it is there without an impact. Record the line with valve, "
+                "motors and supplies switched off in turn."
+            )
         if document["verdict"] == "unknown":
             return (
                 "No drop is proposed: a proposal needs two named rivals. More heights and radii "

@@ -19,6 +19,7 @@ FAMILIES = {
     "cell": "the cell's own numbers",
     "speed": "the impact speed that a height promises",
     "locked": "anything at a fixed time after touch-down",
+    "background": "what is on the line all the time",
     "template": "a waveform that repeats from shot to shot, locked to touch-down",
     "ringing": "resonances behind the signal",
     "memory": "delays and slow decays behind the signal",
@@ -31,6 +32,9 @@ FAMILIES = {
 def slots(document: Json) -> str:
     """Return how much of the residual anything in each slot could explain on held-out shots."""
     if not document["slots"]:
+        if document["slot"] and not document["effects"]:
+            slot = html.escape(document["slot"])
+            return f"<p>On the line itself, before anything falls: the <b>{slot}</b> slot.</p>"
         return "<p>There is nothing to locate.</p>"
     rows = []
     for slot, seen in sorted(document["slots"].items(), key=lambda item: -item[1]["probability"]):

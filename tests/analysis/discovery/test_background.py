@@ -12,8 +12,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from analysis.discovery.diagnosis import diagnose_campaign
 from analysis.discovery.background import Spikes, background
+from analysis.discovery.diagnosis import diagnose_campaign
 from analysis.discovery.statement import diagnosis_json
 from analysis.fit.problem import FitShot, build
 from analysis.model.impact_model import model_named
@@ -61,14 +61,18 @@ def test_records_of_different_levels_are_no_spikes(shots: list[FitShot]) -> None
     """A record ten times as noisy as the others is measured by itself."""
     rng = np.random.default_rng(2)
     levels = [10.0, *([1.0] * (len(shots) - 1))]
-    assert not background(_with_quiet(shots, [level * _noise(rng) for level in levels])).spikes.clear
+    assert not background(
+        _with_quiet(shots, [level * _noise(rng) for level in levels])
+    ).spikes.clear
 
 
 @pytest.mark.parametrize("step", [1.3, 3.0, 6.0])
 def test_a_coarse_converter_makes_no_spikes(shots: list[FitShot], step: float) -> None:
     """Rare single steps are what a converter leaves of a small noise."""
     rng = np.random.default_rng(3)
-    assert not background(_with_quiet(shots, [step * np.round(_noise(rng) / step) for _ in shots])).spikes.clear
+    assert not background(
+        _with_quiet(shots, [step * np.round(_noise(rng) / step) for _ in shots])
+    ).spikes.clear
 
 
 def test_spikes_are_counted(shots: list[FitShot]) -> None:
