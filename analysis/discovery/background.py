@@ -37,8 +37,8 @@ NEAR, BESIDE = 2, 12
 """Lines to either side that a window smears a tone over, and those that tell the level there."""
 LOUD = 30.0
 """Times those beside it, that no slope of a 1/f spectrum makes a line; it makes 5 at most."""
-WORST_LEVEL = 0.97
-"""A median of so many lines, with its own scatter, is hardly ever less of the level."""
+NORMAL_QUARTILES = 1.349
+"""Between the quartiles of a normal distribution, in standard deviations."""
 
 
 @dataclass(frozen=True)
@@ -156,8 +156,9 @@ def background(shots: Sequence[FitShot]) -> Background:
     -----
     The standard error of the kurtosis of n Gaussian samples is sqrt(24/n) (Kendall and Stuart,
     *The Advanced Theory of Statistics* 1, 12.18); whitened samples are as good as independent. A
-    line of the mean of m periodograms of Gaussian noise is chi-square with 2 m degrees of freedom
-    (Percival and Walden, *Spectral Analysis for Physical Applications*, 6.6).
+    line of the mean of m periodograms of independent Gaussian noise is chi-square with 2 m degrees
+    of freedom (Percival and Walden, *Spectral Analysis for Physical Applications*, 6.6), of records
+    with common noise with less.
     """
     kept = [(item, quiet) for item in shots if (quiet := _quiet(item)).size]
     whole = [_whitened(item, quiet - quiet.mean()) for item, quiet in kept]
@@ -214,13 +215,15 @@ def _highest(records: list[Array], rate_hz: float) -> Tone:
     spectra = [periodogram(r[-size:], rate_hz, "hann", detrend=False) for r in records]
     at_hz, power = spectra[0][0], np.mean([p for _, p in spectra], axis=0)
     lines = range(FIRST_LINE, power.size - 1)  # the last has half the freedom of the others
-    times = {k: float(power[k] / _level(power, k)) for k in lines}
-    highest = max(times, key=lambda k: times[k])
-    freedom = 2 * len(records)
-    p = float(chi2.sf(WORST_LEVEL * freedom * times[highest], freedom)) * len(lines)
+    times = np.array([power[k] / _level(power, k) for k in lines])
+    highest = FIRST_LINE + int(np.argmax(times))
+    # records that share noise have less freedom than two a record and line; the lines tell
+    spread = float(np.subtract(*np.percentile(times, (75, 25)))) / NORMAL_QUARTILES
+    freedom = min(2.0 * len(records), 2.0 / spread**2)
+    p = float(chi2.sf(freedom * times.max(), freedom)) * times.size
     around = power[highest - NEAR + 1 : highest + NEAR]
     share = float(np.sum(around - _level(power, highest)) / np.sum(power))
-    return Tone(float(at_hz[highest]), times[highest], min(p, 1.0), max(share, 0.0))
+    return Tone(float(at_hz[highest]), float(times.max()), min(p, 1.0), max(share, 0.0))
 
 
 def _level(power: Array, k: int) -> float:

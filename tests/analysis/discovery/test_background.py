@@ -115,6 +115,16 @@ def test_noise_and_hum_are_no_tone(shots: list[FitShot], colour: float) -> None:
     assert tone.p_value > 1e-4
 
 
+def test_records_that_share_noise_make_no_tone(shots: list[FitShot]) -> None:
+    """Eight records of which each two are the same: a line is as high by chance as of four."""
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        four = [_noise(rng) for _ in range(4)]
+        tone = background(_with_quiet(shots, four + four)).tone
+        assert tone is not None
+        assert tone.p_value > 1e-4
+
+
 def test_without_quiet_samples_nothing_is_said(shots: list[FitShot]) -> None:
     """Too few samples are no evidence of anything."""
     assert not background([]).clear

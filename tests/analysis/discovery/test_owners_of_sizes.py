@@ -36,8 +36,6 @@ def test_a_mode_hit_elsewhere_each_time_belongs_to_the_shots(tmp_path: Path) -> 
 def test_sizes_of_one_scatter_cost_what_they_could_have_been() -> None:
     """Their evidence falls with the logarithm of what they take up."""
     assert price(2, 0, 500.0, PENALTY) == 2 * PENALTY
-    assert price(2, 50, 500.0, PENALTY) == pytest.approx(
-        3 * PENALTY + 50 * (1 + math.log(10.0))
-    )
+    assert price(2, 50, 500.0, PENALTY) == pytest.approx(3 * PENALTY + 50 * (1 + math.log(10.0)))
     # chance alone takes up one square a number, and must not pay
     assert 54.0 - price(0, 54, 54.0, PENALTY) < 0.0

@@ -127,8 +127,11 @@ class Rig:
 
 def neutral(effect: Effect) -> dict[str, float]:
     """Return the effect's neutral values: 0, infinity, or the limit where it is one."""
-    limits = {"surface_roughness.roughness_m": 1e-13, "recontact.speed_ratio": 1e-9,
-        "recontact:ringing.speed_ratio": 1e-9}
+    limits = {
+        "surface_roughness.roughness_m": 1e-13,
+        "recontact.speed_ratio": 1e-9,
+        "recontact:ringing.speed_ratio": 1e-9,
+    }
     found = {}
     for p in effect.parameters:
         name = f"{effect.id}.{p.name}"

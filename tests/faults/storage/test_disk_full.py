@@ -81,7 +81,7 @@ def test_a_record_in_memory_is_stored_when_space_returns(disk: Disk, every: int)
                 here.daemon.archive.read_shot(number)
             else:
                 counts["failed"] += 1
-                assert drop["problem"]["type"] == "disk-full"
+                assert drop["problem"]["type"] == "urn:impactd:problem:disk-full"
             here.ready()
         assert [found.problem for found in here.daemon.archive.verify() if found.problem] == []
         assert all(here.daemon.liveness().values())
