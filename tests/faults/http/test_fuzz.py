@@ -16,7 +16,7 @@ from ..storage.daemon_process import DaemonProcess, until
 
 # Left out: the event stream, which never ends; readiness and metrics, whose 503 and text are their
 # purpose. Of the checks, those that take every schema-valid value for acceptable, because which
-# models, shots and heights a rig knows stands in no schema, and a deleted resource for gone, because
+# models, shots and heights a rig knows stands in no schema, and a deleted resource for gone, as
 # DELETE of a drop, a calibration or a diagnosis ends it and its row stays.
 LEFT_OUT = ("/v1/events", "/readyz", "/metrics")
 NOT_ASKED = "positive_data_acceptance,use_after_free"
