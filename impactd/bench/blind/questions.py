@@ -16,6 +16,9 @@ Group = Sequence[Trial]
 Test = Callable[[Trial], bool]
 Measure = Callable[[Trial], float | None]
 
+LOUD = 3.0
+"""Times the noise, from which no closure is kept from a threefold fall by the noise alone."""
+
 
 @dataclass(frozen=True)
 class Answer:
@@ -141,6 +144,8 @@ def _outside(trials: Group) -> Iterator[Answer | None]:
     yield _share("outside: right slot", outside, lambda t: t.slot in t.slots, ">= 0.8")
     yield _middle("outside: held-out error, before over after", outside, _fall, ">= 3")
     yield _middle("- the noise taken out of both", outside, _fall_beyond_noise)
+    loud = [t for t in outside if (_over_noise("before")(t) or 0.0) >= LOUD]
+    yield _middle("- where the noise leaves room for 3-fold (before >= 3 x noise)", loud, _fall)
 
 
 def _pairs(trials: Group) -> Iterator[Answer | None]:
