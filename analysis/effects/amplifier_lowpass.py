@@ -23,20 +23,21 @@ import numpy as np
 from numba import njit
 
 from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
-from analysis.effects.resonance import resonance
+from analysis.effects.resonance import curvature, resonance
 
 
 @njit(cache=True, nogil=True)
 def _lag(x, tau):  # type: ignore[no-untyped-def]
-    # tau in samples; exact for signals that are linear between samples, at rest before the first.
+    # tau in samples; exact for parabolas between samples, at rest before the first.
     # A step to the other side of tau = 0 turns the delay round.
     out = np.empty_like(x)
     decay = math.exp(-1.0 / tau) if tau > 0.0 else 0.0
     y = x[0]
     out[0] = y
     for i in range(1, x.size):
-        behind = tau * (x[i] - x[i - 1])
-        y = decay * (y - x[i - 1] + behind) + x[i] - behind
+        c = curvature(x, i)
+        behind = tau * (x[i] - x[i - 1] - (0.5 + tau) * c)
+        y = decay * (y - x[i - 1] + behind) + x[i] - behind - tau * c
         out[i] = y
     return out
 

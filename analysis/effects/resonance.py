@@ -1,10 +1,12 @@
-r"""A unit-gain resonance of second order, exact for signals that are linear between samples.
+r"""A unit-gain resonance of second order, exact for signals that are parabolas between samples.
 
 .. math:: \ddot q + 2\zeta\omega\dot q + \omega^2 q = \omega^2 x(t)
 
-On a piece ``x = x0 + b t`` the solution is ``x0 - 2 zeta b / omega + b t`` plus a free oscillation,
-which the closed propagator carries on; so nothing is lost but what the samples did not say. Two
-effects read a signal this way: a second mode of the cell and an amplifier of second order.
+On a piece ``x = x0 + b t + c t (t - 1) / 2`` the solution is ``x - 2 zeta x' / omega + (4 zeta^2 -
+1) x'' / omega^2`` plus a free oscillation, which the closed propagator carries on; so nothing is
+lost but what the samples did not say. Straight lines would not do: a Butterworth amplifier is a
+delay but for a term of third order, and what lines lose of a 20 kHz ring at 1 MHz, 1e-3, is a tenth
+of that. Two effects read a signal this way: a second mode of the cell and an amplifier.
 """
 
 import math
@@ -46,6 +48,28 @@ def free_oscillation(angle, zeta):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
+def curvature(x, i):  # type: ignore[no-untyped-def]
+    """Return the second derivative of a signal between samples i - 1 and i.
+
+    Parameters
+    ----------
+    x : ndarray of float64, shape (n,)
+        Samples, n > 1.
+    i : int
+        From 1 to n - 1.
+
+    Returns
+    -------
+    float
+        Mean of the second differences at both ends, as a cubic through the four samples around
+        has it; at rest before the first sample, straight behind the last. [unit of x per sample^2]
+    """
+    before = x[i - 2] if i > 1 else x[0]
+    after = x[i + 1] if i + 1 < x.size else 2.0 * x[i] - x[i - 1]
+    return 0.5 * (after - x[i] - x[i - 1] + before)
+
+
+@njit(cache=True, nogil=True)
 def resonance(x, angle, zeta):  # type: ignore[no-untyped-def]
     """Return the response to samples ``x``, at rest on ``x[0]`` before them.
 
@@ -68,15 +92,18 @@ def resonance(x, angle, zeta):  # type: ignore[no-untyped-def]
     q, v = x[0], 0.0
     out[0] = q
     lag = 2.0 * zeta / angle
+    bent = (4.0 * zeta * zeta - 1.0) / (angle * angle)
     e11 = e12 = e21 = e22 = 0.0
     settles_within_a_sample = angle < 0.0 or zeta * angle > 600.0 or angle > 1e6
     if not settles_within_a_sample:
         e11, e12, e21, e22 = free_oscillation(angle, zeta)
     for i in range(1, x.size):
-        b = x[i] - x[i - 1]
-        a = x[i - 1] - lag * b
-        f, g = q - a, v - b
-        q = e11 * f + e12 * g + a + b
-        v = e21 * f + e22 * g + b
+        c = curvature(x, i)
+        slope = x[i] - x[i - 1] - 0.5 * c
+        f = q - (x[i - 1] - lag * slope + bent * c)
+        g = v - (slope - lag * c)
+        slope += c
+        q = e11 * f + e12 * g + x[i] - lag * slope + bent * c
+        v = e21 * f + e22 * g + slope - lag * c
         out[i] = q
     return out

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lsim
 
 from analysis.effects.effect import Effect, ShotContext
 from analysis.model.impact_model import ImpactModel, Prediction, ShotFrame, model_named
@@ -138,6 +139,30 @@ def neutral(effect: Effect) -> dict[str, float]:
         plain = {"linear": 0.0, "inverse": math.inf, "log": p.starts[0]}[p.form]
         found[name] = limits.get(name, plain)
     return found
+
+
+FINER = 50
+
+
+def between(signal: Array) -> Array:
+    """Return a signal on a grid fifty times as fine, a parabola on each piece.
+
+    Its second derivative is the mean of the second differences at both ends; at rest before the
+    first sample, straight behind the last.
+    """
+    wide = np.concatenate([[signal[0]], signal, [2 * signal[-1] - signal[-2]]])
+    bend = np.diff(wide, 2)
+    mean = 0.5 * (bend[1:] + bend[:-1])
+    t = np.arange(FINER) / FINER
+    pieces = signal[:-1, None] + np.diff(signal)[:, None] * t + mean[:, None] * t * (t - 1) / 2
+    return np.append(pieces.ravel(), signal[-1])
+
+
+def simulated(system: tuple[list[float], list[float]], signal: Array) -> Array:
+    """Return scipy's response to a signal at 1 MHz that is a parabola between samples."""
+    fine = between(signal)
+    times = np.arange(fine.size) * (1e-6 / FINER)
+    return np.asarray(lsim(system, fine, times, interp=True)[1])[::FINER]
 
 
 def apart(one: Array, other: Array) -> float:

@@ -6,24 +6,21 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import lsim
 
 from analysis.effects.effect import Array
 from analysis.effects.library import effect_named
 from analysis.effects.resonance import free_oscillation, resonance
 
-from .conftest import Rig, apart
+from .conftest import Rig, apart, simulated
 
 RIG = Rig()
 SIGNAL = RIG.predict("kv").signal
-TIMES = np.arange(SIGNAL.size) * 1e-6
 
 
 def second_order(signal: Array, frequency: float, zeta: float) -> Array:
-    """Return the resonance's response by scipy, for a signal linear between samples."""
+    """Return the resonance's response by scipy, for a signal that is a parabola between samples."""
     omega = 2 * math.pi * frequency
-    system = ([omega**2], [1.0, 2 * zeta * omega, omega**2])
-    return np.asarray(lsim(system, signal, TIMES, interp=True)[1])
+    return simulated(([omega**2], [1.0, 2 * zeta * omega, omega**2]), signal)
 
 
 @pytest.mark.parametrize("zeta", [0.01, 0.3, 0.9999999, 1.0, 1.0000001, 2.5])
@@ -32,7 +29,7 @@ def test_the_resonance_is_exact_between_samples(frequency: float, zeta: float) -
     """Any damping and frequency agree with scipy's exact simulation."""
     found = resonance(SIGNAL, 2 * math.pi * frequency * 1e-6, zeta)
     wanted = second_order(SIGNAL, frequency, zeta)
-    assert np.abs(found - wanted).max() < 1e-7 * np.abs(SIGNAL).max()
+    assert np.abs(found - wanted).max() < 1e-6 * np.abs(wanted).max()
 
 
 def test_the_resonance_starts_at_rest_and_ends_in_its_input() -> None:
@@ -59,7 +56,7 @@ def test_a_second_mode_adds_its_share() -> None:
         "second_mode.damping_ratio": 0.02,
     }
     found = RIG.predict("kv+second_mode", values).signal
-    assert apart(found, SIGNAL + 0.1 * second_order(SIGNAL, 45e3, 0.02)) < 1e-8
+    assert apart(found, SIGNAL + 0.1 * second_order(SIGNAL, 45e3, 0.02)) < 1e-6
 
 
 def test_a_second_mode_beats_on_the_ring() -> None:
