@@ -256,10 +256,13 @@ def _nearly(start: Trail, end: Trail) -> bool:
 
 
 def without_needless(trail: Trail) -> Trail:
-    """Return a trail without an effect that a later one has made needless."""
+    """Return a trail without an effect that another has made needless.
+
+    The last one too: it may do no more than open a way to where the one before it ends in noise.
+    """
     if len(trail.chosen) < 2 or not trail.adequate:
         return trail
-    for place, old in enumerate(trail.chosen[:-1]):
+    for place, old in enumerate(trail.chosen):
         if old.effect.replaces_base:
             continue
         kept = tuple(e for e in trail.last.problem.model.effects if e.id != old.effect.id)

@@ -56,7 +56,8 @@ def _rational(signal: Array, values: Values, context: ShotContext) -> Array:
 
 
 def _softness(description: str) -> EffectParameter:
-    return EffectParameter("softness", "1", "rig", "log", 0.05, 1e-3, 0.5, (0.05,), description)
+    starts = (0.05, 0.25)  # an end as good as abrupt is a valley of its own
+    return EffectParameter("softness", "1", "rig", "log", 0.05, 1e-3, 0.5, starts, description)
 
 
 _CEILING = EffectParameter(
