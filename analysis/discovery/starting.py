@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -147,7 +148,8 @@ def _usual(
             nearest = coordinates
             if len(coordinates) > kept:
                 settled = place is not None and effect.structure is not None
-                nearest = _mildest(effect, coordinates, few, place or base, settled=settled)[:kept]
+                nearest = _mildest(effect, coordinates, few, place or base, settled=settled)
+                nearest = _of_both_signs(nearest)[:kept]
             found += [
                 Start(
                     dataclasses.replace(likely.proposal, coordinates=at),
@@ -193,6 +195,17 @@ def _mildest(
         nothing = not math.isfinite(cost) or abs(cost - without) < NOTHING
         found.append((nothing, cost, at))
     return [at for _, _, at in sorted(found)]
+
+
+def _of_both_signs(ordered: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """Return starts with the two signs of the size in turn; no slope leads from one to the other.
+
+    A mode that takes away begins with a larger misfit than one that adds, nearly everywhere.
+    """
+    below = [at for at in ordered if at[0] < 0.0]
+    above = [at for at in ordered if at[0] >= 0.0]
+    pairs = itertools.zip_longest(*sorted((below, above), key=lambda own: own[:1] != ordered[:1]))
+    return [at for pair in pairs for at in pair if at is not None]
 
 
 def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:

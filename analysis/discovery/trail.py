@@ -120,8 +120,12 @@ class Trail:
         if step.omnibus.structured:
             wide = reformed(self.last.problem, self.last.fitted, found, PENALTY)
             wide = widened(self.last.problem, self.last.fitted, wide, PENALTY)
-            if wide.score(PENALTY) > found.score(PENALTY) + MIN_GAIN:
-                found, step = wide, look(wide.problem, wide.fitted)
+            lead = wide.score(PENALTY) - found.score(PENALTY)
+            if lead > 0.0:
+                wider = look(wide.problem, wide.fitted)
+                # where the same effect ends in noise it needs no lead
+                if lead > MIN_GAIN or not wider.omnibus.structured:
+                    found, step = wide, wider
         return Trail([*self.steps, step], [*self.chosen, found])
 
 
