@@ -169,7 +169,7 @@ def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool, far: bool
     found = []
     for form in sorted({r.effect.id for r in tries}):
         own = sorted((r for r in tries if r.effect.id == form), key=rank)
-        if far and own[0].effect.structure is not None:
+        if far and (own[0].effect.structure is not None or len(own[0].effect.parameters) > 1):
             # from afar the way is long, and the first steps do not show which start gets there
             own = [continued(base, r, max_iterations=AFAR_STEPS) for r in own[:AFAR_KEPT]]
         elif bent and not own[0].fitted.converged:
