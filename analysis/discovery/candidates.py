@@ -53,6 +53,8 @@ class Refit:
         False where only a part of the shots was fitted, the gain scaled to all.
     own : int
         How many of the numbers belong to one shot each.
+    common : float
+        Of the gain, what one size for all of these shots takes up as well; 0 where nobody asked.
     """
 
     effect: Effect
@@ -66,11 +68,14 @@ class Refit:
     linear_gain: float
     on_all_shots: bool = True
     own: int = 0
+    common: float = 0.0
 
     def score(self, penalty: float, factor: float = 1.0) -> float:
         """Return the gain less the price of its numbers, on so many times the shots."""
         gain, own = self.gain * factor, round(self.own * factor)
-        return gain - price(self.parameters - self.own, own, gain, penalty)
+        # around a size that they share, the shots' own only scatter
+        shared = self.parameters - self.own + (self.common > 0.0)
+        return gain - price(shared, own, gain - self.common * factor, penalty)
 
 
 def price(shared: int, own: int, gain: float, penalty: float) -> float:

@@ -40,6 +40,8 @@ def widened(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: fl
     best = found
     for effect, scope in _others(problem, found):
         other = _owned_by(effect, scope, problem, base, found)
+        if other.own and not found.own:
+            other = dataclasses.replace(other, common=found.gain)
         if not other.at_bound and other.score(penalty) > best.score(penalty):
             best = other
     return best
