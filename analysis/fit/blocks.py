@@ -172,7 +172,10 @@ def linearise_shot(
 
 
 def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:
-    """Return one shot's whitened squares with its priors; infinite where there is no trace."""
+    """Return one shot's whitened squares with its priors; infinite where there is no trace.
+
+    So they are for a step so hopeless that its squares have no number.
+    """
     shared, _ = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
     if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
@@ -182,4 +185,6 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
         return math.inf
     r = item.noise.whiten(found.signal - item.window.signal)
     extra, _ = prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
-    return float(r @ r) + sum(x * x for x in extra)
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = float(r @ r)
+    return squares + sum(x * x for x in extra) if math.isfinite(squares) else math.inf
