@@ -64,6 +64,23 @@ def test_block_size_does_not_change_the_codes() -> None:
     np.testing.assert_array_equal(world.read_codes(1000, 150_000), whole)
 
 
+def test_a_rig_of_many_drops_forgets_bounces(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of old flights the first touch-down is kept, and none of them is looked at again."""
+    monkeypatch.setattr("drivers.simulated.world._BOUNCES_KEPT", 2)
+    world = a_world()
+    records = [record(world, 700_000) for _ in range(5)]
+    told = [len(shot["touches"]) for shot in world.truth()["shots"]]  # type: ignore[attr-defined]
+    assert told[:2] == [1, 1]
+    assert min(told[2:]) > 5
+    rendered: list[float] = []
+    monkeypatch.setattr(
+        "drivers.simulated.world.render_flight", lambda *_: rendered.append(1.0) or []
+    )
+    record(world, 700_000)
+    assert sum(rendered) == 1
+    assert all(np.abs(volts(r)).max() > 0.5 for r in records)
+
+
 def test_sphere_falls_bounces_and_each_bounce_is_weaker() -> None:
     """First touch after latency and fall; then ballistic flights with the rebound speed."""
     world = a_world(release_jitter_s=0.0, speed_repeatability=0.0)
