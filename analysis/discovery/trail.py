@@ -8,10 +8,11 @@ the search gives up.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from analysis.discovery.candidates import Refit
+from analysis.discovery.candidates import Refit, continued
 from analysis.discovery.divided import divided
 from analysis.discovery.evidence import Evidence, gather
 from analysis.discovery.isolated import SLOTS, explains_all, isolated, tried_alone
@@ -33,6 +34,8 @@ MIN_GAIN = 15.0
 """An effect that brings less than this beyond its price is not there."""
 CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
+UNFINISHED_WITHIN = 100.0
+"""So close behind, a refit that has not ended yet may still draw level."""
 MAX_EFFECTS = 3
 FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
@@ -337,6 +340,13 @@ def _is_effect(name: str, model: ImpactModel) -> bool:
     return any(name.startswith(f"{e.id}.") for e in model.effects)
 
 
+def _behind(taken: Refit, other: Refit) -> float:
+    """Return by how many squares another effect falls short, in gain or with its numbers paid."""
+    if other.owner == taken.owner or not other.on_all_shots:
+        return math.inf
+    return min(taken.score(PENALTY) - other.score(PENALTY), taken.gain - other.gain)
+
+
 def rivals(trail: Trail) -> dict[str, list[Refit]]:
     """Return for the last effect of a trail the others that the data cannot tell from it.
 
@@ -353,14 +363,13 @@ def rivals(trail: Trail) -> dict[str, list[Refit]]:
     found = {}
     # what could stand in for an effect is seen only beside all the others that act: the last turn
     for step, taken in list(zip(trail.steps, trail.chosen, strict=False))[-1:]:
-        near = [
-            r
+        step.refits[:] = [
+            continued(step.fitted, r)
+            if _behind(taken, r) < UNFINISHED_WITHIN and not r.fitted.converged
+            else r
             for r in step.refits
-            if r.owner != taken.owner
-            and r.on_all_shots
-            and not r.at_bound
-            and min(taken.score(PENALTY) - r.score(PENALTY), taken.gain - r.gain) < CONFUSED_WITHIN
         ]
+        near = [r for r in step.refits if not r.at_bound and _behind(taken, r) < CONFUSED_WITHIN]
         if near:
             found[taken.owner] = near
     return found
