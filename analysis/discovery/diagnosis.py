@@ -17,6 +17,7 @@ from analysis.discovery.trail import (
     Step,
     Trail,
     follow,
+    held_against_unfinished,
     look,
     rivals,
     without_needless,
@@ -144,7 +145,7 @@ def diagnose_campaign(
         verdict = "partial" if trail.chosen else "unknown"
         return Diagnosis(verdict, trail.steps, trail.chosen, slot=SLOT, background=seen)
     if not trail.adequate:
-        trail = without_needless(follow(trail, usual, told))
+        trail = held_against_unfinished(without_needless(follow(trail, usual, told)))
     found = _beside(seen, _judge(trail, told))
     told("looking for the drop that would tell most", 0.98)
     return dataclasses.replace(found, next_drop=_next_drop(found))

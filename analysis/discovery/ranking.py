@@ -119,7 +119,9 @@ def _begins(
     return [usual, below_a_ceiling(few, usual)]
 
 
-def rivals_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> list[Refit]:
+def rivals_refitted(
+    problem: JointProblem, fitted: joint.Fitted, taken: Refit, owners: set[str] | None = None
+) -> list[Refit]:
     """Return the other effects of a slot, each form fitted to all shots, best first.
 
     Parameters
@@ -128,6 +130,8 @@ def rivals_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -
         The model that one of them was added to.
     taken : Refit
         That one.
+    owners : set of str, optional
+        Only these others.
 
     Returns
     -------
@@ -138,7 +142,9 @@ def rivals_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -
     tried = [
         p
         for p in proposals(problem)[0]
-        if p.effect.slot == taken.effect.slot and p.owner != taken.owner
+        if p.effect.slot == taken.effect.slot
+        and p.owner != taken.owner
+        and (owners is None or p.owner in owners)
     ]
     found = []
     for own in starts(gather(problem, fitted, tried), tried).values():

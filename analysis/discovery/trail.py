@@ -36,6 +36,8 @@ CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
 UNFINISHED_WITHIN = 100.0
 """So close behind, a refit that has not ended yet may still draw level."""
+SPOKEN_FOR = 0.5
+"""Share of the taken effect's gain, on a part of the shots, that asks for all of them."""
 MAX_EFFECTS = 3
 FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
@@ -285,7 +287,34 @@ def without_needless(trail: Trail) -> Trail:
     return trail
 
 
-def held_against_others(trail: Trail) -> Trail:
+def held_against_unfinished(trail: Trail) -> Trail:
+    """Return a trail whose last effect has stood against what was given up half-way.
+
+    Parameters
+    ----------
+    trail : Trail
+        Any.
+
+    Returns
+    -------
+    Trail
+        As `held_against_others` returns it, for others of its slot that a part of the shots spoke
+        for and that were never fitted to all.
+    """
+    if not trail.chosen or not trail.adequate:
+        return trail
+    step, taken = trail.steps[-2], trail.chosen[-1]
+    owners = {
+        r.owner
+        for r in step.refits
+        if r.effect.slot == taken.effect.slot
+        and not (r.on_all_shots or r.at_bound)
+        and r.gain > SPOKEN_FOR * taken.gain
+    }
+    return held_against_others(trail, owners - {taken.owner}) if owners else trail
+
+
+def held_against_others(trail: Trail, owners: set[str] | None = None) -> Trail:
     """Return a trail whose last effect has stood against every other of its slot.
 
     An effect that was found beside one that has since been taken off was never compared with what
@@ -295,6 +324,8 @@ def held_against_others(trail: Trail) -> Trail:
     ----------
     trail : Trail
         Ending in noise.
+    owners : set of str, optional
+        Only these others.
 
     Returns
     -------
@@ -302,7 +333,7 @@ def held_against_others(trail: Trail) -> Trail:
         With the others among the refits of the last turn; one that does better takes its place.
     """
     step, taken = trail.steps[-2], trail.chosen[-1]
-    others = rivals_refitted(step.problem, step.fitted, taken)
+    others = rivals_refitted(step.problem, step.fitted, taken, owners)
     new = {o.owner for o in others}
     step.refits[:] = [*others, *(r for r in step.refits if r.owner not in new)]
     best = max(others, key=lambda r: r.score(PENALTY), default=taken)
