@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.discovery.before_trigger import is_there_before
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 
+Array = NDArray[np.float64]
+
 HARDLY = 0.05
 """Share of the largest owner's amplitude below which another's is as good as neutral."""
 ALIKE, FEWEST_PHASES = 0.4, 6
-"""Share of a free signal's power that is the same in all shots, from which its phase is not free;
-the inverse of the number of shots is what chance leaves."""
+"""Share of a free signal's power that shots have in common, from which its phase is not free; the
+inverse of their number is what chance leaves."""
 
 
 def _value(parameter: EffectParameter, coordinate: float) -> float:
@@ -24,6 +28,15 @@ def _value(parameter: EffectParameter, coordinate: float) -> float:
         return parameter.value(coordinate)
     except OverflowError:
         return math.inf
+
+
+def _alike(sizes: Array, groups: Sequence[float | None]) -> bool:
+    """Tell whether the shots of a group have much of a signal in common."""
+    members = [[at for at, g in enumerate(groups) if g == one] for one in set(groups)]
+    if len(sizes) < FEWEST_PHASES * len(members):
+        return False
+    common = sum(len(own) * float((sizes[own].mean(axis=0) ** 2).sum()) for own in members)
+    return common > ALIKE * max(float((sizes**2).sum()), 1e-300)
 
 
 def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:
@@ -40,14 +53,14 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
     -------
     bool
         A number outside its bounds by more than two standard uncertainties; or a free signal that
-        is alike in all shots, or absent before the trigger: the mains do not know when a sphere
-        falls.
+        is alike in all shots, or in those of a height, or absent before the trigger: the mains know
+        neither when a sphere falls nor when it was let go.
     """
     if effect.basis is not None:
         first = problem.model.nuisances.index(f"{effect.id}.basis0")
         sizes = fitted.nuisances[:, first : first + effect.basis_size]
-        alike = float((sizes.mean(axis=0) ** 2).sum() / max((sizes**2).mean(axis=0).sum(), 1e-300))
-        locked = alike > ALIKE and len(sizes) >= FEWEST_PHASES
+        heights = [shot.shot.drop_height_m for shot in problem.shots]
+        locked = _alike(sizes, [None] * len(sizes)) or _alike(sizes, heights)
         return locked or not is_there_before(problem.shots, effect, sizes)
     u = np.sqrt(np.maximum(np.diag(fitted.covariance), 0.0))
     for parameter in effect.parameters:

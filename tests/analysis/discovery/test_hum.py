@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.discovery.diagnosis import Diagnosis, diagnose_campaign
+from analysis.discovery.physical import _alike
 from analysis.discovery.statement import diagnosis_json
 from impactd.console.tables import measured
 
@@ -52,3 +53,15 @@ def test_no_line_claims_a_likelihood_for_an_unfinished_fit(humming: Diagnosis) -
     values = [line["delta_log_likelihood"] for line in found["candidates"]]
     assert np.min([v for v in values if v is not None]) > -1.0
     assert all("noise variances" not in (line["why_not"] or "") for line in found["candidates"])
+
+
+def test_what_the_release_puts_on_the_line_is_no_hum() -> None:
+    """The mains do not know when a sphere was let go: the shots of a height share no phase."""
+    rng = np.random.default_rng(8)
+    heights = np.repeat([0.01, 0.03, 0.05], 6).tolist()
+    free = rng.standard_normal((18, 6))
+    assert not _alike(free, heights)
+    assert not _alike(free, [None] * 18)
+    of_a_height = np.repeat(rng.standard_normal((3, 6)), 6, axis=0)
+    assert _alike(of_a_height + 0.5 * free, heights)
+    assert not _alike(of_a_height[::3], heights[::3])  # two of each say too little
