@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lsim
+from scipy.linalg import expm
+from scipy.signal import tf2ss
 
 from analysis.effects.effect import Effect, ShotContext
 from analysis.model.impact_model import ImpactModel, Prediction, ShotFrame, model_named
@@ -141,28 +142,28 @@ def neutral(effect: Effect) -> dict[str, float]:
     return found
 
 
-FINER = 50
+def simulated(system: tuple[Sequence[float], Sequence[float]], signal: Array) -> Array:
+    """Return a filter's exact response to a signal at 1 MHz that is a parabola between samples.
 
-
-def between(signal: Array) -> Array:
-    """Return a signal on a grid fifty times as fine, a parabola on each piece.
-
-    Its second derivative is the mean of the second differences at both ends; at rest before the
-    first sample, straight behind the last.
+    One matrix exponential carries the filter's state together with the parabola's value, slope and
+    second derivative, which is the mean of the second differences at both ends; the signal is at
+    rest before the first sample and straight behind the last.
     """
+    scaled = [[c * 1e6**k for k, c in enumerate(reversed(part))][::-1] for part in system]
+    a, b, c, d = tf2ss(*scaled)
+    n = len(a)
+    whole = np.zeros((n + 3, n + 3))
+    whole[:n, :n], whole[:n, n : n + 1] = a, b
+    whole[n, n + 1] = whole[n + 1, n + 2] = 1.0
+    carry = expm(whole)[:n]
     wide = np.concatenate([[signal[0]], signal, [2 * signal[-1] - signal[-2]]])
     bend = np.diff(wide, 2)
-    mean = 0.5 * (bend[1:] + bend[:-1])
-    t = np.arange(FINER) / FINER
-    pieces = signal[:-1, None] + np.diff(signal)[:, None] * t + mean[:, None] * t * (t - 1) / 2
-    return np.append(pieces.ravel(), signal[-1])
-
-
-def simulated(system: tuple[list[float], list[float]], signal: Array) -> Array:
-    """Return scipy's response to a signal at 1 MHz that is a parabola between samples."""
-    fine = between(signal)
-    times = np.arange(fine.size) * (1e-6 / FINER)
-    return np.asarray(lsim(system, fine, times, interp=True)[1])[::FINER]
+    state = -np.linalg.solve(a, b[:, 0]) * signal[0]
+    found = [signal[0] * float(d[0, 0]) + float(c[0] @ state)]
+    for x, y, curve in zip(signal, signal[1:], 0.5 * (bend[1:] + bend[:-1]), strict=False):
+        state = carry @ np.array([*state, x, y - x - curve / 2, curve])
+        found.append(float(c[0] @ state) + float(d[0, 0]) * y)
+    return np.array(found)
 
 
 def apart(one: Array, other: Array) -> float:
