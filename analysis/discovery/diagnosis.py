@@ -8,20 +8,16 @@ from dataclasses import dataclass, field
 
 from analysis.campaign import Campaign
 from analysis.discovery.background import Background, background
+from analysis.discovery.backward import (
+    each_held_against_others,
+    held_against_unfinished,
+    without_needless,
+)
 from analysis.discovery.candidates import Refit
 from analysis.discovery.localise import Located, locate
 from analysis.discovery.next_drop import NextDrop, propose
 from analysis.discovery.starting import PENALTY, usual_place
-from analysis.discovery.trail import (
-    MIN_GAIN,
-    Step,
-    Trail,
-    follow,
-    held_against_unfinished,
-    look,
-    rivals,
-    without_needless,
-)
+from analysis.discovery.trail import MIN_GAIN, Step, Trail, follow, look
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.problem import build
@@ -173,7 +169,9 @@ def _next_drop(found: Diagnosis) -> NextDrop | None:
     if found.verdict == "family":
         for taken in found.chosen:
             if taken.owner in found.rivals:
-                return propose([taken, *found.rivals[taken.owner]])
+                last = found.steps[-1]
+                whole = dataclasses.replace(taken, problem=last.problem, fitted=last.fitted)
+                return propose([whole, *found.rivals[taken.owner]])
     if found.verdict in ("unknown", "partial"):
         return propose([r for r in found.steps[0].refits if r.on_all_shots and not r.at_bound][:3])
     return None
@@ -203,9 +201,10 @@ def _judge(trail: Trail, progress: Progress) -> Diagnosis:
     if trail.adequate and not chosen:
         return Diagnosis("adequate", steps, [])
     if chosen and trail.adequate:
-        near = rivals(trail)
+        progress("holding every name against others", 0.95)
+        trail, near = each_held_against_others(trail)
         verdict = "family" if near else "identified"
-        return Diagnosis(verdict, steps, chosen, near, chosen[0].effect.slot)
+        return Diagnosis(verdict, trail.steps, trail.chosen, near, trail.chosen[0].effect.slot)
     crystal = [c for c in chosen if c.effect.replaces_base]
     rest = chosen[len(crystal) :]
     standing = _standing(steps[len(crystal) :], rest)

@@ -11,6 +11,7 @@ from analysis.campaign import Campaign
 from analysis.discovery.diagnosis import Diagnosis, diagnose_campaign
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
+from drivers.simulated.effects.effect import Effect
 from impactd.storage.campaign_folder import read_campaign
 
 SEED = 3
@@ -18,6 +19,11 @@ SEED = 3
 
 def small_campaign(folder: Path, effect: str | None = None, **values: float) -> Campaign:
     """Return eight shots with one effect, as read back from a campaign folder."""
+    return campaign_with(folder, () if effect is None else (make_effect(effect, values),))
+
+
+def campaign_with(folder: Path, effects: tuple[Effect, ...]) -> Campaign:
+    """Return eight shots with any effects, as read back from a campaign folder."""
     usual = CampaignSettings()
     settings = dataclasses.replace(
         usual,
@@ -25,7 +31,7 @@ def small_campaign(folder: Path, effect: str | None = None, **values: float) -> 
         surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
         drop_heights_m=(0.0115, 0.0465),
         repeats=1,
-        effects=() if effect is None else (make_effect(effect, values),),
+        effects=effects,
     )
     return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, SEED)))
 

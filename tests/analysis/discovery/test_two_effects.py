@@ -1,0 +1,24 @@
+"""Two effects at once: each name has stood against others beside the other one."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from analysis.discovery.diagnosis import diagnose_campaign
+from drivers.simulated.effects import make_effect
+
+from .conftest import campaign_with
+
+
+def test_a_name_found_beside_nothing_is_held_against_others_beside_the_rest(tmp_path: Path) -> None:
+    """A low-pass looks like an echo until the bent scale beside it is known."""
+    effects = (
+        make_effect("amplifier_lowpass", {"cutoff_hz": 72.5e3, "filter_order": 1.0}),
+        make_effect("sensor_nonlinearity", {"curvature_per_v": -1.3e-3}),
+    )
+    found = diagnose_campaign(campaign_with(tmp_path, effects))
+    assert found.verdict in ("identified", "family")
+    named = {c.owner for c in found.chosen}
+    assert "sensor_nonlinearity" in named
+    assert "amplifier_lowpass" in named | {r.owner for r in found.rivals.get("echo", [])}
+    assert len(found.steps) == len(found.chosen) + 1
