@@ -68,6 +68,14 @@ class Mechanics:
         Relative growth of the cell's stiffness with its compression. [1/m]
     rubbing_n : float
         Dry friction on the crystal's top. [N]
+    layer_hardening_per_m : float
+        Relative growth of the adhesive's stiffness with its compression. [1/m]
+    inner_mass_share, inner_angular_frequency_rad_per_s, inner_damping_ratio : float
+        A part of the sphere's mass on a spring inside it; 0 means a solid sphere. [1, rad/s, 1]
+    damping_growth_per_m : float
+        Relative growth of the cell's damping with the size of its compression. [1/m]
+    base_friction_n : float
+        Dry friction of the stand on what it stands on. [N]
     law, law_value : int, float
         Base elastic law of the kernel and its parameter. [SI]
     recontact_delay_s, recontact_speed_m_per_s : float
@@ -101,6 +109,12 @@ class Mechanics:
     tension_stiffness_ratio: float = 1.0
     cell_hardening_per_m: float = 0.0
     rubbing_n: float = 0.0
+    layer_hardening_per_m: float = 0.0
+    inner_mass_share: float = 0.0
+    inner_angular_frequency_rad_per_s: float = 0.0
+    inner_damping_ratio: float = 0.0
+    damping_growth_per_m: float = 0.0
+    base_friction_n: float = 0.0
     law: int = kernel.HERTZ
     law_value: float = 0.0
     recontact_delay_s: float = 0.0
@@ -151,6 +165,12 @@ class Mechanics:
             self.mode_stretched_ratio,
             self.cell_hardening_per_m,
             self.rubbing_n,
+            self.layer_hardening_per_m,
+            self.inner_mass_share,
+            self.inner_angular_frequency_rad_per_s,
+            self.inner_damping_ratio,
+            self.damping_growth_per_m,
+            self.base_friction_n,
         )
         return p
 

@@ -46,8 +46,9 @@ _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
     MASS, K, ALPHA, GRAVITY, CELL_MASS, CELL_K, CELL_MU, RIGID, SHARE, COUPON_MASS, LAYER_K,
     LAYER_C, BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO,
     LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, MODE_STRETCHED, HARDENING,
-    RUBBING, PARAMETERS,
-) = range(30)  # fmt: skip
+    RUBBING, LAYER_HARDENING, INNER_SHARE, INNER_OMEGA, INNER_ZETA, DAMPING_GROWTH, BASE_FRICTION,
+    PARAMETERS,
+) = range(36)  # fmt: skip
 # Base laws of the elastic force.
 HERTZ, YIELDING, JKR = range(3)
 # Additional terms.
@@ -55,11 +56,13 @@ THICKNESS, ROUGHNESS, KUWABARA_KONO, HUNT_CROSSLEY, RELAXATION, RATE_POWER, FILM
 SECOND_SPOT, SNAP, POWER, SOFT_TOE = range(8, 12)
 SNAP_SPEED_M_PER_S = 0.02  # over which a snap on the way in turns into none on the way out
 RUBBING_SPEED_M_PER_S = 1e-4  # over which friction turns round
+SLIDING_SPEED_M_PER_S = 3e-6  # the same below the cell, where all is slower
 LEAST_STIFFNESS = 0.05  # of a softening seat, over that at rest
 LEAST_DEPTH_M = 1e-9  # a power of the indentation is flat below it
 TERMS = 4  # as many contact effects may act at once, each with one state of its own
-# Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, then the terms.
-_X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _Z = range(12)
+# Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, the sphere's
+# inner mass, then the terms.
+_X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _I, _ID, _Z = range(14)
 _N = _Z + TERMS
 # Places in the summary.
 STATUS, REBOUND, LIFT_OFF, FORCE_PEAK, INDENTATION_PEAK, COMPRESSION_PEAK, END, STEPS = range(8)
@@ -192,7 +195,7 @@ def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one br
 
 
 @_compiled
-def _motion(  # noqa: PLR0917 - compiled code knows no keywords
+def _motion(  # noqa: PLR0917, PLR0915 - compiled code knows no keywords; one block a body
     s: Vector,
     touching: bool,
     p: Vector,
@@ -221,7 +224,13 @@ def _motion(  # noqa: PLR0917 - compiled code knows no keywords
             d = max(delta, 0.0) if touching else 0.0
             ds[_Z + i] = (d * math.sqrt(d) - s[_Z + i]) / values[i, 1]
     ds[_X] = s[_V]
-    ds[_V] = p[GRAVITY] - (felt + loss) / p[MASS]
+    ds[_V] = p[GRAVITY] - (felt + loss) / (p[MASS] * (1.0 - p[INNER_SHARE]))
+    ds[_I] = ds[_ID] = 0.0
+    if p[INNER_SHARE] > 0.0:
+        w, share = p[INNER_OMEGA], p[INNER_SHARE]
+        drag = w * w * (s[_X] - s[_I]) + 2.0 * p[INNER_ZETA] * w * (s[_V] - s[_ID])
+        ds[_I], ds[_ID] = s[_ID], p[GRAVITY] + drag
+        ds[_V] -= share / (1.0 - share) * drag
     ds[_W] = recede
     for i in range(_U, _W):
         ds[i] = 0.0
@@ -229,14 +238,17 @@ def _motion(  # noqa: PLR0917 - compiled code knows no keywords
         return felt
     push = felt + p[SHARE] * loss
     if p[COUPON_MASS] > 0.0:
-        through = p[LAYER_K] * (s[_Y] - s[_U]) + p[LAYER_C] * (s[_YD] - s[_UD])
+        thinner = s[_Y] - s[_U]
+        firmer = 1.0 + p[LAYER_HARDENING] * max(thinner, 0.0)
+        through = p[LAYER_K] * firmer * thinner + p[LAYER_C] * (s[_YD] - s[_UD])
         ds[_Y] = s[_YD]
         ds[_YD] = (push - through) / p[COUPON_MASS]
         push = through
     squeeze = s[_U] - s[_BS]
     stiffness = p[CELL_K] if squeeze >= 0.0 else p[CELL_K] * p[TENSION_RATIO]
     stiffness *= max(1.0 + p[HARDENING] * squeeze, LEAST_STIFFNESS)
-    cell = stiffness * squeeze + p[CELL_MU] * (s[_UD] - s[_BSD])
+    damping = p[CELL_MU] * (1.0 + p[DAMPING_GROWTH] * abs(squeeze))
+    cell = stiffness * squeeze + damping * (s[_UD] - s[_BSD])
     side = p[RUBBING] * math.tanh(s[_UD] / RUBBING_SPEED_M_PER_S)
     if p[MODE_MASS] > 0.0:
         w = p[MODE_OMEGA]
@@ -249,7 +261,8 @@ def _motion(  # noqa: PLR0917 - compiled code knows no keywords
     ds[_UD] = (push - cell - side) / p[CELL_MASS]
     if p[BASE_MASS] > 0.0:
         ds[_BS] = s[_BSD]
-        ds[_BSD] = (cell - p[BASE_K] * s[_BS] - p[BASE_C] * s[_BSD]) / p[BASE_MASS]
+        sliding = p[BASE_FRICTION] * math.tanh(s[_BSD] / SLIDING_SPEED_M_PER_S)
+        ds[_BSD] = (cell - p[BASE_K] * s[_BS] - p[BASE_C] * s[_BSD] - sliding) / p[BASE_MASS]
     return felt
 
 
@@ -422,8 +435,8 @@ def _tolerances(speed: float, p: Vector, tolerance: float) -> Vector:
     small = p[K] * deep**1.5 / p[CELL_K]
     omega = math.sqrt(p[CELL_K] / p[CELL_MASS])
     atol = np.full(_N, tolerance * small)
-    atol[_X] = atol[_W] = tolerance * deep
-    atol[_V] = tolerance * speed
+    atol[_X] = atol[_W] = atol[_I] = tolerance * deep
+    atol[_V] = atol[_ID] = tolerance * speed
     for i in (_UD, _YD, _BSD, _QD):
         atol[i] = tolerance * small * omega
     for i in range(TERMS):
@@ -480,6 +493,8 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
     memory, rates, F, summary = np.zeros(4), np.zeros((16, _N)), np.zeros((7, _N)), np.zeros(8)
     atol = _tolerances(speed, p, tolerance)
     s[_V] = speed
+    if p[INNER_SHARE] > 0.0:
+        s[_ID] = speed
     touching, flown, recontacted = True, False, p[RECONTACT_AT] <= 0.0
     t, h, loud_s, steps = 0.0, 1e-9, 0.0, 0
     grid, points = 0, compression.size
@@ -524,7 +539,8 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
             touching = False
             memory[:] = 0.0
             if not flown:
-                summary[REBOUND], summary[LIFT_OFF] = -s[_V], t
+                inner = p[INNER_SHARE]
+                summary[REBOUND], summary[LIFT_OFF] = -(1.0 - inner) * s[_V] - inner * s[_ID], t
                 flown = True
         elif event == _TOUCHES:
             touching = True
