@@ -54,5 +54,5 @@ def test_every_noise_and_every_effect_comes_up() -> None:
     }
     assert sum(colour_of(n) == "pink" for n in noises) < 60
     assert all(1e-3 <= n.rms_v <= 3e-3 for n in noises)
-    drawn = {draw_plan("outside", seed).effects[0].id for seed in range(300)}
+    drawn = {draw_plan("outside", seed).effects[0].id for seed in range(600)}
     assert drawn == set(INVENTED)
