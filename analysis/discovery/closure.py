@@ -21,7 +21,7 @@ from analysis.discovery.closure_point import Part, Point, form_of
 from analysis.discovery.closure_search import Ground, Reached, best_width, descend, reach, settled
 from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import Evidence
-from analysis.discovery.families import scale_of
+from analysis.discovery.families import scale_of, tuned
 from analysis.discovery.quality import heldout_or_none
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint
@@ -100,7 +100,7 @@ def learn(
     Learned or None
         The best that was reached; None where no step made it better.
     """
-    sizes = scale or scale_of(problem, fitted)
+    sizes = tuned(problem, fitted, scale or scale_of(problem, fitted), [f for f, _ in parts])
     form = form_of(problem, fitted.theta, fitted.nuisances, tuple(parts), sizes)
     count = len(problem.shots)
     begin = Point(

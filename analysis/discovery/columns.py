@@ -88,6 +88,8 @@ class Scale:
         Longest window. [s]
     tuned_hz : dict
         Frequency by family, of those that were looked for along the residual. [Hz]
+    tuned_zeta : float
+        Damping ratio of the one whose damping was looked for as well. [1]
     """
 
     top: float
@@ -97,6 +99,7 @@ class Scale:
     contact_s: float
     window_s: float
     tuned_hz: dict[str, float] = field(default_factory=dict)
+    tuned_zeta: float = 0.0
 
 
 def _delayed(signal: Array, samples: float) -> Array:

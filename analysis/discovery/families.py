@@ -30,7 +30,7 @@ from analysis.discovery.slot_columns import (
     piece_columns,
     wander_columns,
 )
-from analysis.discovery.tuned import TUNED, best_frequency, tuned_columns
+from analysis.discovery.tuned import DAMPED, TUNED, best_damped, best_frequency, tuned_columns
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import ImpactModel
@@ -161,6 +161,10 @@ def family_columns(view: View, family: str) -> Columns:
     """
     if family in TEMPLATES:
         return _template(view, family)
+    if family == DAMPED:
+        frequency, zeta = view.scale.tuned_hz[family], view.scale.tuned_zeta
+        labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
+        return labels, tuned_columns(family, view.clean, view.rate, frequency, zeta), None, None
     if family in TUNED:
         frequency = view.scale.tuned_hz[family]
         labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
@@ -220,7 +224,7 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
     Scale
         Frequencies it already has are kept.
     """
-    families = [f for f in wanted if f in TUNED and f not in scale.tuned_hz]
+    families = [f for f in wanted if f in (*TUNED, DAMPED) and f not in scale.tuned_hz]
     if not families:
         return scale
     signals, residuals, rates = [], [], []
@@ -230,5 +234,8 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
         signals.append(found.signal - nuisance[BASELINE])
         residuals.append(item.window.signal - found.signal)
         rates.append(item.frame.sample_rate_hz)
-    best = {f: best_frequency(f, signals, residuals, rates) for f in families}
-    return dataclasses.replace(scale, tuned_hz=scale.tuned_hz | best)
+    best = {f: best_frequency(f, signals, residuals, rates) for f in families if f != DAMPED}
+    zeta = scale.tuned_zeta
+    if DAMPED in families:
+        best[DAMPED], zeta = best_damped(signals, residuals, rates)
+    return dataclasses.replace(scale, tuned_hz=scale.tuned_hz | best, tuned_zeta=zeta)

@@ -13,6 +13,7 @@ family          what it can take up
 ``curve``       a memoryless curve of the signal, both signs, fine near zero
 ``fine``        the same in even steps of a hundredth; only learned
 ``path``        the same, another one for the way up and the way down
+``impulse``     any linear, time-invariant chain: an impulse response in pieces; only learned
 ``droop``       a gain that sinks with what the signal has been
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
@@ -26,7 +27,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import lfilter
+from scipy.signal import fftconvolve, lfilter
 
 from analysis.discovery.columns import Scale, locked_columns
 from analysis.model.impact_model import ImpactModel
@@ -40,6 +41,9 @@ CURVE_KNOTS = (-0.2, -0.06, -0.02, -0.006, -0.002, 0.0, 0.002, 0.006, 0.02, 0.06
                0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)  # fmt: skip
 PATH_KNOTS = (-0.1, -0.03, 0.0, 0.03, 0.1, 0.25, 0.45, 0.7, 1.0)
 FINE_KNOTS = tuple((np.arange(-12, 97) / 96).tolist())
+IMPULSE_STEP_US, IMPULSE_EVEN_US, IMPULSE_GROWTH, IMPULSE_UNTIL_US = 2.0, 20.0, 1.1, 1500.0
+IMPULSE_LONGEST_US = 12.0
+"""Knots of an impulse response: even ones first, then ever wider apart."""
 DROOPS_S = (2e-4, 1e-3, 5e-3)
 PIECES = (0.15, 0.5, 0.85, 1.2)
 WANDERS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620)
@@ -108,6 +112,20 @@ def _path(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
     return labels, np.hstack([both * up[:, None], both * ~up[:, None]])
 
 
+def _impulse(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del scale
+    knots, step = [0.0], IMPULSE_STEP_US
+    while knots[-1] < IMPULSE_UNTIL_US:
+        if knots[-1] >= IMPULSE_EVEN_US:
+            step = min(step * IMPULSE_GROWTH, IMPULSE_LONGEST_US)
+        knots.append(knots[-1] + step)
+    lags = np.arange(min(signal.size, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
+    pieces = _hats(lags, np.array(knots))[:, :-1]
+    pieces /= np.maximum(pieces.sum(axis=0), 1.0)
+    found = fftconvolve(signal[:, None], pieces, axes=0)[: signal.size]
+    return [f"{k:.4g} us later" for k in knots[:-1]], found
+
+
 def _droop(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
     labels = [f"signal times memory {t * 1e3:g} ms" for t in DROOPS_S]
     columns = [
@@ -156,6 +174,7 @@ OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] =
     "curve": _curve,
     "fine": _fine,
     "path": _path,
+    "impulse": _impulse,
     "droop": _droop,
 }
 """Families that are functions of the model's signal alone."""

@@ -8,12 +8,14 @@ import math
 import numpy as np
 import pytest
 
+from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import gather
 from analysis.discovery.owners import owners
+from analysis.discovery.slot_columns import OF_SIGNAL
 from analysis.discovery.slot_physics import SHARES, physical_score
 from analysis.discovery.slot_table import CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
 from analysis.discovery.slots import BANK, FAMILIES, ask_bank, features, probabilities, unrest
-from analysis.discovery.tuned import TUNED, best_frequency, tuned_columns
+from analysis.discovery.tuned import DAMPED, TUNED, best_damped, best_frequency, tuned_columns
 
 RATE = 1e6
 
@@ -98,6 +100,37 @@ def test_a_shared_frequency_is_found_whatever_the_phases(family):
         signals.append(pulse)
         residuals.append(columns @ rng.standard_normal(2))
     assert best_frequency(family, signals, residuals, [RATE] * 4) == truth
+
+
+def test_a_shared_damping_is_found_with_its_frequency():
+    """A resonance that dies within a period or two is no mode of a twentieth's damping."""
+    rng = np.random.default_rng(12)
+    t = np.arange(2000) / RATE
+    pulses = [np.exp(-(((t - 3e-4) / width) ** 2)) for width in (2e-5, 3e-5, 4e-5)]
+    residuals = [
+        tuned_columns(DAMPED, pulse, RATE, 783.0, 0.27) @ rng.standard_normal(2) for pulse in pulses
+    ]
+    frequency, zeta = best_damped(pulses, residuals, [RATE] * 3)
+    assert frequency == pytest.approx(783.0, rel=0.01)
+    assert zeta == pytest.approx(0.27, rel=0.02)
+
+
+def test_an_echo_that_disperses_is_a_free_impulse_response():
+    """Three delayed copies, each smeared: one response for pulses of any width."""
+    t = np.arange(2000) / RATE
+    scale = Scale(1.0, 1e-5, 0.5, 5e-5, 1e-4, 2e-3)
+    copies = ((0.1, 90), (-0.05, 400), (0.02, 800))
+
+    def late(pulse):
+        smeared = np.convolve(pulse, np.ones(16) / 16.0)
+        return sum(a * np.roll(smeared, d)[: t.size] for a, d in copies)
+
+    pulses = [np.exp(-(((t - 3e-4) / width) ** 2)) for width in (2e-5, 3e-5, 4e-5)]
+    columns = [OF_SIGNAL["impulse"](pulse, RATE, scale)[1] for pulse in pulses]
+    wanted = [late(pulse) for pulse in pulses]
+    learned = np.linalg.lstsq(np.vstack(columns[:2]), np.concatenate(wanted[:2]), rcond=1e-9)[0]
+    left = wanted[2] - columns[2] @ learned
+    assert np.linalg.norm(left) < 0.1 * np.linalg.norm(wanted[2])
 
 
 def test_owners_with_a_speed_have_a_second_coefficient_that_sums_to_little(clean):
