@@ -24,7 +24,7 @@ from analysis.discovery.left_out import (
 )
 from analysis.discovery.omnibus import ask
 from analysis.discovery.parts import Ground
-from analysis.discovery.proposals import proposals
+from analysis.discovery.proposals import proposals, scopes_of
 from analysis.discovery.ranking import Progress, rank, ranked
 from analysis.discovery.reformed import reformed
 from analysis.discovery.starting import PENALTY
@@ -42,6 +42,23 @@ CERTAIN = 1e4
 """Whitened squares by which what acts on one material differs from all that acts on every shot."""
 SLOTS = ("contact", "mounting")
 """Where an effect can belong to one material."""
+
+
+def can_be_one_materials(effect: Effect) -> bool:
+    """Tell whether an effect is done with where it was tried on one material's shots alone.
+
+    Parameters
+    ----------
+    effect : Effect
+        Of the library.
+
+    Returns
+    -------
+    bool
+        False where the whole rig has it, and it can hide on all other shots: a stiff tape moves
+        their coupons with the crystal, as if the crystal were heavier.
+    """
+    return effect.slot in SLOTS and scopes_of(effect) != ("rig",)
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,12 @@ from dataclasses import dataclass, field
 from analysis.discovery.candidates import Refit
 from analysis.discovery.divided import divided
 from analysis.discovery.evidence import Evidence, gather
-from analysis.discovery.isolated import SLOTS, explains_all, isolated, tried_alone
+from analysis.discovery.isolated import (
+    can_be_one_materials,
+    explains_all,
+    isolated,
+    tried_alone,
+)
 from analysis.discovery.left_out import LeftOut, left_out
 from analysis.discovery.omnibus import Omnibus, ask
 from analysis.discovery.parts import Ground
@@ -152,7 +157,7 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
     found: list[Refit] = []
     if apart is not None:
         found = tried_alone(apart, ground, progress, first=first)
-        tried = [p for p in tried if p.effect.slot not in SLOTS]
+        tried = [p for p in tried if not can_be_one_materials(p.effect)]
         if found and explains_all(found[0], ground):
             tried = []
     if tried:
