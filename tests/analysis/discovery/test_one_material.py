@@ -12,6 +12,7 @@ import pytest
 from analysis.campaign import Campaign
 from analysis.discovery.before_trigger import is_there_before
 from analysis.discovery.diagnosis import Diagnosis, diagnose_campaign
+from analysis.discovery.isolated import can_be_one_materials
 from analysis.discovery.named_model import definition_of, model_of
 from analysis.discovery.statement import diagnosis_json
 from analysis.effects.library import effect_named
@@ -91,6 +92,24 @@ def test_of_two_effects_the_other_is_found_without_the_material(tmp_path: Path) 
     found = diagnose_campaign(both)
     assert found.verdict in ("identified", "partial")
     assert {c.owner for c in found.chosen} == {"coupler_highpass", "plastic_yield"}
+
+
+@pytest.mark.parametrize(
+    ("name", "done"),
+    [("coupon_mode", True), ("plastic_yield", True), ("adhesive_layer", False), ("echo", False)],
+)
+def test_what_all_coupons_have_is_asked_of_all_shots(name: str, done: bool) -> None:
+    """A tape under every coupon is not looked for under one alone."""
+    assert can_be_one_materials(effect_named(name)) is done
+
+
+@pytest.mark.slow
+def test_a_stiff_tape_is_found_although_it_shows_under_one_coupon(tmp_path: Path) -> None:
+    """Under the light coupons it is a heavier crystal; the heavy one alone is beyond the noise."""
+    tape = make_effect("adhesive_layer", {"stiffness_n_per_m": 3.6e9, "damping_n_s_per_m": 170.0})
+    found = diagnose_campaign(campaign(tmp_path, tape))
+    assert [c.owner for c in found.chosen] == ["adhesive_layer"]
+    assert found.chosen[0].scope == "rig"
 
 
 def test_hum_is_believed_only_where_it_is_there_before(swinging: Diagnosis) -> None:
