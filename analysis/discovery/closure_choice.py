@@ -19,10 +19,10 @@ ALSO = {"locked": "outline", "wander": "pieces"}
 REFINED = {"curve": "fine", "response": "impulse", "creep": "impulse", "mode": "damped"}
 """Tried as well, as it costs more; where it has many numbers, as the rig's."""
 LEARNABLE: tuple[Part, ...] = (
-    *((f, "rig") for f in ("response", "creep", "curve", "path", "droop", "dynamic", "contact",
-                           "loss", "mode")),
-    *((f, "surface") for f in ("response", "creep", "curve", "path", "contact", "loss", "mode",
-                               "pitch", "gain")),
+    *((f, "rig") for f in ("response", "creep", "curve", "path", "droop", "dynamic", "seat",
+                           "contact", "loss", "mode")),
+    *((f, "surface") for f in ("response", "creep", "curve", "path", "seat", "contact", "loss",
+                               "mode", "pitch", "gain")),
     *((f, "sphere") for f in ("response", "path", "contact", "loss", "gain")),
     *((f, "shot") for f in ("stiffness", "gain", "pitch", "cell", "swing", "clock", "mode",
                             "wander")),

@@ -35,6 +35,7 @@ GENERIC = ("response", "static", "dynamic", "locked", "contact", "loss", "cell",
 PARTS = {
     "ringing": ("response", ("ring",)),
     "memory": ("response", ("lag", "slope", "curvature", "decay")),
+    "quick": ("response", ("slope", "curvature", "lag 2 ", "lag 4 ", "lag 6 ")),
     "bend": ("static", ("square", "cube")),
     "top": ("static", ("top",)),
     "zero": ("curve", ("at -0.02", "at -0.006", "at -0.002", "at 0 ", "at 0.002", "at 0.006")),

@@ -28,6 +28,7 @@ from analysis.discovery.slot_columns import (
     OF_SIGNAL,
     parameter_columns,
     piece_columns,
+    seat_columns,
     wander_columns,
 )
 from analysis.discovery.tuned import DAMPED, TUNED, best_damped, best_frequency, tuned_columns
@@ -127,6 +128,14 @@ def _speed(view: View) -> Columns:
     return ["speed"], np.zeros((view.clean.size, 1)), None, np.array([0.1])
 
 
+def _seat(view: View) -> Columns:
+    if "ln_w" not in view.model.shared:
+        return [], np.zeros((view.clean.size, 0)), None, None
+    at = [view.model.shared.index(name) for name in ("ln_w", "ln_z")]
+    frequency, damping = np.exp(view.local[at])
+    return *seat_columns(view.clean, view.rate, view.scale.top, frequency, damping), None, None
+
+
 _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "response": lambda v: (*response_columns(v.clean, v.rate), None, None),
     "static": lambda v: (*static_columns(v.clean, v.scale), None, None),
@@ -136,6 +145,7 @@ _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "loss": lambda v: _force(v, sphere_only=True),
     "cell": _cell,
     "speed": _speed,
+    "seat": _seat,
     "pieces": lambda v: (
         *piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us), None, None
     ),

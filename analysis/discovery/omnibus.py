@@ -40,7 +40,8 @@ SLOTS: dict[str, tuple[tuple[str, str], ...]] = {
         ("loss", "surface"),
         ("stiffness", "drift"),
     ),
-    "mounting": (("mode", "surface"), ("mode", "shot"), ("pitch", "surface"), ("pitch", "drift")),
+    "mounting": (("mode", "surface"), ("mode", "shot"), ("pitch", "surface"), ("pitch", "drift"),
+                 ("seat", "rig")),
     "sensor": (("ringing", "rig"), ("bend", "rig"), ("creep", "rig"), ("path", "rig"),
                ("gain", "shot")),
     "electronics": (

@@ -14,6 +14,7 @@ family          what it can take up
 ``fine``        the same in even steps of a hundredth; only learned
 ``path``        the same, another one for the way up and the way down
 ``impulse``     any linear, time-invariant chain: an impulse response in pieces; only learned
+``seat``        a force on the crystal that is no straight function of its motion
 ``droop``       a gain that sinks with what the signal has been
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
@@ -47,6 +48,8 @@ IMPULSE_LONGEST_US = 12.0
 DROOPS_S = (2e-4, 1e-3, 5e-3)
 PIECES = (0.15, 0.5, 0.85, 1.2)
 WANDERS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620)
+SLIDING = 0.01
+"""Speed, in crystal's frequency times largest compression, at which dry friction is at its most."""
 CHANGE = 0.05
 """Relative change of a parameter that a coefficient of one stands for."""
 
@@ -181,6 +184,46 @@ OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] =
 
 OF_PARAMETERS = {"gain": ("ln_S",), "pitch": ("ln_w", "ln_z"), "stiffness": ("ln_K",)}
 """Families that are changes of the model's own parameters."""
+
+
+def seat_columns(
+    signal: Array, rate: float, top: float, frequency_rad_per_s: float, damping_ratio: float
+) -> tuple[list[str], Array]:
+    """Return what a crystal adds whose spring or damper is not linear, to first order.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The model's, which is the crystal's compression. [unit of the signal]
+    rate : float
+        Sampling rate. [Hz]
+    top : float
+        Largest signal of the campaign. [unit of the signal]
+    frequency_rad_per_s, damping_ratio : float
+        The crystal's. [rad/s, 1]
+
+    Returns
+    -------
+    labels : list of str
+        One a column.
+    columns : ndarray, shape (n, 8)
+        Forces of second and third order in the motion, through the crystal's own resonance.
+        [unit of the signal]
+    """
+    x = signal / top
+    v = np.gradient(x) * rate / frequency_rad_per_s
+    slow = v / np.sqrt(np.square(v) + SLIDING**2)
+    forces = {
+        "x^2": x * x, "x^3": x**3, "|x|": np.abs(x), "v^2": v * v, "x v": x * v,
+        "v |v|": v * np.abs(v), "v |x|": v * np.abs(x), "dry": SLIDING * slow,
+    }  # fmt: skip
+    angle = frequency_rad_per_s / rate
+    pole = np.exp((-damping_ratio + 1j * math.sqrt(max(1.0 - damping_ratio**2, 0.0))) * angle)
+    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+    found = lfilter(
+        [0.0, sum(turn)], turn, 0.1 * top * np.column_stack(list(forces.values())), axis=0
+    )
+    return [f"force {name}" for name in forces], np.asarray(found)
 
 
 def parameter_columns(family: str, model: ImpactModel, jacobian: Array) -> tuple[list[str], Array]:

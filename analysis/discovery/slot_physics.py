@@ -30,13 +30,16 @@ SHARES: dict[str, tuple[float, float, float, float, float]] = {
     "mode":      (0.0,    0.0,    0.9,     0.9,   0.0),
     "ringing":   (0.0,    0.0,    0.8,     0.9,   0.0),
     "slow":      (0.0,    0.0,    0.8,     0.8,   0.0),
+    "seat":      (0.0,    0.0,    1.0,     0.8,   0.0),  # a spring or a damper that is not linear
     "gain":      (0.0,    0.0,    0.0,     1.0,   1.0),
     "creep":     (0.0,    0.0,    0.0,     0.9,   0.9),
     "curve":     (0.0,    0.0,    0.0,     1.0,   1.0),
+    "fine":      (0.0,    0.0,    0.0,     0.7,   0.9),  # with jumps, as a converter's steps
     "zero":      (0.0,    0.0,    0.0,     0.9,   0.9),
     "bend":      (0.0,    0.0,    0.0,     1.0,   0.8),
     "path":      (0.0,    0.0,    0.0,     1.0,   0.8),
     "top":       (0.0,    0.0,    0.0,     0.8,   1.0),
+    "quick":     (0.0,    0.0,    0.0,     0.5,   0.9),  # within a few microseconds
     "memory":    (0.0,    0.0,    0.0,     0.7,   0.9),
     "response":  (0.0,    0.0,    0.8,     0.8,   0.8),  # any linear chain
     "droop":     (0.0,    0.0,    0.0,     0.6,   1.0),

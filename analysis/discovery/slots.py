@@ -32,7 +32,8 @@ Part = tuple[str, str]
 
 FAMILIES = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "gain", "pitch",
-    "stiffness", "creep", "slow", "curve", "path", "droop", "wander", "swing", "clock", "mode",
+    "stiffness", "creep", "slow", "curve", "fine", "path", "droop", "seat", "wander", "swing", "clock",
+    "mode",
 )  # fmt: skip
 """What has to be gathered for `BANK`."""
 
@@ -58,6 +59,10 @@ BANK: tuple[Part, ...] = (
     ("stiffness", "sphere drift"),
     ("stiffness", "surface drift"),
     ("cell", "order"),
+    ("seat", "rig"),
+    ("seat", "surface"),
+    ("fine", "rig"),
+    ("quick", "rig"),
     *((family, "shot") for family in (
         "memory", "creep", "contact", "loss", "curve", "bend", "response",
     )),

@@ -7,11 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import gather
 from analysis.discovery.owners import owners
-from analysis.discovery.slot_columns import OF_SIGNAL
+from analysis.discovery.slot_columns import OF_SIGNAL, seat_columns
 from analysis.discovery.slot_physics import SHARES, physical_score
 from analysis.discovery.slot_table import CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
 from analysis.discovery.slots import BANK, FAMILIES, ask_bank, features, probabilities, unrest
@@ -131,6 +132,36 @@ def test_an_echo_that_disperses_is_a_free_impulse_response():
     learned = np.linalg.lstsq(np.vstack(columns[:2]), np.concatenate(wanted[:2]), rcond=1e-9)[0]
     left = wanted[2] - columns[2] @ learned
     assert np.linalg.norm(left) < 0.1 * np.linalg.norm(wanted[2])
+
+
+@pytest.mark.parametrize(
+    ("force", "law"),
+    [
+        ("x^2", lambda x, v: x * x),
+        ("|x|", lambda x, v: abs(x)),
+        ("v |x|", lambda x, v: v * abs(x)),
+        ("x^3", lambda x, v: x**3),
+    ],
+)
+def test_a_bent_spring_or_damper_is_what_an_integration_of_it_gives(force, law):
+    """A small force on an oscillator, integrated to 1e-10, against its column."""
+    omega, zeta, share = 2 * math.pi * 17.3e3, 0.07, 1e-3
+    t = np.arange(800) / RATE
+
+    def motion(small):
+        def slopes(at, y):
+            x, v = y[0], y[1] / omega
+            push = math.exp(-(((at - 1.5e-4) / 3e-5) ** 2)) + small * law(x, v)
+            return [y[1], omega**2 * (push - x) - 2 * zeta * omega * y[1]]
+
+        ran = solve_ivp(slopes, (0, t[-1]), [0, 0], t_eval=t, rtol=1e-10, atol=1e-13, max_step=1e-6)
+        return ran.y[0]
+
+    plain = motion(0.0)
+    labels, columns = seat_columns(plain, RATE, 1.0, omega, zeta)
+    wanted = (motion(share) - motion(-share)) / (2 * share)
+    found = 10.0 * columns[:, labels.index(f"force {force}")]
+    assert np.linalg.norm(found - wanted) < 0.01 * np.linalg.norm(wanted)
 
 
 def test_owners_with_a_speed_have_a_second_coefficient_that_sums_to_little(clean):
