@@ -32,8 +32,8 @@ Part = tuple[str, str]
 
 FAMILIES = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "gain", "pitch",
-    "stiffness", "creep", "slow", "curve", "fine", "path", "droop", "seat", "wander", "swing", "clock",
-    "mode",
+    "stiffness", "creep", "slow", "curve", "fine", "path", "droop", "seat", "wander", "swing",
+    "clock", "mode",
 )  # fmt: skip
 """What has to be gathered for `BANK`."""
 
