@@ -9,7 +9,7 @@ import dataclasses
 import math
 
 from analysis.discovery.candidates import Refit, continued
-from analysis.discovery.ranking import rivals_refitted
+from analysis.discovery.ranking import lookalikes_refitted, rivals_refitted
 from analysis.discovery.starting import PENALTY
 from analysis.discovery.trail import MIN_GAIN, Step, Trail, look
 from analysis.effects.effect import Effect
@@ -189,6 +189,7 @@ def _rivals(trail: Trail) -> dict[str, list[Refit]]:
     It is fitted to its end where it is close behind.
     """
     step, taken = trail.steps[-2], trail.chosen[-1]
+    step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
     step.refits[:] = [
         continued(step.fitted, r)
         if _behind(taken, r) < UNFINISHED_WITHIN and not r.fitted.converged

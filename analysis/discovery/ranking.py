@@ -22,7 +22,7 @@ from analysis.discovery.candidates import (
 )
 from analysis.discovery.evidence import gather
 from analysis.discovery.parts import FAR, Ground, Part, part_of, thinned
-from analysis.discovery.proposals import Proposal, proposals
+from analysis.discovery.proposals import Proposal, amplitude_of, proposals
 from analysis.discovery.starting import (
     BENT,
     PENALTY,
@@ -33,6 +33,7 @@ from analysis.discovery.starting import (
     starts,
 )
 from analysis.effects.effect import Effect
+from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 
@@ -168,6 +169,31 @@ def rivals_refitted(
         r if r.fitted.converged else continued(fitted, r) for r in found[:INTO_LAST]
     ]
     return one_form_each(sorted(found, key=rank))
+
+
+def lookalikes_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> list[Refit]:
+    """Return what an effect has to be told from beside the library, each fitted to all shots.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model that the effect was added to.
+    taken : Refit
+        The effect.
+
+    Returns
+    -------
+    list of Refit
+        One a lookalike, under its own id.
+    """
+    found = []
+    for effect in effect_named(taken.owner).lookalikes:
+        at = tuple(p.coordinate(p.starts[0]) for p in effect.parameters)
+        proposal = Proposal(effect, effect.id, at, amplitude_of(effect))
+        found.append(
+            refit(problem, fitted, proposal, scope="rig", coefficients={}, linear_gain=0.0)
+        )
+    return found
 
 
 def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool, far: bool) -> list[Refit]:

@@ -203,6 +203,9 @@ class Effect:
     variants : tuple of Effect
         Other forms of the same effect, tried beside it under ids ``<id>:<form>``; the library lists
         them under this one.
+    lookalikes : tuple of Effect
+        What nobody would list but the name must be told from, under ids ``<id>:<form>``; never
+        tried by itself.
     only : tuple of str or None
         Whose shots it acts on, as (``surface`` or ``sphere``, name); None for all.
     rides : bool
@@ -233,6 +236,7 @@ class Effect:
     bases: tuple[str, ...] = ("hsd", "kv")
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
+    lookalikes: tuple[Effect, ...] = ()
     only: tuple[str, str] | None = None
     rides: bool = False
 

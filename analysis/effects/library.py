@@ -50,7 +50,11 @@ def effect_named(name: str) -> Effect:
     UnknownModelError
         If the library has no such effect; the message lists those it has.
     """
-    known = {e.id: e for listed in library().values() for e in (listed, *listed.variants)}
+    known = {
+        e.id: e
+        for listed in library().values()
+        for e in (listed, *listed.variants, *listed.lookalikes)
+    }
     try:
         return known[name]
     except KeyError:

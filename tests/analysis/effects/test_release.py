@@ -40,6 +40,42 @@ def test_a_sphere_below_the_coupon_has_no_speed() -> None:
     assert math.isnan(speed({"height_offset_m": -2e-3}, low))
 
 
+def test_a_lookalike_of_it_takes_the_same_speed_from_every_drop() -> None:
+    """It is no effect of the library's list, and its speed is v - d."""
+    model = model_named("kv+release_speed_bias:same_loss")
+    assert "release_speed_bias:same_loss" not in {
+        e.id for listed in library().values() for e in (listed, *listed.variants)
+    }
+    for height in (0.02, 0.2):
+        rig = RIG.but(drop_height=height)
+        local = rig.local(model, {"release_speed_bias:same_loss.speed_loss_m_per_s": 0.03})
+        promised = math.sqrt(2 * 9.80665 * height)
+        shift = model.speed_shift(local, rig.frame())
+        assert shift == pytest.approx(math.log((promised - 0.03) / promised), rel=1e-12)
+
+
+@pytest.mark.parametrize("drag", [0.8, -0.4])
+def test_the_other_lookalike_is_a_fall_with_drag(drag: float) -> None:
+    """DOP853 of a fall under gravity less k v^2."""
+
+    def slopes(_: float, s: NDArray[np.float64]) -> list[float]:
+        return [s[1], 9.80665 - drag * s[1] ** 2]
+
+    def lands(_: float, s: NDArray[np.float64]) -> float:
+        return float(s[0]) - 0.2
+
+    lands.terminal = True  # type: ignore[attr-defined]
+    model = model_named("kv+release_speed_bias:drag")
+    rig = RIG.but(drop_height=0.2)
+    local = rig.local(model, {"release_speed_bias:drag.drag_per_m": drag})
+    fall = solve_ivp(
+        slopes, (0.0, 1.0), np.zeros(2), method="DOP853", rtol=1e-12, atol=1e-14, events=lands
+    )
+    promised = math.sqrt(2 * 9.80665 * 0.2)
+    shift = model.speed_shift(local, rig.frame())
+    assert shift == pytest.approx(math.log(fall.y[1, -1] / promised), rel=1e-9)
+
+
 def test_a_second_contact_is_a_slower_impact_later() -> None:
     """The trace is the sum of two base traces, the second at a fraction of the speed."""
     values = {"recontact.speed_ratio": 0.3, "recontact.delay_s": 612.5e-6}
