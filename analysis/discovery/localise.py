@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.discovery.closure import Learned
-from analysis.discovery.closure_choice import best_closure
+from analysis.discovery.closure_choice import BROADER, best_closure
 from analysis.discovery.evidence import Evidence, Explained, gather
 from analysis.discovery.omnibus import SLOTS
 from analysis.discovery.quality import heldout_or_none
@@ -96,6 +96,9 @@ def locate(step: Step, progress: Progress) -> Located:
     slot = max(odds, key=lambda s: odds[s])
     shared = [e for e in answers.values() if e.scope != "shot" and e.family != "speed"]
     closure = max(shared, key=worth)
+    common = answers.get((closure.family, "rig"), closure)
+    if BROADER * worth(common) >= worth(closure):
+        closure = common
     closure = evidence.explain(closure.family, closure.scope)
     before = heldout_or_none(step.problem, step.fitted)
     learned = best_closure(step, evidence, answers, before, progress)

@@ -223,7 +223,7 @@ def seat_columns(
     found = lfilter(
         [0.0, sum(turn)], turn, 0.1 * top * np.column_stack(list(forces.values())), axis=0
     )
-    return [f"force {name}" for name in forces], np.asarray(found)
+    return [f"crystal force {name}" for name in forces], np.asarray(found)
 
 
 def parameter_columns(family: str, model: ImpactModel, jacobian: Array) -> tuple[list[str], Array]:
