@@ -183,8 +183,8 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
     found = problem.model.predict(local, item.frame)
     if not math.isfinite(found.rebound_ratio):
         return math.inf
-    r = item.noise.whiten(found.signal - item.window.signal)
     extra, _ = prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
     with np.errstate(over="ignore", invalid="ignore"):
+        r = item.noise.whiten(found.signal - item.window.signal)
         squares = float(r @ r)
     return squares + sum(x * x for x in extra) if math.isfinite(squares) else math.inf
