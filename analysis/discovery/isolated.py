@@ -183,6 +183,17 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
         refits[0] = widened(apart.problem, apart.fitted, near, PENALTY)
     found = []
     for one in refits:
+        if one.on_all_shots and one.effect.structure is not None:
+            # light coupons hide in the crystal's mass what is below all of them alike
+            under_all = everywhere(one, apart, ground.problem, ground.fitted)
+            if explains_all(under_all, ground):
+                others = [r for r in refits if r is not one]
+                left = [
+                    dataclasses.replace(r, gain=r.gain + already, on_all_shots=False)
+                    for r in others
+                ]
+                return sorted([under_all, *left], key=rank)
+            found.append(under_all)
         if one.on_all_shots:
             found.append(on_all_shots(one, apart, ground.problem, ground.fitted))
         else:
@@ -235,6 +246,34 @@ def on_all_shots(
     whole = dataclasses.replace(
         found, effect=effect, scope=scope, problem=larger, fitted=result, on_all_shots=True
     )
+    return refitted(whole, problem, fitted)
+
+
+def everywhere(found: Refit, apart: Isolated, problem: JointProblem, fitted: joint.Fitted) -> Refit:
+    """Return an effect that was found on one material's shots as one that acts on all shots.
+
+    Parameters
+    ----------
+    found, apart, problem, fitted
+        As for `on_all_shots`.
+
+    Returns
+    -------
+    Refit
+        Fitted again from the cell and the sizes that the one material's shots have.
+    """
+    rest = apart.rest
+    larger, theta, _ = extended(problem, fitted, found.effect, {})
+    where = dict(zip(rest.problem.names, rest.fitted.theta, strict=True))
+    where |= dict(zip(found.problem.names, found.fitted.theta, strict=True))
+    theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
+    nuisances = carried_over(problem.model, larger.model, fitted.nuisances)
+    shared = [larger.model.nuisances.index(n) for n in problem.model.nuisances]
+    nuisances[np.ix_(rest.others, shared)] = rest.fitted.nuisances
+    nuisances[rest.places] = found.fitted.nuisances
+    nuisances = joint.settle(larger, theta, nuisances)
+    result = joint.fit(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
+    whole = dataclasses.replace(found, problem=larger, fitted=result, on_all_shots=True)
     return refitted(whole, problem, fitted)
 
 
