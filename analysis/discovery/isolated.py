@@ -11,6 +11,7 @@ import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.discovery.candidates import Refit, extended, refitted
 from analysis.discovery.evidence import gather
@@ -33,6 +34,8 @@ from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
+
+Array = NDArray[np.float64]
 
 SHARE = 0.02
 """Of what is beyond the noise, that may lie outside the one material's shots."""
@@ -237,10 +240,7 @@ def on_all_shots(
     for name, value in zip(found.problem.names, found.fitted.theta, strict=True):
         where.setdefault(_owned(name, effect, rest.only[1]), float(value))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
-    nuisances = carried_over(problem.model, larger.model, fitted.nuisances)
-    shared = [larger.model.nuisances.index(n) for n in problem.model.nuisances]
-    nuisances[np.ix_(rest.others, shared)] = rest.fitted.nuisances
-    nuisances[rest.places] = found.fitted.nuisances
+    nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
     result = joint.fit(larger, nuisances, theta=theta)
     scope = rest.only[0] if found.scope == "rig" else found.scope
     whole = dataclasses.replace(
@@ -262,19 +262,26 @@ def everywhere(found: Refit, apart: Isolated, problem: JointProblem, fitted: joi
     Refit
         Fitted again from the cell and the sizes that the one material's shots have.
     """
-    rest = apart.rest
     larger, theta, _ = extended(problem, fitted, found.effect, {})
-    where = dict(zip(rest.problem.names, rest.fitted.theta, strict=True))
+    where = dict(zip(apart.rest.problem.names, apart.rest.fitted.theta, strict=True))
     where |= dict(zip(found.problem.names, found.fitted.theta, strict=True))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
-    nuisances = carried_over(problem.model, larger.model, fitted.nuisances)
-    shared = [larger.model.nuisances.index(n) for n in problem.model.nuisances]
-    nuisances[np.ix_(rest.others, shared)] = rest.fitted.nuisances
-    nuisances[rest.places] = found.fitted.nuisances
+    nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
     nuisances = joint.settle(larger, theta, nuisances)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
     whole = dataclasses.replace(found, problem=larger, fitted=result, on_all_shots=True)
     return refitted(whole, problem, fitted)
+
+
+def _shots_own(
+    larger: JointProblem, problem: JointProblem, fitted: joint.Fitted, rest: LeftOut, found: Refit
+) -> Array:
+    """Return every shot's own numbers from where its material was fitted. Shape (shots, p)."""
+    nuisances = carried_over(problem.model, larger.model, fitted.nuisances)
+    shared = [larger.model.nuisances.index(n) for n in problem.model.nuisances]
+    nuisances[np.ix_(rest.others, shared)] = rest.fitted.nuisances
+    nuisances[rest.places] = found.fitted.nuisances
+    return nuisances
 
 
 def _owned(name: str, effect: Effect, owner: str) -> str:
