@@ -13,6 +13,7 @@ from analysis.discovery.physical import left_its_range
 from analysis.discovery.proposals import Proposal, rescoped
 from analysis.effects.effect import Effect
 from analysis.fit import joint
+from analysis.fit.blocks import shot_cost
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
 
@@ -21,6 +22,8 @@ KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
 PRESENT = 0.3
 """Share of an effect's start, in the linear look, below which an owner begins without it."""
+HELD = 1e-3
+"""How far an effect's coordinates may move from a far start while the rest comes near."""
 LEAST_EACH = 10.0
 """Whitened squares a number that every shot needs of its own for such numbers to be believed."""
 COORDINATE_U = 20.0
@@ -207,9 +210,29 @@ def refit(
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
     if begin is not None:
         nuisances = joint.settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
+        theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     bare = Refit(effect, proposal.owner, scope, larger, result, 0.0, 0, False, linear_gain)
     return refitted(bare, problem, fitted)
+
+
+def _drawn_near(
+    problem: JointProblem, theta: Array, nuisances: Array, own: list[str], max_iterations: int
+) -> tuple[Array, Array]:
+    """Return where everything else comes to while an effect's own numbers are held at a start.
+
+    As long as the materials are far off, an effect's first steps make up for them and lead away.
+    """
+    at = [j for j in map(problem.index, own) if j is not None]
+    held = dataclasses.replace(
+        problem,
+        prior_mean=problem.prior_mean.copy(),
+        prior_precision=problem.prior_precision.copy(),
+    )
+    held.prior_mean[at] = theta[at]
+    held.prior_precision[at, at] = HELD**-2
+    near = joint.fit(held, nuisances, theta=theta, max_iterations=max_iterations)
+    return (near.theta, near.nuisances) if near.blocks else (theta, nuisances)
 
 
 def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
@@ -288,9 +311,24 @@ def refit_elsewhere(
         near = _most_alike(problem.shots[row], place, found.problem.shots, few)
         nuisances[row] += found.fitted.nuisances[near]
         nuisances[row, shared] -= old[near]
+        like = _from(found.problem.shots[near], found.fitted.nuisances[near], problem.shots[row])
+        costs = [
+            shot_cost(wide, wide.shots[row], found.fitted.theta, own)
+            for own in (nuisances[row], like)
+        ]
+        if costs[1] < costs[0]:  # an anchor that leads nowhere, as where a top is cut, is none
+            nuisances[row] = like
     nuisances = joint.settle(wide, found.fitted.theta, nuisances)
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
     return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)
+
+
+def _from(near: FitShot, nuisances: Array, target: FitShot) -> Array:
+    """Return a shot's own numbers for another: as they are, but with the speed of its height."""
+    own = nuisances.copy()
+    if near.speed_prior is not None and target.speed_prior is not None:
+        own[0] += target.speed_prior.mean - near.speed_prior.mean
+    return own
 
 
 def _most_alike(target: FitShot, place: int, shots: list[FitShot], places: list[int]) -> int:
