@@ -74,11 +74,17 @@ def best_closure(
     level = math.sqrt(float(np.mean([s.item.noise.rms**2 for s in evidence.shots])))
     wanted = candidates(answers)
     found: list[Learned] = []
+    coarse: dict[Part, Part] = {}
+    spare: list[Part] = []
     for place, part in enumerate(wanted):
         progress(f"learning a closure: {part[0]} by {part[1]}", 0.7 * place / len(wanted))
+        if REFINED.get(part[0]) in {f.family for f in found}:
+            spare.append(part)  # its finer form is known already
+            continue
         one = _learned(step, evidence, None, part)
         if one is not None:
             found.append(one)
+            coarse[one.parts[0]] = part
             if _error(one) < ENOUGH * level:
                 return one if _repairs(one, before) else None
     found.sort(key=_error)
@@ -86,11 +92,14 @@ def best_closure(
         return None
     best = found[0]
     seconds = [f.parts[0] for f in found[1:3] if not f.parts[0][0].startswith("force")]
-    for place, part in enumerate(dict.fromkeys([*seconds, ("outline", "pair")])):
+    for place, part in enumerate(dict.fromkeys([*seconds, *spare, ("outline", "pair")])):
         if part in best.parts or _error(best) < ENOUGH * level:
             continue
         progress(f"learning {part[0]} by {part[1]} beside it", 0.7 + 0.1 * place)
-        both = _learned(step, evidence, best, part)
+        # beside another one the coarse form of many numbers may hold better on other shots
+        forms = dict.fromkeys([part, coarse.get(part, part)])
+        tried = [_learned(step, evidence, best, form) for form in forms]
+        both = min((t for t in tried if t is not None), key=_error, default=None)
         if both is not None and _error(both) < BETTER * _error(best):
             best = both
     return best
