@@ -43,6 +43,61 @@ class Memoryless:
         return True
 
 
+class DelayLine:
+    """What went in before, up to a longest delay ago, straight between samples.
+
+    Parameters
+    ----------
+    longest_s : float
+        Delay. [s]
+    """
+
+    def __init__(self, longest_s: float) -> None:
+        self._longest_s = longest_s
+        self._t, self._v = np.zeros(1), np.zeros(1)
+
+    def hear(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+        """Take in a stretch and return its times, counted from the first one's begin.
+
+        Parameters
+        ----------
+        volts : ndarray, shape (n,)
+            Input. [V]
+        step_s : float
+            Its step. [s]
+
+        Returns
+        -------
+        ndarray, shape (n,)
+            [s]
+        """
+        t = self._t[-1] + step_s * np.arange(1, volts.size + 1)
+        keep = self._t >= self._t[-1] - self._longest_s - 2e-6
+        self._t = np.concatenate((self._t[keep], t))
+        self._v = np.concatenate((self._v[keep], volts))
+        return t
+
+    def at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what went in at some times, nothing before the first stretch. [V]"""
+        return np.asarray(np.interp(times_s, self._t, self._v, left=0.0))
+
+    def is_quiet(self, threshold_v: float) -> bool:
+        """Return whether nothing that still counts is above a threshold.
+
+        Parameters
+        ----------
+        threshold_v : float
+            Input that no longer counts. [V]
+
+        Returns
+        -------
+        bool
+            Of the last `longest_s`.
+        """
+        recent = self._v[self._t >= self._t[-1] - self._longest_s - 2e-6]
+        return bool(np.all(np.abs(recent) < threshold_v))
+
+
 class StateSpaceStage:
     """A linear filter ``x' = A x + B u, y = C x + D u``, exact for straight lines between samples.
 

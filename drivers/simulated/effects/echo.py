@@ -9,27 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
+from drivers.simulated.electronics import DelayLine
 
 
-class _Delay:
+class _Echo:
     def __init__(self, delay_s: float, ratio: float) -> None:
         self._delay_s, self._ratio = delay_s, ratio
-        self._t = np.zeros(0)
-        self._v = np.zeros(0)
-        self._now_s = 0.0
+        self._past = DelayLine(delay_s)
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        t = self._now_s + step_s * np.arange(1, volts.size + 1)
-        self._now_s = float(t[-1]) if t.size else self._now_s
-        past_t = np.concatenate((self._t, t))
-        past_v = np.concatenate((self._v, volts))
-        late = np.interp(t - self._delay_s, past_t, past_v, left=0.0)
-        keep = past_t >= self._now_s - self._delay_s - 2e-6
-        self._t, self._v = past_t[keep], past_v[keep]
-        return np.asarray(volts + self._ratio * late)
+        t = self._past.hear(volts, step_s)
+        return np.asarray(volts + self._ratio * self._past.at(t - self._delay_s))
 
     def is_quiet(self, threshold_v: float) -> bool:
-        return bool(np.all(np.abs(self._ratio * self._v) < threshold_v))
+        return self._past.is_quiet(threshold_v / abs(self._ratio))
 
 
 class Echo(Effect):
@@ -44,8 +37,8 @@ class Echo(Effect):
         Parameter("ratio", "1", 2e-3, 0.12, 0.0, "r", either_sign=True),
     )
 
-    def stage(self, shot: Shot) -> _Delay | None:
+    def stage(self, shot: Shot) -> _Echo | None:
         """Return the delay line."""
         if self.values["ratio"] == 0.0:
             return None
-        return _Delay(self.values["delay_s"], self.values["ratio"])
+        return _Echo(self.values["delay_s"], self.values["ratio"])

@@ -13,27 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
+from drivers.simulated.electronics import DelayLine
 
 
 class _Wander:
     def __init__(self, amplitude_s: float, frequency_hz: float, phase: float) -> None:
         self._amplitude_s, self._w, self._phase = amplitude_s, 2.0 * math.pi * frequency_hz, phase
-        self._t, self._v = np.array([-1.0]), np.zeros(1)
-        self._now_s = 0.0
+        self._past = DelayLine(2.0 * amplitude_s)
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        if volts.size == 0:
-            return volts
-        t = self._now_s + step_s * np.arange(1, volts.size + 1)
-        self._now_s = float(t[-1])
-        past_t, past_v = np.concatenate((self._t, t)), np.concatenate((self._v, volts))
-        keep = past_t >= self._now_s - 2.0 * self._amplitude_s - 2e-6
-        self._t, self._v = past_t[keep], past_v[keep]
-        late = self._amplitude_s * (1.0 + np.sin(self._w * t + self._phase))
-        return np.asarray(np.interp(t - late, past_t, past_v))
+        t = self._past.hear(volts, step_s)
+        return self._past.at(t - self._amplitude_s * (1.0 + np.sin(self._w * t + self._phase)))
 
     def is_quiet(self, threshold_v: float) -> bool:
-        return bool(np.all(np.abs(self._v) < threshold_v))
+        return self._past.is_quiet(threshold_v)
 
 
 class ClockWander(Effect):

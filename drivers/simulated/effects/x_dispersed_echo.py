@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
-from drivers.simulated.electronics import StateSpaceStage, resonance
+from drivers.simulated.electronics import DelayLine, StateSpaceStage, resonance
 
 DAMPING_RATIO = 0.9
 
@@ -19,20 +19,14 @@ DAMPING_RATIO = 0.9
 class _Echo:
     def __init__(self, ratio: float, delay_s: float, smear: StateSpaceStage) -> None:
         self._ratio, self._delay_s, self._smear = ratio, delay_s, smear
-        self._t, self._v = np.array([0.0]), np.zeros(1)
+        self._past = DelayLine(delay_s)
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        if volts.size == 0:
-            return volts
-        t = self._t[-1] + step_s * np.arange(1, volts.size + 1)
-        past_t, past_v = np.concatenate((self._t, t)), np.concatenate((self._v, volts))
-        keep = past_t >= t[-1] - self._delay_s - 2e-6
-        self._t, self._v = past_t[keep], past_v[keep]
-        late = np.interp(t - self._delay_s, past_t, past_v, left=0.0)
+        late = self._past.at(self._past.hear(volts, step_s) - self._delay_s)
         return np.asarray(volts - self._ratio * self._smear.process(late, step_s))
 
     def is_quiet(self, threshold_v: float) -> bool:
-        silent = bool(np.all(np.abs(self._ratio * self._v) < threshold_v))
+        silent = self._past.is_quiet(threshold_v / abs(self._ratio))
         return silent and self._smear.is_quiet(threshold_v)
 
 

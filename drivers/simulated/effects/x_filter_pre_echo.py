@@ -11,27 +11,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
+from drivers.simulated.electronics import DelayLine
 
 
 class _PairedEcho:
     def __init__(self, ratio: float, spacing_s: float) -> None:
         self._ratio, self._spacing_s = ratio, spacing_s
-        self._t, self._v = np.zeros(1), np.zeros(1)
+        self._past = DelayLine(2.0 * spacing_s)
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        if volts.size == 0:
-            return volts
-        t = self._t[-1] + step_s * np.arange(1, volts.size + 1)
-        past_t, past_v = np.concatenate((self._t, t)), np.concatenate((self._v, volts))
-        keep = past_t >= t[-1] - 2.0 * self._spacing_s - 2e-6
-        self._t, self._v = past_t[keep], past_v[keep]
-        middle, late = (
-            np.interp(t - n * self._spacing_s, past_t, past_v, left=0.0) for n in (1, 2)
-        )
+        t = self._past.hear(volts, step_s)
+        middle, late = (self._past.at(t - n * self._spacing_s) for n in (1, 2))
         return np.asarray(middle + self._ratio * (volts + late))
 
     def is_quiet(self, threshold_v: float) -> bool:
-        return bool(np.all(np.abs(self._v) < threshold_v))
+        return self._past.is_quiet(threshold_v)
 
 
 class FilterPreEcho(Effect):

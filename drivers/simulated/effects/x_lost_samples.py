@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
+from drivers.simulated.electronics import DelayLine
 
 WINDOW_S = (2e-5, 1e-3)  # of the gap, after the touch
 
@@ -21,20 +22,14 @@ class _Gap:
 
     def __init__(self, lost_s: float, at_s: float) -> None:
         self._lost_s, self._at_s = lost_s, at_s
-        self._t, self._v = np.zeros(1), np.zeros(1)
+        self._past = DelayLine(lost_s)
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        if volts.size == 0:
-            return volts
-        t = self._t[-1] + step_s * np.arange(1, volts.size + 1)
-        past_t, past_v = np.concatenate((self._t, t)), np.concatenate((self._v, volts))
-        keep = past_t >= t[-1] - self._lost_s - 2e-6
-        self._t, self._v = past_t[keep], past_v[keep]
-        late = np.where(t < self._at_s, self._lost_s, 0.0)
-        return np.asarray(np.interp(t - late, past_t, past_v))
+        t = self._past.hear(volts, step_s)
+        return self._past.at(t - np.where(t < self._at_s, self._lost_s, 0.0))
 
     def is_quiet(self, threshold_v: float) -> bool:
-        return bool(np.all(np.abs(self._v) < threshold_v))
+        return self._past.is_quiet(threshold_v)
 
 
 class LostSamples(Effect):
