@@ -35,8 +35,7 @@ def without_needless(trail: Trail) -> Trail:
     for place, old in enumerate(trail.chosen):
         if old.effect.replaces_base:
             continue
-        kept = tuple(e for e in trail.last.problem.model.effects if e.id != old.effect.id)
-        shorter = _reduced(trail.last, kept)
+        shorter = _reduced(trail.last, old.effect)
         if shorter is not None and shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
             steps = [*trail.steps[: len(others)], shorter]
@@ -141,8 +140,7 @@ def each_held_against_others(trail: Trail) -> tuple[Trail, dict[str, list[Refit]
 def _as_last(trail: Trail, taken: Refit) -> Trail | None:
     """Return a trail with the same end, one of its effects found last; None where it cannot be."""
     others = [c for c in trail.chosen if c is not taken]
-    kept = tuple(e for e in trail.last.problem.model.effects if e.id != taken.effect.id)
-    shorter = _reduced(trail.last, kept)
+    shorter = _reduced(trail.last, taken.effect)
     if shorter is None:
         return None
     last = trail.last
@@ -151,9 +149,10 @@ def _as_last(trail: Trail, taken: Refit) -> Trail | None:
     return Trail([*trail.steps[: len(others)], shorter, last], [*others, moved])
 
 
-def _reduced(step: Step, effects: tuple[Effect, ...]) -> Step | None:
-    """Return a step's model with fewer effects, fitted again; None where it cannot be."""
-    model = dataclasses.replace(step.problem.model, effects=effects)
+def _reduced(step: Step, left_out: Effect) -> Step | None:
+    """Return a step's model without an effect, fitted again; None where it cannot be."""
+    kept = tuple(e for e in step.problem.model.effects if e.id != left_out.id)
+    model = dataclasses.replace(step.problem.model, effects=kept)
     keep = [
         j
         for j, name in enumerate(step.problem.names)

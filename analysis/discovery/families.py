@@ -31,7 +31,14 @@ from analysis.discovery.slot_columns import (
     seat_columns,
     wander_columns,
 )
-from analysis.discovery.tuned import DAMPED, TUNED, best_damped, best_frequency, tuned_columns
+from analysis.discovery.tuned import (
+    DAMPED,
+    MODE_ZETA,
+    TUNED,
+    best_damped,
+    best_frequency,
+    tuned_columns,
+)
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import ImpactModel
@@ -171,14 +178,11 @@ def family_columns(view: View, family: str) -> Columns:
     """
     if family in TEMPLATES:
         return _template(view, family)
-    if family == DAMPED:
-        frequency, zeta = view.scale.tuned_hz[family], view.scale.tuned_zeta
+    if family in TUNED or family == DAMPED:
+        frequency = view.scale.tuned_hz[family]
+        zeta = view.scale.tuned_zeta if family == DAMPED else MODE_ZETA
         labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
         return labels, tuned_columns(family, view.clean, view.rate, frequency, zeta), None, None
-    if family in TUNED:
-        frequency = view.scale.tuned_hz[family]
-        labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
-        return labels, tuned_columns(family, view.clean, view.rate, frequency), None, None
     if family in OF_SIGNAL:
         return *OF_SIGNAL[family](view.clean, view.rate, view.scale), None, None
     if family in OF_PARAMETERS:

@@ -11,7 +11,7 @@ family          what it can take up
 ``creep``       memory from tens of microseconds to milliseconds
 ``slow``        a slow ring that the impact sets off
 ``curve``       a memoryless curve of the signal, both signs, fine near zero
-``fine``        the same in even steps of a hundredth; only learned
+``fine``        the same in even steps of a hundredth
 ``path``        the same, another one for the way up and the way down
 ``impulse``     any linear, time-invariant chain: an impulse response in pieces; only learned
 ``seat``        a force on the crystal that is no straight function of its motion
@@ -44,7 +44,7 @@ PATH_KNOTS = (-0.1, -0.03, 0.0, 0.03, 0.1, 0.25, 0.45, 0.7, 1.0)
 FINE_KNOTS = tuple((np.arange(-12, 97) / 96).tolist())
 IMPULSE_STEP_US, IMPULSE_EVEN_US, IMPULSE_GROWTH, IMPULSE_UNTIL_US = 2.0, 20.0, 1.1, 1500.0
 IMPULSE_LONGEST_US = 12.0
-"""Knots of an impulse response: even ones first, then ever wider apart."""
+"""Knots of an impulse response: even ones first, then wider and wider apart, up to the longest."""
 DROOPS_S = (2e-4, 1e-3, 5e-3)
 PIECES = (0.15, 0.5, 0.85, 1.2)
 WANDERS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620)

@@ -2,7 +2,8 @@
 
 ``v^2 = (g/b)(1 - exp(-2 b h))``: drag that grows with the square of the speed, from rest. Source:
 any textbook of mechanics; in still air b is 0.01 per metre for these spheres, a draught adds to it.
-A loss of speed that grows with the height. Outside the library on purpose.
+A loss of speed that grows with the height. Outside the library on purpose: a law that wrong
+heights are held against, never a name.
 """
 
 from __future__ import annotations

@@ -2,7 +2,8 @@
 
 Speed ``v - d``, whatever the height. Source: own; a viscous brake of fixed length, as a magnet at
 the end of the tube makes it: force in proportion to speed, momentum lost in proportion to
-the way. Neither a height nor a share of the speed. Outside the library on purpose.
+the way. Neither a height nor a share of the speed. Outside the library on purpose:
+a law that wrong heights are held against, never a name.
 """
 
 from __future__ import annotations
