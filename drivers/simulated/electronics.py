@@ -71,7 +71,7 @@ class DelayLine:
         ndarray, shape (n,)
             [s]
         """
-        t = self._t[-1] + step_s * np.arange(1, volts.size + 1)
+        t: NDArray[np.float64] = self._t[-1] + step_s * np.arange(1, volts.size + 1)
         keep = self._t >= self._t[-1] - self._longest_s - 2e-6
         self._t = np.concatenate((self._t[keep], t))
         self._v = np.concatenate((self._v[keep], volts))
