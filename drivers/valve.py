@@ -19,14 +19,18 @@ class ValveReport:
         The state that was commanded.
     confirmed : bool
         Whether the board read back that state. LCUS-1 boards never can.
+    began_monotonic_ns : int
+        Host clock before the command's first byte: the valve did not move before. [ns]
     sent_monotonic_ns : int
-        Host clock when the command's last byte had been handed over. [ns]
+        Host clock when the command's last byte had been handed over; a busy host may look at its
+        clock late. [ns]
     garbage : bytes
         Bytes that were tolerated and belong to no reply.
     """
 
     vacuum_on: bool
     confirmed: bool
+    began_monotonic_ns: int
     sent_monotonic_ns: int
     garbage: bytes = b""
 

@@ -64,9 +64,10 @@ class LcusValve(RelayBoard):
         self._port.write(_OFF_WORDS)
 
     def _command(self, *, vacuum_on: bool) -> ValveReport:
+        began_ns = time.monotonic_ns()
         self._port.write(_OFF_WORDS if vacuum_on else _RELAY_ON)
         sent_ns = time.monotonic_ns()
-        return ValveReport(vacuum_on, False, sent_ns, self._port.discard(0.0))
+        return ValveReport(vacuum_on, False, began_ns, sent_ns, self._port.discard(0.0))
 
     def _make_safe(self) -> None:
         # One write of a few bytes needs no lock: the system keeps it whole.

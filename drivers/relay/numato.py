@@ -79,7 +79,7 @@ class NumatoValve(RelayBoard):
         self._hurry = threading.Event()
         self._out_of_step = False
         self._identity = ""
-        self._sent_ns = 0
+        self._began_ns = self._sent_ns = 0
 
     @property
     def identity(self) -> str:
@@ -141,7 +141,7 @@ class NumatoValve(RelayBoard):
         relay = self._settings.relay
         word = "off" if vacuum_on else "on"
         _, garbage = self._ask(f"relay {word} {relay}", b"()")
-        sent_ns = self._sent_ns
+        began_ns, sent_ns = self._began_ns, self._sent_ns
         state, more = self._ask(f"relay read {relay}", rb"(on|off)")
         if state != word:
             self._out_of_step = True
@@ -150,7 +150,7 @@ class NumatoValve(RelayBoard):
                 why="It is stuck, or another program talks to the board.",
                 remedy="Take the sphere off by hand, switch the board off and check the relay.",
             )
-        return ValveReport(vacuum_on, True, sent_ns, garbage + more)
+        return ValveReport(vacuum_on, True, began_ns, sent_ns, garbage + more)
 
     def _catch_up(self) -> None:
         """Hear out late replies: one to an older question must never answer the next.
@@ -170,6 +170,7 @@ class NumatoValve(RelayBoard):
         stale = self._port.discard(0.0)
         # Until the answer is here, every later question may hear this one's.
         in_step, self._out_of_step = not self._out_of_step, True
+        self._began_ns = time.monotonic_ns()
         self._port.write(command.encode("ascii") + b"\r")
         self._sent_ns = time.monotonic_ns()
         heard = b""

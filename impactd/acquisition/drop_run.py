@@ -251,7 +251,8 @@ class DropRun:
         self.seen.trigger_ns = trigger_ns
         self._advance(Event.TRIGGERED, "is being recorded", "capturing")
         assert self.seen.valve is not None
-        seen_s = (trigger_ns - self.seen.valve.sent_monotonic_ns) * 1e-9 * self._rig.clock_speed
+        # From before the command: a busy host reads its clock late, and must not lose a drop by it.
+        seen_s = (trigger_ns - self.seen.valve.began_monotonic_ns) * 1e-9 * self._rig.clock_speed
         if seen_s < _SHORTEST_FALL_SHARE * self.fall_time_s:
             record = self._rig.digitizer.wait_record(limit_s, self.aborting)
             raise refusals.early_trigger(seen_s, self.fall_time_s, record)

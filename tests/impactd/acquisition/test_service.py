@@ -6,11 +6,12 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 
+from drivers.valve import ValveReport
 from impactd.acquisition.errors import BusyError, DropHeightError, NotReadyError
 from impactd.acquisition.transitions import State
 from impactd.materials import UnknownMaterialError
@@ -61,6 +62,18 @@ def test_the_row_is_there_before_the_valve_opens(laboratory: Laboratory) -> None
     laboratory.rig.valve.release = spy  # type: ignore[method-assign, assignment]
     assert laboratory.drop().state == "stored"
     assert seen == ["armed"]
+
+
+def test_a_clock_that_is_read_late_makes_no_early_trigger(laboratory: Laboratory) -> None:
+    """A busy host notes the command when the sphere has half fallen: a drop like any other."""
+    release = laboratory.rig.valve.release
+
+    def noted_late() -> ValveReport:
+        report = release()
+        return replace(report, sent_monotonic_ns=report.sent_monotonic_ns + 50_000_000)
+
+    laboratory.rig.valve.release = noted_late  # type: ignore[method-assign, assignment]
+    assert laboratory.drop().state == "stored"
 
 
 def test_fifty_requests_with_one_key_make_one_drop(laboratory: Laboratory) -> None:
