@@ -30,7 +30,7 @@ from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
 
-ROUNDS, FOLD_ROUNDS = 6, 3
+ROUNDS, FOLD_ROUNDS, TURNS = 6, 3, 2
 WIDTHS = (0.5, 0.1, 0.02, 4e-3)
 """Sizes a coefficient may be thought of; the one that holds best on other shots is taken."""
 FORCE_WIDTH = 1.0
@@ -114,7 +114,11 @@ def learn(
     if folds and form.shared:
         width, _ = best_width(ground, start, folds, WIDTHS)
         ground = Ground(problem, form, ground.places, width)
-    end = descend(ground, start, ROUNDS)
+    end = start
+    for _ in range(TURNS if form.own else 1):
+        # what is a shot's own may be anywhere: shot by shot first, each as it fares best
+        end = settled(ground, end.point) or end if form.own else end
+        end = descend(ground, end, ROUNDS)
     if not end.cost < start.cost:
         return None
     moved = joint.Fitted(

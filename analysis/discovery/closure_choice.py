@@ -16,7 +16,8 @@ FORCED = ("contact", "loss")
 """Families that stand for a free contact force."""
 ALSO = {"locked": "outline", "wander": "pieces"}
 """What is learned where a family explains much that has too many numbers, or too coarse ones."""
-REFINED = {"curve": "fine", "response": "impulse", "creep": "impulse", "mode": "damped"}
+REFINED = {"curve": "fine", "response": "impulse", "creep": "impulse", "mode": "damped",
+           "pieces": "jump"}
 """Tried as well, as it costs more; where it has many numbers, as the rig's."""
 LEARNABLE: tuple[Part, ...] = (
     *((f, "rig") for f in ("response", "creep", "curve", "path", "droop", "dynamic", "seat",
@@ -169,6 +170,6 @@ def _refined(step: Step, evidence: Evidence, part: Part) -> Learned | None:
     finer = REFINED.get(part[0])
     if finer is None or coarse is None:
         return coarse
-    scope = part[1] if finer == "damped" else "rig"
+    scope = part[1] if finer in ("damped", "jump") else "rig"
     fine = learn(step.problem, step.fitted, [(finer, scope)], evidence.scale)
     return fine if fine is not None and _error(fine) < _error(coarse) else coarse

@@ -31,6 +31,7 @@ from analysis.discovery.slot_columns import (
     seat_columns,
     wander_columns,
 )
+from analysis.discovery.time_jump import jump_columns
 from analysis.discovery.tuned import (
     DAMPED,
     MODE_ZETA,
@@ -143,6 +144,13 @@ def _seat(view: View) -> Columns:
     return *seat_columns(view.clean, view.rate, view.scale.top, frequency, damping), None, None
 
 
+def _jump(view: View) -> Columns:
+    baseline = view.local[len(view.model.shared) + BASELINE]
+    residual = view.item.window.signal - view.clean - baseline
+    first = min(max(round(view.touch_down_us * 1e-6 * view.rate), 0), residual.size - 1)
+    return *jump_columns(view.clean, residual, first), None, None
+
+
 _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "response": lambda v: (*response_columns(v.clean, v.rate), None, None),
     "static": lambda v: (*static_columns(v.clean, v.scale), None, None),
@@ -153,6 +161,7 @@ _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "cell": _cell,
     "speed": _speed,
     "seat": _seat,
+    "jump": _jump,
     "pieces": lambda v: (
         *piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us), None, None
     ),
@@ -168,7 +177,7 @@ def family_columns(view: View, family: str) -> Columns:
     view : View
         The shot.
     family : str
-        Any of `columns`, `slot_columns` and `tuned`.
+        Any of `columns`, `slot_columns`, `tuned` and `time_jump`.
 
     Returns
     -------
