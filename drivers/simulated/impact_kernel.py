@@ -71,6 +71,7 @@ OK, TOO_MANY_STEPS, NEVER_LEFT = range(3)
 _LEAVES, _TOUCHES, _TURNS, _DEEPER_THAN_EVER = range(4)
 _MAX_STEPS = 400_000
 _LONGEST_STEP_S = 10e-6
+_QUIET_S = 6e-4
 
 
 @_compiled
@@ -445,6 +446,15 @@ def _tolerances(speed: float, p: Vector, tolerance: float) -> Vector:
 
 
 @_compiled
+def _back_after_s(s: Vector, p: Vector) -> float:
+    """Return when a sphere in free flight is back at a surface that rests. [s]"""
+    if p[GRAVITY] <= 0.0:
+        return math.inf
+    height, upward = max(-_gap(s, p), 0.0), -_gap_rate(s, p)
+    return (upward + math.sqrt(upward * upward + 2.0 * p[GRAVITY] * height)) / p[GRAVITY]
+
+
+@_compiled
 def _next_step(h: float, error: float, event: int, forced: bool) -> float:
     if event == _LEAVES:
         return 1e-8
@@ -566,7 +576,12 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
         if not flown and t > 0.05:
             summary[STATUS] = NEVER_LEFT  # too slow or too sticky to leave
             break
-        if flown and (grid >= points or (not touching and recontacted and t - loud_s > 6e-4)):
+        if flown and grid >= points:
             break
+        if flown and not touching and recontacted and t - loud_s > _QUIET_S:
+            # a second contact hops on within the record, and goes on as long as it can be back
+            ends_s = first_s + points * step_s if p[RECONTACT_AT] > 0.0 else 0.0
+            if t + _back_after_s(s, p) > ends_s:
+                break
     summary[END], summary[STEPS] = t, steps
     return summary

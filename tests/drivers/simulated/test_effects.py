@@ -274,6 +274,16 @@ def test_a_recontact_is_a_second_pulse(lab: Lab) -> None:
     assert 0.1 * np.max(volts) < np.max(second) < 0.5 * np.max(volts)
 
 
+def test_a_slow_recontact_hops_on_for_the_rest_of_the_record(lab: Lab) -> None:
+    """In free flight for two rebound speeds over g, however quiet the cell is by then."""
+    volts, _ = lab.drop(lab.with_effect("recontact", {"delay_s": 5e-4, "speed_ratio": 0.02}))
+    second = lab.BEFORE + 500
+    smooth = np.convolve(volts, np.ones(20) / 20.0, "same")
+    quiet = 1e-3 * np.max(volts[second:])
+    ended = second + int(np.argmax(np.abs(smooth[second + 400 :]) < quiet)) + 400
+    assert np.max(smooth[ended + 100 :]) > 20.0 * quiet
+
+
 def test_an_effect_acts_only_within_its_scope(lab: Lab) -> None:
     """A coupon that is thin says nothing about another coupon."""
     rig = lab.with_effect("finite_thickness", {"thickness_m": 2e-3}, Scope(surface="specimen"))
