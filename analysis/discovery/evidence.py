@@ -288,11 +288,22 @@ def _wide(shot: ShotEvidence, globals_: int) -> Array:
     return chain
 
 
+def _solved(matrix: Array, right: Array) -> Array:
+    """Return a solution, the shortest where there are many.
+
+    A fit that has gone astray has columns of 1e20, beside which no ridge is left.
+    """
+    try:
+        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
+    except np.linalg.LinAlgError:
+        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
+
+
 def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Array]:
     """Return the gain of the columns beyond the globals, their rank, and ridged coefficients."""
     inner = whole[:globals_, :globals_]
     cross = whole[globals_:, :globals_]
-    back = np.linalg.solve(inner, np.column_stack([cross.T, load[:globals_]]))
+    back = _solved(inner, np.column_stack([cross.T, load[:globals_]]))
     schur = whole[globals_:, globals_:] - cross @ back[:, :-1]
     g = load[globals_:] - cross @ back[:, -1]
     raw = np.sqrt(np.maximum(np.diag(whole)[globals_:], 1e-300))
@@ -300,7 +311,7 @@ def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Arra
     keep = values > RANK_TOLERANCE
     parts = vectors[:, keep].T @ (g / raw)
     gain = float(np.sum(parts**2 / values[keep]))
-    ridged = np.asarray(np.linalg.solve(schur + np.eye(g.size) / RIDGE**2, g), dtype=np.float64)
+    ridged = _solved(schur + np.eye(g.size) / RIDGE**2, g)
     return gain, int(keep.sum()), ridged
 
 
@@ -324,9 +335,9 @@ def _heldout_gain(folds: list[list[int]], system: System) -> float:
         alone = [
             j for j in range(globals_) if inside[j, j] > 0 and rest[j, j] < OWN_SHARE * whole[j, j]
         ]
-        x = np.asarray(np.linalg.solve(rest + np.diag(ridge), pull), dtype=np.float64)
+        x = _solved(rest + np.diag(ridge), pull)
         base = np.zeros(size)
-        base[:globals_] = np.linalg.solve(rest[:globals_, :globals_], pull[:globals_])
+        base[:globals_] = _solved(rest[:globals_, :globals_], pull[:globals_])
         fall = [_fall(v, inside, own, alone) for v in (x, base)]
         total += fall[0] - fall[1]
     return total * len(matrices) / max(covered, 1)
@@ -337,7 +348,7 @@ def _fall(x: Array, inside: Array, own: Array, alone: list[int]) -> float:
     x = x.copy()
     if alone:
         gradient = own - inside @ x
-        x[alone] += np.linalg.solve(inside[np.ix_(alone, alone)], gradient[alone])
+        x[alone] += _solved(inside[np.ix_(alone, alone)], gradient[alone])
     return float(2 * x @ own - x @ inside @ x)
 
 

@@ -1,0 +1,35 @@
+"""The evidence answers about any fit, one that has gone astray included."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from analysis.discovery.evidence import gather
+
+
+def _copied(evidence, family, size):
+    """The evidence with a family's columns all the same one, so many times as large."""
+    at, _ = evidence.families[family]
+    shots = []
+    for shot in evidence.shots:
+        turn = np.eye(shot.vector.size)
+        turn[:, at] = 0.0
+        turn[at[0], at] = size
+        shots.append(
+            dataclasses.replace(
+                shot, matrix=turn.T @ shot.matrix @ turn, vector=turn.T @ shot.vector
+            )
+        )
+    return dataclasses.replace(evidence, shots=shots)
+
+
+def test_columns_that_a_lost_fit_has_blown_up_are_one_column(leaky):
+    """Three like columns of 1e21 leave no ridge, and are worth what one of them is."""
+    first = leaky.steps[0]
+    evidence = gather(first.problem, first.fitted, wanted=["cell"])
+    one = _copied(evidence, "cell", 1.0).explain("cell", "rig", heldout=False)
+    lost = _copied(evidence, "cell", 1e21).explain("cell", "rig", heldout=False)
+    assert lost.dof == one.dof == 1
+    np.testing.assert_allclose(lost.gain, one.gain, rtol=1e-6)
