@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import extended
-from analysis.discovery.closure_point import Part, Point, form_of
+from analysis.discovery.closure_point import STEERED, Part, Point, form_of
 from analysis.discovery.closure_search import Ground, Reached, best_width, descend, reach, settled
 from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import Evidence
@@ -30,7 +30,8 @@ from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
 
-ROUNDS, FOLD_ROUNDS, TURNS = 6, 3, 2
+ROUNDS, MORE_ROUNDS, FOLD_ROUNDS, TURNS = 6, 20, 3, 2
+"""Steps of a search; those of `STEERED` families are short and cheap."""
 WIDTHS = (0.5, 0.1, 0.02, 4e-3)
 """Sizes a coefficient may be thought of; the one that holds best on other shots is taken."""
 FORCE_WIDTH = 1.0
@@ -114,11 +115,12 @@ def learn(
     if folds and form.shared:
         width, _ = best_width(ground, start, folds, WIDTHS)
         ground = Ground(problem, form, ground.places, width)
+    rounds = MORE_ROUNDS if any(f in STEERED for f, _ in parts) else ROUNDS
     end = start
     for _ in range(TURNS if form.own else 1):
         # what is a shot's own may be anywhere: shot by shot first, each as it fares best
         end = settled(ground, end.point) or end if form.own else end
-        end = descend(ground, end, ROUNDS)
+        end = descend(ground, end, rounds)
     if not end.cost < start.cost:
         return None
     moved = joint.Fitted(
@@ -134,7 +136,7 @@ def learn(
         residual,
         sum(b.chi2 for b in end.blocks),
         _rms(residual),
-        _heldout(ground, end, folds),
+        _heldout(ground, start, end, folds),
     )
 
 
@@ -142,7 +144,9 @@ def _rms(residual: Sequence[Array]) -> float:
     return math.sqrt(sum(float(r @ r) for r in residual) / sum(r.size for r in residual))
 
 
-def _heldout(ground: Ground, end: Reached, folds: Sequence[Sequence[int]]) -> float | None:
+def _heldout(
+    ground: Ground, start: Reached, end: Reached, folds: Sequence[Sequence[int]]
+) -> float | None:
     """Return the residual of shots that neither globals nor shared coefficients were fitted to."""
     if not folds:
         return None
@@ -155,7 +159,13 @@ def _heldout(ground: Ground, end: Reached, folds: Sequence[Sequence[int]]) -> fl
             return None
         learned = descend(others, begin, FOLD_ROUNDS)
         if learned is begin and ground.form.shared:
-            return None  # what the held-out shots had a say in would still stand
+            # what the held-out shots had a say in would still stand: once more, from before
+            begin = reach(others, _rows(start.point, kept))
+            if begin is None:
+                return None
+            learned = descend(others, begin, ROUNDS)
+            if learned is begin:
+                return None
         known = Point(
             learned.point.theta,
             end.point.nuisances[list(fold)],

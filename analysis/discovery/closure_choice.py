@@ -16,9 +16,10 @@ FORCED = ("contact", "loss")
 """Families that stand for a free contact force."""
 ALSO = {"locked": "outline", "wander": "pieces"}
 """What is learned where a family explains much that has too many numbers, or too coarse ones."""
-REFINED = {"curve": "fine", "response": "impulse", "creep": "impulse", "mode": "damped",
-           "pieces": "jump"}
-"""Tried as well, as it costs more; where it has many numbers, as the rig's."""
+REFINED = {"curve": ("fine", "ripple"), "response": ("impulse",), "creep": ("impulse",),
+           "mode": ("damped",), "pieces": ("jump", "slew")}
+OWNED = ("damped", "jump")
+"""Tried as well where something is left, as they cost more; but for these, as the rig's."""
 LEARNABLE: tuple[Part, ...] = (
     *((f, "rig") for f in ("response", "creep", "curve", "path", "droop", "dynamic", "seat",
                            "contact", "loss", "mode")),
@@ -31,6 +32,8 @@ LEARNABLE: tuple[Part, ...] = (
     ("stiffness", "sphere drift"), ("stiffness", "surface drift"),
     ("locked", "pair"),
 )  # fmt: skip
+LAST: tuple[Part, ...] = (("slew", "rig"), ("jump", "shot"), ("ripple", "rig"), ("impulse", "rig"))
+"""Tried where much is left: no first order says beforehand what these would explain."""
 MOST_LEARNED = 3
 WORTH_LEARNING = 0.15
 """Share of the best first-order gain from which a closure is learned for real."""
@@ -40,6 +43,8 @@ ENOUGH = 1.002
 """Error on held-out shots over the noise at which nothing is left to repair."""
 MOSTLY = 0.9
 """Share of the best gain at which speeds alone explain the structure."""
+MUCH = 2.0
+"""Error on held-out shots over the noise that is much."""
 BETTER = 0.9995
 """Share of the error that one closure more must leave at most."""
 
@@ -72,14 +77,14 @@ def best_closure(
         One closure, or a few together where they are needed; None where none repairs held-out
         shots, as where speeds only contradict their heights.
     """
-    level = math.sqrt(float(np.mean([s.item.noise.rms**2 for s in evidence.shots])))
+    level = _noise(evidence)
     wanted = candidates(answers)
     found: list[Learned] = []
     coarse: dict[Part, Part] = {}
     spare: list[Part] = []
     for place, part in enumerate(wanted):
         progress(f"learning a closure: {part[0]} by {part[1]}", 0.7 * place / len(wanted))
-        if REFINED.get(part[0]) in {f.family for f in found}:
+        if {f.family for f in found} & set(REFINED.get(part[0], ())):
             spare.append(part)  # its finer form is known already
             continue
         one = _learned(step, evidence, None, part)
@@ -88,6 +93,13 @@ def best_closure(
             coarse[one.parts[0]] = part
             if _error(one) < ENOUGH * level:
                 return one if _repairs(one, before) else None
+    known = {part for one in found for part in one.parts}
+    for part in LAST:
+        if part in known or min(map(_error, found), default=0.0) < MUCH * level:
+            continue
+        progress(f"learning a closure: {part[0]} by {part[1]}", 0.7)
+        one = _learned(step, evidence, None, part)
+        found += [one] if one is not None else []
     found.sort(key=_error)
     if not found or not _repairs(found[0], before):
         return None
@@ -142,6 +154,11 @@ def candidates(answers: dict[Part, Explained]) -> list[Part]:
     return [(ALSO.get(kind, family), scope) for kind, (family, scope) in chosen.items()]
 
 
+def _noise(evidence: Evidence) -> float:
+    """Return the rms noise of all shots. [unit of the signal]"""
+    return math.sqrt(float(np.mean([s.item.noise.rms**2 for s in evidence.shots])))
+
+
 def _error(found: Learned) -> float:
     error = found.heldout_rms
     return error if error is not None and math.isfinite(error) else math.inf
@@ -165,11 +182,13 @@ def _learned(step: Step, evidence: Evidence, beside: Learned | None, part: Part)
 
 
 def _refined(step: Step, evidence: Evidence, part: Part) -> Learned | None:
-    """Return a closure, or its finer form where that holds better."""
-    coarse = learn(step.problem, step.fitted, [part], evidence.scale)
-    finer = REFINED.get(part[0])
-    if finer is None or coarse is None:
-        return coarse
-    scope = part[1] if finer in ("damped", "jump") else "rig"
-    fine = learn(step.problem, step.fitted, [(finer, scope)], evidence.scale)
-    return fine if fine is not None and _error(fine) < _error(coarse) else coarse
+    """Return a closure, or one of its finer forms where that holds better."""
+    family, scope = part
+    best = learn(step.problem, step.fitted, [part], evidence.scale)
+    for finer in REFINED.get(family, ()):
+        if best is None or _error(best) < ENOUGH * _noise(evidence):
+            break
+        owner = scope if finer in OWNED else "rig"
+        fine = learn(step.problem, step.fitted, [(finer, owner)], evidence.scale)
+        best = fine if fine is not None and _error(fine) < _error(best) else best
+    return best

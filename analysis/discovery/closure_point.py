@@ -6,6 +6,7 @@ itself beside its nuisances, and are eliminated with them.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import PARTS
-from analysis.discovery.families import View, family_columns
+from analysis.discovery.families import BASELINE, View, family_columns
 from analysis.discovery.owners import owners
 from analysis.fit.blocks import prior_rows
 from analysis.fit.problem import JointProblem
@@ -24,6 +25,10 @@ Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 Part = tuple[str, str]
 
+STEERED = ("ripple", "slew")
+"""Families that follow the signal so closely that a step of the model must know of it."""
+STEER_STEP = 1e-4
+"""Of the largest signal, to see how they follow."""
 OWN_WIDTH = 3.0
 """How large a coefficient of a single shot may be thought of."""
 
@@ -204,7 +209,8 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
         return None
     s = values.size
     clean = found.signal - local[s + 3]
-    parts = _columns(View(model, item, local, clean, jacobian, form.scale), form.parts)
+    view = View(model, item, local, clean, jacobian, form.scale)
+    parts = _columns(view, form.parts)
     common = [c for (_, sc), (_, c) in zip(form.parts, parts, strict=True) if sc != "shot"]
     single = [c for (_, sc), (_, c) in zip(form.parts, parts, strict=True) if sc == "shot"]
     nothing = np.zeros((clean.size, 0))
@@ -212,6 +218,9 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
     own_columns = np.column_stack([nothing, *single])
     added = shared_columns @ of_one_shot(form, place, point.shared)
     added += own_columns @ point.own[row]
+    if any(f in STEERED for f, _ in form.parts):
+        sizes = of_one_shot(form, place, point.shared), point.own[row]
+        jacobian = jacobian + _steered(view, form, parts, sizes)
     residual = item.window.signal - found.signal - added
     design = np.column_stack([jacobian[:, :s], shared_columns, own_columns, jacobian[:, s:]])
     white, slope = item.noise.whiten(residual), item.noise.whiten(design)
@@ -228,6 +237,28 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
     vector[mine] -= own * OWN_WIDTH**-2
     cost = chi2 + float(np.sum(np.square(extra))) + float(own @ own) * OWN_WIDTH**-2
     return Block(matrix, vector, chain, s + a, chi2, cost, residual, added)
+
+
+def _steered(
+    view: View, form: Form, parts: Sequence[tuple[list[str], Array]], sizes: tuple[Array, Array]
+) -> Array:
+    """Return how what is added changes with the model's parameters. Shape (n, p)."""
+    shared, own = (list(s) for s in sizes)
+    found = np.zeros_like(view.jacobian)
+    for part, (_, columns) in zip(form.parts, parts, strict=True):
+        width = columns.shape[1]
+        mine = own if part[1] == "shot" else shared
+        size, mine[:width] = np.array(mine[:width]), []
+        if part[0] not in STEERED or not np.any(size):
+            continue
+        for at, slope in enumerate(view.jacobian.T):
+            most = float(np.max(np.abs(slope)))
+            if most == 0.0 or at == len(view.model.shared) + BASELINE:
+                continue  # a family of the signal does not see the baseline
+            step = STEER_STEP * view.scale.top / most
+            moved = dataclasses.replace(view, clean=view.clean + step * slope)
+            found[:, at] += (_columns(moved, [part])[0][1] - columns) @ size / step
+    return found
 
 
 def links(form: Form, place: int) -> tuple[Places, Places, Array]:

@@ -90,6 +90,10 @@ class Scale:
         Frequency by family, of those that were looked for along the residual. [Hz]
     tuned_zeta : float
         Damping ratio of the one whose damping was looked for as well. [1]
+    ripples : float
+        Periods of a curve's ripple between zero and the top. [1]
+    steepest_per_s : float
+        Largest slope of the records. [unit of the signal/s]
     """
 
     top: float
@@ -100,6 +104,8 @@ class Scale:
     window_s: float
     tuned_hz: dict[str, float] = field(default_factory=dict)
     tuned_zeta: float = 0.0
+    ripples: float = 0.0
+    steepest_per_s: float = 0.0
 
 
 def _delayed(signal: Array, samples: float) -> Array:

@@ -23,6 +23,7 @@ from analysis.discovery.columns import (
     static_columns,
     template_columns,
 )
+from analysis.discovery.slope_limit import slope_columns, steepest
 from analysis.discovery.slot_columns import (
     OF_PARAMETERS,
     OF_SIGNAL,
@@ -35,9 +36,12 @@ from analysis.discovery.time_jump import jump_columns
 from analysis.discovery.tuned import (
     DAMPED,
     MODE_ZETA,
+    RIPPLE,
     TUNED,
     best_damped,
     best_frequency,
+    best_ripple,
+    ripple_columns,
     tuned_columns,
 )
 from analysis.fit.joint import Fitted
@@ -162,6 +166,8 @@ _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "speed": _speed,
     "seat": _seat,
     "jump": _jump,
+    "slew": lambda v: (*slope_columns(v.clean, v.rate, v.scale.steepest_per_s), None, None),
+    RIPPLE: lambda v: (*ripple_columns(v.clean, v.scale.top, v.scale.ripples), None, None),
     "pieces": lambda v: (
         *piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us), None, None
     ),
@@ -227,6 +233,10 @@ def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
         pulse_s=float(np.median([s.window.width_s for s in problem.shots])),
         contact_s=float(np.median(contacts)),
         window_s=max(s.frame.samples / s.frame.sample_rate_hz for s in problem.shots),
+        steepest_per_s=steepest(
+            [s.window.signal for s in problem.shots],
+            [s.frame.sample_rate_hz for s in problem.shots],
+        ),
     )
 
 
@@ -248,7 +258,8 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
         Frequencies it already has are kept.
     """
     families = [f for f in wanted if f in (*TUNED, DAMPED) and f not in scale.tuned_hz]
-    if not families:
+    ripple = RIPPLE in wanted and not scale.ripples
+    if not families and not ripple:
         return scale
     signals, residuals, rates = [], [], []
     for item, nuisance in list(zip(problem.shots, fitted.nuisances, strict=True))[::TUNED_BY]:
@@ -261,4 +272,7 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
     zeta = scale.tuned_zeta
     if DAMPED in families:
         best[DAMPED], zeta = best_damped(signals, residuals, rates)
-    return dataclasses.replace(scale, tuned_hz=scale.tuned_hz | best, tuned_zeta=zeta)
+    ripples = best_ripple(signals, residuals, scale.top) if ripple else scale.ripples
+    return dataclasses.replace(
+        scale, tuned_hz=scale.tuned_hz | best, tuned_zeta=zeta, ripples=ripples
+    )

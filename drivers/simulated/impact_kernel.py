@@ -451,7 +451,7 @@ def _back_after_s(s: Vector, p: Vector) -> float:
     if p[GRAVITY] <= 0.0:
         return math.inf
     height, upward = max(-_gap(s, p), 0.0), -_gap_rate(s, p)
-    return (upward + math.sqrt(upward * upward + 2.0 * p[GRAVITY] * height)) / p[GRAVITY]
+    return float((upward + math.sqrt(upward * upward + 2.0 * p[GRAVITY] * height)) / p[GRAVITY])
 
 
 @_compiled
