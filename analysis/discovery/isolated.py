@@ -64,6 +64,11 @@ def can_be_one_materials(effect: Effect) -> bool:
     return effect.slot in SLOTS and scopes_of(effect) != ("rig",)
 
 
+def _can_be_felt_by_one(effect: Effect) -> bool:
+    """Tell whether an effect may show on one material's shots only, as a ceiling on the highest."""
+    return effect.slot in SLOTS or any(p.peak_starts for p in effect.parameters)
+
+
 @dataclass(frozen=True)
 class Isolated:
     """One material's shots, under what all the others say.
@@ -158,7 +163,7 @@ def _alone(
 
 
 def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: bool) -> list[Refit]:
-    """Return the effects that one material can have, refitted where they act alone.
+    """Return the effects that one material can have or feel, refitted where they act alone.
 
     Parameters
     ----------
@@ -178,7 +183,7 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
         be there.
     """
     inner = Ground(apart.problem, apart.fitted, apart.usual)
-    tried = [p for p in proposals(apart.problem)[0] if p.effect.slot in SLOTS]
+    tried = [p for p in proposals(apart.problem)[0] if _can_be_felt_by_one(p.effect)]
     already = ground.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not _is_noise(apart.problem, refits[0].fitted):
@@ -186,6 +191,9 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
         refits[0] = widened(apart.problem, apart.fitted, near, PENALTY)
     found = []
     for one in refits:
+        if one.on_all_shots and one.effect.slot not in SLOTS:
+            found.append(everywhere(one, apart, ground.problem, ground.fitted))
+            continue
         if one.on_all_shots and one.effect.structure is not None:
             # light coupons hide in the crystal's mass what is below all of them alike
             under_all = everywhere(one, apart, ground.problem, ground.fitted)
@@ -241,7 +249,7 @@ def on_all_shots(
         where.setdefault(_owned(name, effect, rest.only[1]), float(value))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
-    result = joint.fit(larger, nuisances, theta=theta)
+    result = joint.fit(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
     scope = rest.only[0] if found.scope == "rig" else found.scope
     whole = dataclasses.replace(
         found, effect=effect, scope=scope, problem=larger, fitted=result, on_all_shots=True
