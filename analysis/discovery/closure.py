@@ -50,7 +50,9 @@ class Learned:
     problem, fitted : JointProblem, Fitted
         The model that the columns were added to, a free force included, and where it ended.
     coefficients : dict
-        Label, with its owner, to coefficient; those of single shots are left out.
+        Label, with its owner, to coefficient.
+    by_shot : dict
+        Label to the coefficients that every shot has for itself, shape (shots,).
     added : list of ndarray
         What it adds to each shot. [unit of the signal]
     residual : list of ndarray
@@ -65,6 +67,7 @@ class Learned:
     problem: JointProblem
     fitted: joint.Fitted
     coefficients: dict[str, float]
+    by_shot: dict[str, Array]
     added: list[Array]
     residual: list[Array]
     chi2: float
@@ -132,6 +135,7 @@ def learn(
         problem,
         moved,
         dict(zip(form.labels, map(float, end.point.shared), strict=True)),
+        dict(zip(form.own_labels, end.point.own.T, strict=True)),
         [b.added for b in end.blocks],
         residual,
         sum(b.chi2 for b in end.blocks),
@@ -232,6 +236,7 @@ def learn_force(
         wide,
         found,
         coefficients,
+        {},
         [old.residual - r for old, r in zip(evidence.shots, residual, strict=True)],
         residual,
         sum(b.chi2 for b in found.blocks),

@@ -49,8 +49,8 @@ class Form:
         Columns of each shared part.
     shared, own : int
         Coefficients in all, and of each shot.
-    labels : list of str
-        Of the shared coefficients.
+    labels, own_labels : list of str
+        Of the shared coefficients, and of those of each shot.
     """
 
     parts: tuple[Part, ...]
@@ -60,6 +60,7 @@ class Form:
     shared: int
     own: int
     labels: list[str]
+    own_labels: list[str]
 
 
 @dataclass(frozen=True)
@@ -163,10 +164,10 @@ def form_of(
     places: list[list[list[tuple[int, float]]]] = [[] for _ in problem.shots]
     labels: list[str] = []
     sizes: list[int] = []
-    own = 0
+    own: list[str] = []
     for (_, scope), names in zip(parts, labels_of, strict=True):
         if scope == "shot":
-            own += len(names)
+            own += names
             continue
         by_shot = owners(problem, scope)
         sizes.append(len(names))
@@ -177,7 +178,7 @@ def form_of(
                 [(first + distinct.index(owner) * len(names), weight) for owner, weight in shot]
             )
         labels += [f"{n}{f' [{owner}]' if owner else ''}" for owner in distinct for n in names]
-    return Form(parts, scale, places, sizes, len(labels), own, labels)
+    return Form(parts, scale, places, sizes, len(labels), len(own), labels, own)
 
 
 def block(problem: JointProblem, form: Form, point: Point, row: int, place: int) -> Block | None:

@@ -41,15 +41,29 @@ def parameters_by_shot(effect: Effect, result: FitResult) -> Json:
             at = model.nuisances.index(f"{own.id}.{parameter.name}")
             felt = [own.acts_on(s.shot.sphere, s.shot.surface) for s in result.problem.shots]
             values = [parameter.value(float(x)) for x in result.fitted.nuisances[felt, at]]
-            found[parameter.name] = _told(values, parameter.unit)
+            found[parameter.name] = told_of_shots(values, parameter.unit)
     if own.basis is not None:
         unit = "V" if result.shots[0].item.shot.quantity == "voltage" else "of the signal"
-        found[SIZE] = _told([_size(own, result, row) for row in range(len(result.shots))], unit)
+        sizes = [_size(own, result, row) for row in range(len(result.shots))]
+        found[SIZE] = told_of_shots(sizes, unit)
     return found
 
 
-def _told(values: Sequence[float], unit: str) -> Json:
-    """Return values as their median and range."""
+def told_of_shots(values: Sequence[float], unit: str) -> Json:
+    """Return one value a shot as their median and range.
+
+    Parameters
+    ----------
+    values : sequence of float
+        One a shot.
+    unit : str
+        Theirs.
+
+    Returns
+    -------
+    dict
+        ``value``, the median, with ``least``, ``most`` and the number of ``shots``; ``u`` is null.
+    """
     return {
         "value": float(np.median(values)),
         "u": None,

@@ -16,7 +16,7 @@ from analysis.discovery.evidence import Explained
 from analysis.discovery.localise import Located
 from analysis.discovery.named_model import definition_of
 from analysis.discovery.noise_words import noise_json
-from analysis.discovery.per_shot import parameters_by_shot
+from analysis.discovery.per_shot import parameters_by_shot, told_of_shots
 from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, to_the_end, why_not
 from analysis.discovery.trail import Step
@@ -297,7 +297,9 @@ def _closure(diagnosis: Diagnosis, before: FitResult) -> Json | None:
         "learned": True,
         "family": learned.family,
         "scope": learned.scope,
+        "parts": [{"family": family, "scope": scope} for family, scope in learned.parts],
         "coefficients": dict(learned.coefficients),
+        "by_shot": {k: told_of_shots(v.tolist(), "1") for k, v in learned.by_shot.items()},
         "heldout_rms_V": learned.heldout_rms,
         "curves": closure_curves(step, learned),
     }

@@ -13,12 +13,10 @@ Array = NDArray[np.float64]
 _LATER = np.array([*np.arange(0.25, 2.0, 0.25), *range(2, 13)])
 SHIFTS = np.concatenate((-_LATER[::-1], [0.0], _LATER))
 """Samples by which the record may be late or early, on either side of a jump."""
-UNIT = 4.0
-"""Samples that a coefficient of one stands for."""
 
 
 def jump_columns(signal: Array, residual: Array, first: int) -> tuple[list[str], Array]:
-    """Return what a shot's best jump adds, for `UNIT` samples of it.
+    """Return what a shot's best jump adds, for one sample of it.
 
     Parameters
     ----------
@@ -48,6 +46,6 @@ def jump_columns(signal: Array, residual: Array, first: int) -> tuple[list[str],
     at = first + int(np.argmax(both[first:]))
     lost = float(SHIFTS[after[at]] - SHIFTS[before[at]])
     if lost == 0.0:
-        return ["a jump of the clock"], np.zeros((signal.size, 1))
-    column = (shifted[after[at]] - shifted[before[at]]) * (places >= at) * (UNIT / lost)
-    return ["a jump of the clock"], column[:, None]
+        return ["samples lost"], np.zeros((signal.size, 1))
+    column = (shifted[after[at]] - shifted[before[at]]) * (places >= at) * (1.0 / lost)
+    return ["samples lost"], column[:, None]

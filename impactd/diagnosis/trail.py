@@ -25,8 +25,29 @@ FAMILIES = {
     "memory": "delays and slow decays behind the signal",
     "bend": "a smooth nonlinearity of the signal",
     "top": "a nonlinearity at the signal's top",
-    "force_elastic+force_rate": "a free contact force over depth and rate",
+    "outline": "anything at a fixed time after touch-down",
+    "curve": "a nonlinearity of the signal",
+    "fine": "a nonlinearity of the signal, in small steps",
+    "ripple": "a periodic curve of the signal, as of uneven steps of a converter",
+    "path": "a nonlinearity that is another one on the way up and on the way down",
+    "creep": "a memory from microseconds to milliseconds",
+    "impulse": "a linear chain of any impulse response",
+    "slew": "a limit of the signal's slope",
+    "seat": "a force on the crystal that is no straight function of its motion",
+    "droop": "a gain that sinks with what the signal has been",
+    "pieces": "a gain that changes within the contact",
+    "jump": "a clock that jumps once, as where samples are lost",
+    "clock": "a clock that swings",
+    "swing": "an oscillation that is there before the impact too",
+    "mode": "a resonance that the impact sets off",
+    "damped": "a resonance that the impact sets off",
+    "gain": "the cell's gain",
+    "pitch": "the cell's frequency and damping",
+    "stiffness": "the stiffness of the contact",
+    "force_elastic": "a free contact force over depth",
+    "force_rate": "a free contact force over the rate of depth",
 }
+OWNERS = {"rig": "one set for all shots", "shot": "numbers of its own in every shot"}
 
 
 def slots(document: Json) -> str:
@@ -122,18 +143,19 @@ def closure(document: Json) -> str:
     learned = document["closure"]
     if learned is None:
         return ""
-    what = FAMILIES.get(learned["family"], learned["family"])
-    scope = learned["scope"]
-    owner = "one set for all shots" if scope == "rig" else f"one set for each {scope}"
+    parts = learned.get("parts") or [{k: learned[k] for k in ("family", "scope")}]
+    said = ", and ".join(
+        f"<b>{html.escape(FAMILIES.get(part['family'], part['family']))}</b> "
+        f"({html.escape(OWNERS.get(part['scope'], 'one set for each ' + part['scope']))})"
+        for part in parts
+    )
     share = ""
     before, after = document["before"].get("heldout_rms_V"), learned.get("heldout_rms_V")
     if before and after:
         share = f" On held-out shots it brings the residual down {before / after:.3g}-fold."
-    count = len(learned["coefficients"])
     return (
         "<h2>The learned closure</h2>"
-        f"<p>What no name explains is best taken up by <b>{html.escape(what)}</b>: "
-        f"{count} numbers, {html.escape(owner)}.{share}</p>{_formula(learned)}"
+        f"<p>What no name explains is best taken up by {said}.{share}</p>{_formula(learned)}"
     )
 
 
@@ -157,9 +179,24 @@ def coefficients(document: Json) -> str:
         return ""
     ordered = sorted(learned["coefficients"].items(), key=lambda item: -abs(item[1]))
     rows = [(html.escape(name), f"{value:.4g}") for name, value in ordered]
-    return (
+    shared = (
         f"<details><summary>Its {len(rows)} coefficients, largest first</summary>"
         f"{table(('column', 'coefficient'), rows)}</details>"
+    )
+    return (shared if rows else "") + _by_shot(learned.get("by_shot") or {})
+
+
+def _by_shot(numbers: Json) -> str:
+    """Return the coefficients that every shot has for itself: their middle and range."""
+    rows = [
+        (html.escape(name), *(f"{told[key]:.4g}" for key in ("value", "least", "most")))
+        for name, told in numbers.items()
+    ]
+    if not rows:
+        return ""
+    return (
+        f"<details><summary>{len(rows)} coefficients of its own in every shot</summary>"
+        f"{table(('column', 'median', 'least', 'most'), rows)}</details>"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.discovery.time_jump import UNIT, jump_columns
+from analysis.discovery.time_jump import jump_columns
 
 
 def _ring(samples):
@@ -27,7 +27,7 @@ def test_the_jump_of_a_record_that_lost_samples_is_found(lost, at, late):
     assert (len(labels), columns.shape) == (1, (700, 1))
     came = int(np.argmax(columns[:, 0] != 0.0))
     assert came == pytest.approx(at, abs=3)
-    in_time, jump = _ring(n), columns[:, 0] * lost / UNIT
+    in_time, jump = _ring(n), columns[:, 0] * lost
     left = record - in_time - jump
     assert np.std(left[n > at + 3]) < 0.2 * np.std((record - in_time)[n > at + 3])
 
