@@ -5,48 +5,12 @@ from __future__ import annotations
 import html
 from typing import Any
 
+from analysis.discovery.family_words import FAMILIES
 from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.unit import Unit, unit_of
 
 Json = dict[str, Any]
 
-FAMILIES = {
-    "response": "a linear chain: delays, slow decays, resonances",
-    "static": "a nonlinearity of the signal",
-    "dynamic": "a nonlinearity of the signal's slope",
-    "contact": "a contact force over depth and rate",
-    "loss": "a force on the sphere alone",
-    "cell": "the cell's own numbers",
-    "speed": "the impact speed that a height promises",
-    "locked": "anything at a fixed time after touch-down",
-    "background": "what is on the line all the time",
-    "template": "a waveform that repeats from shot to shot, locked to touch-down",
-    "ringing": "resonances behind the signal",
-    "memory": "delays and slow decays behind the signal",
-    "bend": "a smooth nonlinearity of the signal",
-    "top": "a nonlinearity at the signal's top",
-    "outline": "anything at a fixed time after touch-down",
-    "curve": "a nonlinearity of the signal",
-    "fine": "a nonlinearity of the signal, in small steps",
-    "ripple": "a periodic curve of the signal, as of uneven steps of a converter",
-    "path": "a nonlinearity that is another one on the way up and on the way down",
-    "creep": "a memory from microseconds to milliseconds",
-    "impulse": "a linear chain of any impulse response",
-    "slew": "a limit of the signal's slope",
-    "seat": "a force on the crystal that is no straight function of its motion",
-    "droop": "a gain that sinks with what the signal has been",
-    "pieces": "a gain that changes within the contact",
-    "jump": "a clock that jumps once, as where samples are lost",
-    "clock": "a clock that swings",
-    "swing": "an oscillation that is there before the impact too",
-    "mode": "a resonance that the impact sets off",
-    "damped": "a resonance that the impact sets off",
-    "gain": "the cell's gain",
-    "pitch": "the cell's frequency and damping",
-    "stiffness": "the stiffness of the contact",
-    "force_elastic": "a free contact force over depth",
-    "force_rate": "a free contact force over the rate of depth",
-}
 OWNERS = {"rig": "one set for all shots", "shot": "numbers of its own in every shot"}
 
 
