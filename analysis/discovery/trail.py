@@ -43,6 +43,7 @@ times and solved to 4e-6 of the peak, may leave."""
 HARDLY_SEEN = 400.0
 """Whitened squares, a residual of 20 in norm, above which something is missing however small its
 share."""
+HUM = "mains_hum"
 THIRD_BELOW = 0.1
 """What two effects may leave of the whole for a third to be looked for."""
 
@@ -189,6 +190,10 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     Trail
         The first that ends in noise, fewest effects first; else the best that was found.
     """
+    return _with_hum(_searched(start, usual, progress), usual, progress)
+
+
+def _searched(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     try_effects(start.last, usual, progress)
     firsts = useful(start.last)
     found = [start.on(first) for first in firsts[:1]]
@@ -239,6 +244,25 @@ def _divided(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail | N
     trail = Trail([*start.steps, step], [*start.chosen, first])
     second = useful(step)[:1]
     return trail.on(second[0]) if second else None
+
+
+def _with_hum(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
+    """Return a trail with hum on top where it is more than what the forms may leave.
+
+    The mains know of no drop: what is left of them has no waveform that repeats after a touch, and
+    passes for the little that a large effect's equation cannot say.
+    """
+    forgiven = trail.adequate and trail.last.omnibus.structured
+    named = {e.id for e in trail.last.problem.model.effects}
+    tried = [p for p in proposals(trail.last.problem)[0] if p.owner == HUM]
+    if not forgiven or HUM in named or len(trail.chosen) >= MAX_EFFECTS or not tried:
+        return trail
+    ground = Ground(trail.last.problem, trail.last.fitted, usual)
+    refits = ranked(ground, tried, progress, first=False)
+    trail.last.refits += refits
+    large = [r for r in refits if r.on_all_shots and not r.at_bound]
+    large = [r for r in large if r.score(PENALTY) > HARDLY_SEEN]
+    return trail.on(large[0]) if large else trail
 
 
 def _with_second(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:

@@ -22,3 +22,14 @@ def test_a_name_found_beside_nothing_is_held_against_others_beside_the_rest(tmp_
     assert "sensor_nonlinearity" in named
     assert "amplifier_lowpass" in named | {r.owner for r in found.rivals.get("echo", [])}
     assert len(found.steps) == len(found.chosen) + 1
+
+
+def test_hum_beside_a_large_effect_does_not_pass_for_what_its_form_leaves(tmp_path):
+    """A second touch is forgiven a little structure; hum is no part of that."""
+    effects = (
+        make_effect("recontact", {"delay_s": 4.3e-4, "speed_ratio": 0.24}),
+        make_effect("mains_hum", {"amplitude_v": 3e-3, "frequency_hz": 50.0, "harmonics": 3.0}),
+    )
+    found = diagnose_campaign(campaign_with(tmp_path, effects))
+    assert {r.owner for r in found.chosen} == {"recontact", "mains_hum"}
+    assert found.verdict in ("identified", "family")
