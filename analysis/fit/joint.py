@@ -183,14 +183,17 @@ def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
 
 
 def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
-    """Return by how much chi2 would fall if the problem were linear."""
-    matrix, vector, _ = _gather(problem, blocks, theta, 0.0)
-    own = sum(
-        float(b.vector[s:] @ np.linalg.solve(b.matrix[s:, s:], b.vector[s:]))
-        for b in blocks
-        for s in (b.chain.shape[0],)
-    )
-    return float(vector @ np.linalg.solve(matrix, vector)) + own
+    """Return by how much chi2 would fall if the problem were linear; inf where nobody can tell."""
+    try:
+        matrix, vector, _ = _gather(problem, blocks, theta, 0.0)
+        own = sum(
+            float(b.vector[s:] @ np.linalg.solve(b.matrix[s:, s:], b.vector[s:]))
+            for b in blocks
+            for s in (b.chain.shape[0],)
+        )
+        return float(vector @ np.linalg.solve(matrix, vector)) + own
+    except np.linalg.LinAlgError:
+        return math.inf
 
 
 def _promised_fall(
@@ -309,11 +312,11 @@ def fit(
         iteration += 1
         try:
             matrix, vector, parts = _gather(problem, blocks, theta, damping)
+            damped = matrix.copy()
+            damped[np.diag_indices_from(damped)] *= 1 + damping
+            step = np.asarray(np.linalg.solve(damped, vector), dtype=np.float64)
         except np.linalg.LinAlgError:
             return _nowhere(theta, nuisances)  # a shot that says nothing of its own parameters
-        damped = matrix.copy()
-        damped[np.diag_indices_from(damped)] *= 1 + damping
-        step = np.asarray(np.linalg.solve(damped, vector), dtype=np.float64)
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
         moved_to = along(problem, theta, step)
@@ -337,8 +340,11 @@ def fit(
                 break
         if progress is not None:
             progress("joint fit", min(0.95, iteration / 12))
-    matrix, _, _ = _gather(problem, blocks, theta, 0.0)
-    covariance = np.asarray(np.linalg.inv(matrix))
+    try:
+        matrix, _, _ = _gather(problem, blocks, theta, 0.0)
+        covariance = np.asarray(np.linalg.inv(matrix))
+    except np.linalg.LinAlgError:
+        return _nowhere(theta, nuisances)  # only damping kept such a shot in place
     return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
 
 
@@ -376,7 +382,10 @@ def settle(
             inner = block.matrix[s:, s:].copy()
             inner[np.diag_indices_from(inner)] *= 1 + damping
             step = np.zeros(free.size)
-            step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[s:][free])
+            try:
+                step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[s:][free])
+            except np.linalg.LinAlgError:
+                break  # the shot says nothing of its own parameters from here
             moved = settled[row] + step
             ahead = linearise_shot(problem, item, theta, moved)
             if ahead is None or not ahead.cost < block.cost:

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+
+from analysis.discovery.candidates import extended
 from analysis.discovery.diagnosis import diagnose_campaign
+from analysis.effects.library import effect_named
+from analysis.fit import joint
 from drivers.simulated.effects import make_effect
 
 from .conftest import campaign_with
@@ -33,3 +38,15 @@ def test_hum_beside_a_large_effect_does_not_pass_for_what_its_form_leaves(tmp_pa
     found = diagnose_campaign(campaign_with(tmp_path, effects))
     assert {r.owner for r in found.chosen} == {"recontact", "mains_hum"}
     assert found.verdict in ("identified", "family")
+
+
+def test_a_ceiling_below_every_pulse_is_a_fit_that_leads_nowhere(clean):
+    """A record that is all ceiling says nothing of its touch-down: an outcome, not an error."""
+    first = clean.steps[0]
+    low = {"clipping.ceiling_v": effect_named("clipping").parameters[0].coordinate(1e-9)}
+    problem, theta, nuisances = extended(first.problem, first.fitted, effect_named("clipping"), low)
+    for steps in (0, 3):
+        found = joint.fit(problem, nuisances, theta=theta, max_iterations=steps)
+        assert not found.blocks
+    kept = joint.settle(problem, theta, nuisances)
+    np.testing.assert_array_equal(kept, nuisances)
