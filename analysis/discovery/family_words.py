@@ -17,7 +17,7 @@ FAMILIES = {
     "memory": "delays and slow decays behind the signal",
     "bend": "a smooth nonlinearity of the signal",
     "top": "a nonlinearity at the signal's top",
-    "outline": "anything at a fixed time after touch-down",
+    "outline": "a waveform locked to touch-down",
     "curve": "a nonlinearity of the signal",
     "fine": "a nonlinearity of the signal, in small steps",
     "ripple": "a periodic curve of the signal, as of uneven steps of a converter",
