@@ -183,7 +183,7 @@ def family_columns(view: View, family: str) -> Columns:
     view : View
         The shot.
     family : str
-        Any of `columns`, `slot_columns`, `tuned` and `time_jump`.
+        Any of `columns`, `slot_columns`, `tuned`, `time_jump` and `slope_limit`.
 
     Returns
     -------
