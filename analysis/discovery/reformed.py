@@ -98,11 +98,38 @@ def _fitted(found: Refit, parameter: str) -> float | None:
 
 
 def _in_form(form: Effect, problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
-    """Return the refit in another form, from the cheapest starts beside the known form's best."""
-    larger, first, _ = extended(problem, base, form, {})
+    """Return the refit in another form, from the cheapest starts beside the known form's best.
+
+    What the known form cannot say it has bent everything else to say: where that leads nowhere,
+    the other form begins once more from where everything was without either.
+    """
+    larger, before, plain = extended(problem, base, form, {})
     known = dict(zip(found.problem.names, found.fitted.theta, strict=True))
-    rest = np.array([known.get(n, v) for n, v in zip(larger.names, first, strict=True)])
-    nuisances = carried_over(found.problem.model, larger.model, found.fitted.nuisances)
+    beside = np.array([known.get(n, v) for n, v in zip(larger.names, before, strict=True)])
+    bent = carried_over(found.problem.model, larger.model, found.fitted.nuisances)
+    best: joint.Fitted | None = None
+    for rest, nuisances in ((beside, bent), (before, plain)):
+        if best is None or best.cost >= found.fitted.cost:
+            here = _cheapest(larger, form, found, rest, nuisances)
+            best = min((b for b in (best, here) if b is not None), key=_cost, default=None)
+    if best is None:
+        return found
+    other = dataclasses.replace(found, effect=form, problem=larger, fitted=best)
+    return refitted(other, problem, base)
+
+
+def _cost(fitted: joint.Fitted) -> float:
+    return fitted.cost
+
+
+def _cheapest(
+    larger: JointProblem,
+    form: Effect,
+    found: Refit,
+    rest: NDArray[np.float64],
+    nuisances: NDArray[np.float64],
+) -> joint.Fitted | None:
+    """Return the best of the fits from the cheapest starts, all but the form's numbers given."""
     neutral = _neutral_owners(found)
     ways: list[tuple[float, int, NDArray[np.float64]]] = []
     for start in _starts(form, found):
@@ -113,16 +140,12 @@ def _in_form(form: Effect, problem: JointProblem, base: joint.Fitted, found: Ref
                     owner = name.partition("[")[2]
                     theta[j] = 0.0 if owner in neutral and parameter.form != "log" else value
         ways.append((joint.total_cost(larger, theta, nuisances), len(ways), theta))
-    best = None
-    for cost, _, theta in sorted(ways)[:STARTS_FITTED]:
-        if math.isfinite(cost):
-            result = joint.fit(larger, nuisances, theta=theta, max_iterations=STEPS)
-            if best is None or result.cost < best.cost:
-                best = result
-    if best is None:
-        return found
-    other = dataclasses.replace(found, effect=form, problem=larger, fitted=best)
-    return refitted(other, problem, base)
+    fits = [
+        joint.fit(larger, nuisances, theta=theta, max_iterations=STEPS)
+        for cost, _, theta in sorted(ways)[:STARTS_FITTED]
+        if math.isfinite(cost)
+    ]
+    return min(fits, key=_cost, default=None)
 
 
 def _neutral_owners(found: Refit) -> set[str]:
