@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.discovery.physical import left_its_range
 from analysis.discovery.proposals import Proposal, rescoped
+from analysis.discovery.rebounds import fitted_below_one
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
@@ -212,6 +213,7 @@ def refit(
         nuisances = joint.settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
         theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
+    result = fitted_below_one(larger, result, max_iterations)
     bare = Refit(effect, proposal.owner, scope, larger, result, 0.0, 0, False, linear_gain)
     return refitted(bare, problem, fitted)
 
@@ -320,6 +322,7 @@ def refit_elsewhere(
             nuisances[row] = like
     nuisances = joint.settle(wide, found.fitted.theta, nuisances)
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
+    result = fitted_below_one(wide, result, max_iterations)
     return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
 
 from analysis.discovery.candidates import extended
 from analysis.discovery.diagnosis import diagnose_campaign
+from analysis.discovery.rebounds import fitted_below_one
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from drivers.simulated.effects import make_effect
@@ -50,3 +52,17 @@ def test_a_ceiling_below_every_pulse_is_a_fit_that_leads_nowhere(clean):
         assert not found.blocks
     kept = joint.settle(problem, theta, nuisances)
     np.testing.assert_array_equal(kept, nuisances)
+
+
+def test_a_shot_that_gains_energy_begins_again_and_finds_its_loss(clean):
+    """Whatever a fit was bent by, no sphere leaves faster than it came."""
+    first = clean.steps[0]
+    loss = first.problem.model.nuisances.index("ln_e")
+    bent = first.fitted.nuisances.copy()
+    bent[::2, loss] = 0.2
+    cost = joint.total_cost(first.problem, first.fitted.theta, bent)
+    lost = dataclasses.replace(first.fitted, nuisances=bent, cost=cost)
+    found = fitted_below_one(first.problem, lost, 25)
+    assert np.all(found.nuisances[:, loss] < 0.0)
+    assert abs(found.cost - first.fitted.cost) < 0.1
+    assert fitted_below_one(first.problem, first.fitted, 25) is first.fitted
