@@ -8,6 +8,7 @@ looked for then acts on one material's shots alone, from a place that it has not
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,6 +42,7 @@ SHARE = 0.02
 """Of what is beyond the noise, that may lie outside the one material's shots."""
 NOTHING_BESIDE = 1e-3
 """Share below which what lies outside is another matter, whether it is noise or not."""
+MOST_MATERIALS = 2
 CERTAIN = 1e4
 """Whitened squares by which what acts on one material differs from all that acts on every shot."""
 SLOTS = ("contact", "mounting")
@@ -89,8 +91,8 @@ class Isolated:
     usual: joint.Fitted
 
 
-def isolated(ground: Ground, without: list[LeftOut]) -> Isolated | None:
-    """Return the one material without whose shots the present model is adequate.
+def isolated(ground: Ground, without: list[LeftOut]) -> Iterator[Isolated]:
+    """Yield the materials without whose shots the present model is adequate, likeliest first.
 
     Parameters
     ----------
@@ -100,18 +102,20 @@ def isolated(ground: Ground, without: list[LeftOut]) -> Isolated | None:
     without : list of LeftOut
         From `left_out`.
 
-    Returns
-    -------
-    Isolated or None
-        None where there is no such material, or more than one.
+    Yields
+    ------
+    Isolated
+        None where there is no such material; a sphere beside a coupon where the shots of both
+        together make the difference, at most `MOST_MATERIALS`.
     """
     beyond = excess(ground.problem, ground.fitted)
-    if not without or without[0].left > SHARE * beyond + chance(ground.problem):
-        return None
-    least = without[0]
-    if least.left > NOTHING_BESIDE * beyond and ask(gather(least.problem, least.fitted)).structured:
-        return None
-    return apart_from(ground, least, far_begin(ground))
+    for rest in without[:MOST_MATERIALS]:
+        if rest.left > SHARE * beyond + chance(ground.problem):
+            return
+        small = rest.left <= NOTHING_BESIDE * beyond
+        if not small and ask(gather(rest.problem, rest.fitted)).structured:
+            return
+        yield apart_from(ground, rest, far_begin(ground))
 
 
 def apart_from(ground: Ground, rest: LeftOut, begin: joint.Fitted) -> Isolated:

@@ -154,16 +154,22 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
     first = not step.problem.model.effects
     progress("asking whether one material makes the difference", 0.0)
     step.without = left_out(ground)
-    apart = isolated(ground, step.without)
     found: list[Refit] = []
-    if apart is not None:
-        found = tried_alone(apart, ground, progress, first=first)
+    for apart in isolated(ground, step.without):
+        found = sorted([*found, *tried_alone(apart, ground, progress, first=first)], key=rank)
         tried = [p for p in tried if not can_be_one_materials(p.effect)]
         if found and explains_all(found[0], ground):
             tried = []
+        if found and (not tried or _ends_in_noise(found[0])):
+            break
     if tried:
         found += ranked(ground, tried, progress, first=first)
     step.refits += one_form_each(sorted(found, key=rank))
+
+
+def _ends_in_noise(found: Refit) -> bool:
+    usable = found.on_all_shots and not found.at_bound
+    return usable and not look(found.problem, found.fitted).omnibus.structured
 
 
 def useful(step: Step) -> list[Refit]:

@@ -119,3 +119,12 @@ def test_hum_is_believed_only_where_it_is_there_before(swinging: Diagnosis) -> N
     loud = np.full((len(shots), hum.basis_size), 0.05)
     assert not is_there_before(shots, hum, loud)
     assert is_there_before(shots, hum, np.zeros_like(loud))
+
+
+def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path) -> None:
+    """Without either's shots the rest is noise; both owners are asked, and the sphere fits."""
+    soft = make_effect("plastic_yield", {"yield_pressure_pa": 8e7}, Scope(sphere="acetal_small"))
+    found = diagnose_campaign(campaign(tmp_path, soft))
+    assert [r.owner for r in found.chosen] == ["plastic_yield"]
+    assert found.chosen[0].effect.only == ("sphere", "acetal_small")
+    assert found.verdict in ("identified", "family")
