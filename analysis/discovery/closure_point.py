@@ -7,6 +7,7 @@ itself beside its nuisances, and are eliminated with them.
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -224,9 +225,12 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
         jacobian = jacobian + _steered(view, form, parts, sizes)
     residual = item.window.signal - found.signal - added
     design = np.column_stack([jacobian[:, :s], shared_columns, own_columns, jacobian[:, s:]])
-    white, slope = item.noise.whiten(residual), item.noise.whiten(design)
-    matrix, vector = slope.T @ slope, slope.T @ white
-    chi2 = float(white @ white)
+    with np.errstate(over="ignore", invalid="ignore"):
+        white, slope = item.noise.whiten(residual), item.noise.whiten(design)
+        matrix, vector = slope.T @ slope, slope.T @ white
+        chi2 = float(white @ white)
+    if not (math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all()):
+        return None  # a step so hopeless that its squares have no number
     a, o = shared_columns.shape[1], own_columns.shape[1]
     extra, rows = prior_rows(model, item, local, found.rebound_ratio, gradient)
     at = [*range(s), *range(s + a + o, matrix.shape[0])]

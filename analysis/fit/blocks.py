@@ -148,7 +148,7 @@ def linearise_shot(
     Returns
     -------
     ShotBlock or None
-        None when the contact did not end.
+        None when the contact did not end, or the squares have no number.
     """
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
@@ -159,12 +159,15 @@ def linearise_shot(
         return None
     if not np.isfinite(jacobian[-1]).all():
         return None
-    r = item.noise.whiten(found.signal - item.window.signal)
-    white = item.noise.whiten(jacobian)
     extra, rows = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
-    chi2 = float(r @ r)
-    matrix = white.T @ white
-    vector = -(white.T @ r)
+    with np.errstate(over="ignore", invalid="ignore"):
+        r = item.noise.whiten(found.signal - item.window.signal)
+        white = item.noise.whiten(jacobian)
+        chi2 = float(r @ r)
+        matrix = white.T @ white
+        vector = -(white.T @ r)
+    if not (math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all()):
+        return None  # a step so hopeless that its squares have no number
     for residual, row in zip(extra, rows, strict=True):
         matrix += np.outer(row, row)
         vector -= residual * row
