@@ -74,6 +74,11 @@ class Refit:
     own: int = 0
     common: float = 0.0
 
+    @property
+    def usable(self) -> bool:
+        """Whether it was fitted to all shots and its numbers are such as the effect can have."""
+        return self.on_all_shots and not self.at_bound
+
     def score(self, penalty: float, factor: float = 1.0) -> float:
         """Return the gain less the price of its numbers, on so many times the shots."""
         gain, own = self.gain * factor, round(self.own * factor)

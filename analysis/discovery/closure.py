@@ -121,8 +121,8 @@ def learn(
     rounds = MORE_ROUNDS if any(f in STEERED for f, _ in parts) else ROUNDS
     end = start
     for _ in range(TURNS if form.own else 1):
-        # what is a shot's own may be anywhere: shot by shot first, each as it fares best
-        end = settled(ground, end.point) or end if form.own else end
+        if form.own:  # these may be anywhere: shot by shot first, each as it fares best
+            end = settled(ground, end.point) or end
         end = descend(ground, end, rounds)
     if not end.cost < start.cost:
         return None

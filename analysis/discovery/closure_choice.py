@@ -18,8 +18,9 @@ ALSO = {"locked": "outline", "wander": "pieces"}
 """What is learned where a family explains much that has too many numbers, or too coarse ones."""
 REFINED = {"curve": ("fine", "ripple"), "response": ("impulse",), "creep": ("impulse",),
            "mode": ("damped",), "pieces": ("jump", "slew")}
+"""Tried as well where something is left, as they cost more."""
 OWNED = ("damped", "jump")
-"""Tried as well where something is left, as they cost more; but for these, as the rig's."""
+"""Finer forms with the owners of the coarse one; the others are the rig's."""
 LEARNABLE: tuple[Part, ...] = (
     *((f, "rig") for f in ("response", "creep", "curve", "path", "droop", "dynamic", "seat",
                            "contact", "loss", "mode")),

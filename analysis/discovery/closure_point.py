@@ -7,7 +7,6 @@ itself beside its nuisances, and are eliminated with them.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -18,7 +17,9 @@ from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import PARTS
 from analysis.discovery.families import BASELINE, View, family_columns
 from analysis.discovery.owners import owners
-from analysis.fit.blocks import prior_rows
+from analysis.discovery.slope_limit import SLEW
+from analysis.discovery.tuned import RIPPLE
+from analysis.fit.blocks import prior_rows, whitened_squares
 from analysis.fit.problem import JointProblem
 from analysis.fit.shots_at_once import at_once
 
@@ -26,8 +27,8 @@ Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 Part = tuple[str, str]
 
-STEERED = ("ripple", "slew")
-"""Families that follow the signal so closely that a step of the model must know of it."""
+STEERED = (RIPPLE, SLEW)
+"""Families of the rig that follow the signal so closely that a step of the model asks them."""
 STEER_STEP = 1e-4
 """Of the largest signal, to see how they follow."""
 OWN_WIDTH = 3.0
@@ -218,19 +219,16 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
     nothing = np.zeros((clean.size, 0))
     shared_columns = np.column_stack([nothing, *common])
     own_columns = np.column_stack([nothing, *single])
-    added = shared_columns @ of_one_shot(form, place, point.shared)
+    sizes = of_one_shot(form, place, point.shared)
+    added = shared_columns @ sizes
     added += own_columns @ point.own[row]
-    if any(f in STEERED for f, _ in form.parts):
-        sizes = of_one_shot(form, place, point.shared), point.own[row]
-        jacobian = jacobian + _steered(view, form, parts, sizes)
+    jacobian = jacobian + _steered(view, form, common, sizes)
     residual = item.window.signal - found.signal - added
     design = np.column_stack([jacobian[:, :s], shared_columns, own_columns, jacobian[:, s:]])
-    with np.errstate(over="ignore", invalid="ignore"):
-        white, slope = item.noise.whiten(residual), item.noise.whiten(design)
-        matrix, vector = slope.T @ slope, slope.T @ white
-        chi2 = float(white @ white)
-    if not (math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all()):
-        return None  # a step so hopeless that its squares have no number
+    squares = whitened_squares(item, residual, design)
+    if squares is None:
+        return None
+    matrix, vector, chi2 = squares
     a, o = shared_columns.shape[1], own_columns.shape[1]
     extra, rows = prior_rows(model, item, local, found.rebound_ratio, gradient)
     at = [*range(s), *range(s + a + o, matrix.shape[0])]
@@ -244,16 +242,12 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
     return Block(matrix, vector, chain, s + a, chi2, cost, residual, added)
 
 
-def _steered(
-    view: View, form: Form, parts: Sequence[tuple[list[str], Array]], sizes: tuple[Array, Array]
-) -> Array:
-    """Return how what is added changes with the model's parameters. Shape (n, p)."""
-    shared, own = (list(s) for s in sizes)
+def _steered(view: View, form: Form, columns: Sequence[Array], sizes: Array) -> Array:
+    """Return how shared columns, so large, change with the model's parameters. Shape (n, p)."""
     found = np.zeros_like(view.jacobian)
-    for part, (_, columns) in zip(form.parts, parts, strict=True):
-        width = columns.shape[1]
-        mine = own if part[1] == "shot" else shared
-        size, mine[:width] = np.array(mine[:width]), []
+    shared = [part for part in form.parts if part[1] != "shot"]
+    each = np.split(sizes, np.cumsum(form.sizes, dtype=int))[:-1]
+    for part, here, size in zip(shared, columns, each, strict=True):
         if part[0] not in STEERED or not np.any(size):
             continue
         for at, slope in enumerate(view.jacobian.T):
@@ -262,7 +256,7 @@ def _steered(
                 continue  # a family of the signal does not see the baseline
             step = STEER_STEP * view.scale.top / most
             moved = dataclasses.replace(view, clean=view.clean + step * slope)
-            found[:, at] += (_columns(moved, [part])[0][1] - columns) @ size / step
+            found[:, at] += (_columns(moved, [part])[0][1] - here) @ size / step
     return found
 
 

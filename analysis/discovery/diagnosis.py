@@ -173,7 +173,7 @@ def _next_drop(found: Diagnosis) -> NextDrop | None:
                 whole = dataclasses.replace(taken, problem=last.problem, fitted=last.fitted)
                 return propose([whole, *found.rivals[taken.owner]])
     if found.verdict in ("unknown", "partial"):
-        return propose([r for r in found.steps[0].refits if r.on_all_shots and not r.at_bound][:3])
+        return propose([r for r in found.steps[0].refits if r.usable][:3])
     return None
 
 

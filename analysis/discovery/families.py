@@ -23,7 +23,7 @@ from analysis.discovery.columns import (
     static_columns,
     template_columns,
 )
-from analysis.discovery.slope_limit import slope_columns, steepest
+from analysis.discovery.slope_limit import SLEW, slope_columns, steepest
 from analysis.discovery.slot_columns import (
     OF_PARAMETERS,
     OF_SIGNAL,
@@ -166,7 +166,7 @@ _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "speed": _speed,
     "seat": _seat,
     "jump": _jump,
-    "slew": lambda v: (*slope_columns(v.clean, v.rate, v.scale.steepest_per_s), None, None),
+    SLEW: lambda v: (*slope_columns(v.clean, v.rate, v.scale.steepest_per_s), None, None),
     RIPPLE: lambda v: (*ripple_columns(v.clean, v.scale.top, v.scale.ripples), None, None),
     "pieces": lambda v: (
         *piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us), None, None
@@ -233,15 +233,11 @@ def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
         pulse_s=float(np.median([s.window.width_s for s in problem.shots])),
         contact_s=float(np.median(contacts)),
         window_s=max(s.frame.samples / s.frame.sample_rate_hz for s in problem.shots),
-        steepest_per_s=steepest(
-            [s.window.signal for s in problem.shots],
-            [s.frame.sample_rate_hz for s in problem.shots],
-        ),
     )
 
 
 def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[str]) -> Scale:
-    """Return the scale with the frequencies of those families that need one.
+    """Return the scale with what some families need that is looked for in the records.
 
     Parameters
     ----------
@@ -255,8 +251,12 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
     Returns
     -------
     Scale
-        Frequencies it already has are kept.
+        What it already has is kept.
     """
+    if SLEW in wanted and not scale.steepest_per_s:
+        records = [s.window.signal for s in problem.shots]
+        rates = [s.frame.sample_rate_hz for s in problem.shots]
+        scale = dataclasses.replace(scale, steepest_per_s=steepest(records, rates))
     families = [f for f in wanted if f in (*TUNED, DAMPED) and f not in scale.tuned_hz]
     ripple = RIPPLE in wanted and not scale.ripples
     if not families and not ripple:

@@ -105,8 +105,8 @@ def isolated(ground: Ground, without: list[LeftOut]) -> Iterator[Isolated]:
     Yields
     ------
     Isolated
-        None where there is no such material; a sphere beside a coupon where the shots of both
-        together make the difference, at most `MOST_MATERIALS`.
+        Nothing where there is no such material; a sphere and a coupon where the shots of both
+        together make the difference; at most `MOST_MATERIALS`.
     """
     beyond = excess(ground.problem, ground.fitted)
     for rest in without[:MOST_MATERIALS]:
@@ -218,8 +218,8 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
 
 def explains_all(found: Refit, ground: Ground) -> bool:
     """Tell whether so much was explained, down to the noise, that no other slot need be asked."""
-    usable = found.on_all_shots and not found.at_bound and found.gain > CERTAIN
-    return usable and _is_noise(ground.problem, found.fitted)
+    certain = found.usable and found.gain > CERTAIN
+    return certain and _is_noise(ground.problem, found.fitted)
 
 
 def _is_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:

@@ -14,7 +14,10 @@ import numpy as np
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.problem import JointProblem
+from analysis.model.impact_model import NUISANCE
 
+SPEED, LOSS = NUISANCE.index("ln_v0"), NUISANCE.index("ln_e")
+"""Places among a shot's own parameters."""
 FROM = (0.8, 0.5, 0.3)
 """Restitutions from which such a shot begins again."""
 
@@ -38,25 +41,23 @@ def fitted_below_one(
     Fitted
         ``fitted`` itself where no shot gains energy, or none fares better elsewhere.
     """
-    names = problem.model.nuisances
-    if not fitted.blocks or "ln_e" not in names:
+    if not fitted.blocks:
         return fitted
-    loss = names.index("ln_e")
-    gaining = np.flatnonzero(fitted.nuisances[:, loss] > 0.0)
+    gaining = np.flatnonzero(fitted.nuisances[:, LOSS] > 0.0)
+    some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
     nuisances = fitted.nuisances.copy()
-    for row in gaining:
-        item = problem.shots[row]
-        alone = dataclasses.replace(problem, shots=[item])
-        least = math.inf
-        for restitution in FROM:
-            own = fitted.nuisances[row].copy()
-            own[loss] = math.log(restitution)
+    least = np.full(gaining.size, math.inf)
+    for restitution in FROM:
+        own = fitted.nuisances[gaining]
+        own[:, LOSS] = math.log(restitution)
+        for at, item in enumerate(some.shots):
             if item.speed_prior is not None:
-                own[0] = item.speed_prior.mean
-            own = joint.settle(alone, fitted.theta, own[None, :])[0]
-            cost = shot_cost(problem, item, fitted.theta, own)
-            if cost < least and own[loss] <= 0.0:
-                least, nuisances[row] = cost, own
+                own[at, SPEED] = item.speed_prior.mean
+        own = joint.settle(some, fitted.theta, own)
+        for at, item in enumerate(some.shots):
+            cost = shot_cost(problem, item, fitted.theta, own[at])
+            if cost < least[at] and own[at, LOSS] <= 0.0:
+                least[at], nuisances[gaining[at]] = cost, own[at]
     if np.array_equal(nuisances, fitted.nuisances):
         return fitted
     again = joint.fit(problem, nuisances, theta=fitted.theta, max_iterations=max_iterations)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
+SLEW = "slew"
 STRETCH = 7
 """Samples over which a slope is read off a record."""
 STEP = 1e-3

@@ -168,15 +168,12 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
 
 
 def _ends_in_noise(found: Refit) -> bool:
-    usable = found.on_all_shots and not found.at_bound
-    return usable and not look(found.problem, found.fitted).omnibus.structured
+    return found.usable and not look(found.problem, found.fitted).omnibus.structured
 
 
-def useful(step: Step) -> list[Refit]:
+def useful(step: Step, least: float = MIN_GAIN) -> list[Refit]:
     """Return the refits of a step that may be taken, best first."""
-    return [
-        r for r in step.refits if r.on_all_shots and not r.at_bound and r.score(PENALTY) >= MIN_GAIN
-    ]
+    return [r for r in step.refits if r.usable and r.score(PENALTY) >= least]
 
 
 def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
@@ -259,15 +256,14 @@ def _with_hum(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     passes for the little that a large effect's equation cannot say.
     """
     forgiven = trail.adequate and trail.last.omnibus.structured
-    named = {e.id for e in trail.last.problem.model.effects}
+    if not forgiven or len(trail.chosen) >= MAX_EFFECTS:
+        return trail
     tried = [p for p in proposals(trail.last.problem)[0] if p.owner == HUM]
-    if not forgiven or HUM in named or len(trail.chosen) >= MAX_EFFECTS or not tried:
+    if not tried:
         return trail
     ground = Ground(trail.last.problem, trail.last.fitted, usual)
-    refits = ranked(ground, tried, progress, first=False)
-    trail.last.refits += refits
-    large = [r for r in refits if r.on_all_shots and not r.at_bound]
-    large = [r for r in large if r.score(PENALTY) > HARDLY_SEEN]
+    trail.last.refits += ranked(ground, tried, progress, first=False)
+    large = useful(trail.last, HARDLY_SEEN)
     return trail.on(large[0]) if large else trail
 
 

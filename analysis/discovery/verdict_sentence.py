@@ -82,7 +82,7 @@ def _looks_like(diagnosis: Diagnosis, before: FitResult) -> str:
     fold = before.heldout_rms / learned.heldout_rms
     if fold < SEEN_FOLD:
         return ""
-    like = " and ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
+    like = ", and beside it ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
     return f" It looks like {like}: with that the error on held-out shots falls {fold:.2g}-fold."
 
 

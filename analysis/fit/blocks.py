@@ -148,7 +148,7 @@ def linearise_shot(
     Returns
     -------
     ShotBlock or None
-        None when the contact did not end, or the squares have no number.
+        None when the contact did not end, or its squares have no number.
     """
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
@@ -160,18 +160,44 @@ def linearise_shot(
     if not np.isfinite(jacobian[-1]).all():
         return None
     extra, rows = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
-    with np.errstate(over="ignore", invalid="ignore"):
-        r = item.noise.whiten(found.signal - item.window.signal)
-        white = item.noise.whiten(jacobian)
-        chi2 = float(r @ r)
-        matrix = white.T @ white
-        vector = -(white.T @ r)
-    if not (math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all()):
-        return None  # a step so hopeless that its squares have no number
+    squares = whitened_squares(item, item.window.signal - found.signal, jacobian)
+    if squares is None:
+        return None
+    matrix, vector, chi2 = squares
     for residual, row in zip(extra, rows, strict=True):
         matrix += np.outer(row, row)
         vector -= residual * row
     return ShotBlock(matrix, vector, chain, chi2, chi2 + sum(x * x for x in extra))
+
+
+def whitened_squares(
+    item: FitShot, residual: Array, slopes: Array
+) -> tuple[Array, Array, float] | None:
+    """Return one shot's normal equations in units of its noise, without priors.
+
+    Parameters
+    ----------
+    item : FitShot
+        The shot.
+    residual : ndarray, shape (n,)
+        Record less model. [unit of the signal]
+    slopes : ndarray, shape (n, p)
+        The model's derivatives.
+
+    Returns
+    -------
+    matrix, vector : ndarray, shape (p, p), (p,)
+        Of the step that makes the squares least.
+    chi2 : float
+        The squares. All None for a step so hopeless that they have no number.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        white, slope = item.noise.whiten(residual), item.noise.whiten(slopes)
+        matrix, vector = slope.T @ slope, slope.T @ white
+        chi2 = float(white @ white)
+    if math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all():
+        return matrix, vector, chi2
+    return None
 
 
 def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:

@@ -72,7 +72,7 @@ class DelayLine:
             [s]
         """
         t: NDArray[np.float64] = self._t[-1] + step_s * np.arange(1, volts.size + 1)
-        keep = self._t >= self._t[-1] - self._longest_s - 2e-6
+        keep = self._counts()
         self._t = np.concatenate((self._t[keep], t))
         self._v = np.concatenate((self._v[keep], volts))
         return t
@@ -94,8 +94,11 @@ class DelayLine:
         bool
             Of the last `longest_s`.
         """
-        recent = self._v[self._t >= self._t[-1] - self._longest_s - 2e-6]
-        return bool(np.all(np.abs(recent) < threshold_v))
+        return bool(np.all(np.abs(self._v[self._counts()]) < threshold_v))
+
+    def _counts(self) -> NDArray[np.bool_]:
+        """Return which of the past may still be asked for, with a step or two to spare."""
+        return np.asarray(self._t >= self._t[-1] - self._longest_s - 2e-6)
 
 
 class StateSpaceStage:
