@@ -13,6 +13,7 @@ from matplotlib.lines import Line2D
 from analysis.discovery.stack import stacks_json
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
+from analysis.plots.span import span_us
 from analysis.plots.style import (
     AFTER,
     BEFORE,
@@ -29,8 +30,6 @@ from analysis.plots.style import (
 
 Json = dict[str, Any]
 
-SHOWN_SHARES = (-0.7, 7.0)
-"""What of a stack is drawn, in contact times."""
 MOST_COLUMNS = 3
 _STYLES = ("-", (0, (4, 1.4)), (0, (1.2, 1.2)), (0, (6, 1.2, 1.2, 1.2)))
 _GREYS = ("#202124", "#5a7fb0", "#b3491f", "#8a8f98")
@@ -62,7 +61,13 @@ def plot_residuals(fit: FitResult) -> Figure:
 
 
 def plot_stack(
-    stacks: Json, noise_rms: float, *, title: str, unit: Shown, wide: float = WIDE
+    stacks: Json,
+    noise_rms: float,
+    *,
+    title: str,
+    unit: Shown,
+    wide: float = WIDE,
+    span: tuple[float, float] | None = None,
 ) -> Figure:
     """Draw residuals that were stacked over repetitions.
 
@@ -78,12 +83,15 @@ def plot_stack(
         To draw the residual in.
     wide : float, optional
         Width of the figure. [inch]
+    span : tuple of float, optional
+        From when to when; by default what is worth it. [us]
 
     Returns
     -------
     matplotlib.figure.Figure
         One panel per pair, one line per drop height.
     """
+    span = span or span_us(stacks)
     with styled():
         curves = stacks["by_pair_and_height"]
         pairs = sorted({curve["pair"] for curve in curves})
@@ -93,11 +101,11 @@ def plot_stack(
         panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
         looks = [_look(place) for place in range(len(heights))]
         for axes, pair in zip(panels.flat, pairs, strict=False):
-            _frame(axes, stacks, noise_rms, unit)
+            _frame(axes, stacks, noise_rms, unit, span)
             axes.set_title(named_pair(pair), loc="left", fontsize=7.5)
             for curve in (c for c in curves if c["pair"] == pair):
                 look = looks[heights.index(curve["drop_height_m"] or 0.0)]
-                axes.plot(*_line(stacks, curve, unit), **look)
+                axes.plot(*_line(stacks, curve, unit, span), **look)
         _finish(panels, len(pairs), unit)
         handles = [Line2D([], [], label=height_words(h), **look)
                    for h, look in zip(heights, looks, strict=True) if h]  # fmt: skip
@@ -135,6 +143,7 @@ def plot_diagnosis(document: Json) -> Figure:
     unit = shown(set(document["campaign"].get("quantities") or ["voltage"]))
     first, then = document["before"]["model"], document["after"]["model"]
     names = (first, then) if after.get("stacks") else (first,)
+    span = span_us(before["stacks"])
     with styled():
         pairs = sorted({curve["pair"] for curve in before["stacks"]["by_pair_and_height"]})
         columns, rows = _grid(len(pairs))
@@ -148,13 +157,13 @@ def plot_diagnosis(document: Json) -> Figure:
         )
         for axes, pair in zip(panels.flat, pairs, strict=False):
             height = _worst_height(before["stacks"], pair)
-            _frame(axes, before["stacks"], document["noise_rms_V"], unit)
+            _frame(axes, before["stacks"], document["noise_rms_V"], unit, span)
             axes.set_title(named_pair(pair), loc="left", fontsize=7.5)
             axes.annotate(height_words(height), (0.98, 0.04), xycoords="axes fraction", ha="right",
                           fontsize=7)  # fmt: skip
             for seen, look in zip((before, after), looks, strict=True):
                 for curve in _curves(seen.get("stacks"), pair, height):
-                    axes.plot(*_line(seen["stacks"], curve, unit), **look)
+                    axes.plot(*_line(seen["stacks"], curve, unit, span), **look)
         _finish(panels, len(pairs), unit)
         handles = [
             Line2D([], [], label=f"{name} leaves", **look)
@@ -183,12 +192,14 @@ def _look(place: int) -> dict[str, Any]:
     }
 
 
-def _frame(axes: Axes, stacks: Json, noise_rms: float, unit: Shown) -> None:
+def _frame(
+    axes: Axes, stacks: Json, noise_rms: float, unit: Shown, span: tuple[float, float]
+) -> None:
     noise = noise_rms * unit.factor
     axes.axvspan(0, stacks["contact_us"], color=PALE, lw=0, zorder=0)
     axes.axhspan(-noise, noise, facecolor="none", edgecolor=SOFT, hatch="////", lw=0, alpha=0.6)
     axes.axhline(0, color=INK, lw=0.5)
-    axes.set_xlim(*(share * stacks["contact_us"] for share in SHOWN_SHARES))
+    axes.set_xlim(*span)
 
 
 def _finish(panels: Any, used: int, unit: Shown) -> None:
@@ -224,10 +235,9 @@ def _worst_height(stacks: Json, pair: str) -> float | None:
     return height
 
 
-def _line(stacks: Json, curve: Json, unit: Shown) -> tuple[Any, Any]:
+def _line(stacks: Json, curve: Json, unit: Shown, span: tuple[float, float]) -> tuple[Any, Any]:
     t = np.array(stacks["time_us"])
-    low, high = (share * stacks["contact_us"] for share in SHOWN_SHARES)
-    near = (t >= low) & (t <= high)
+    near = (t >= span[0]) & (t <= span[1])
     return t[near], _values(curve)[near] * unit.factor
 
 

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from analysis import Campaign, Shot, fit_campaign
 from analysis.fit.shot_fit import ShotFit
+from analysis.plots.span import span_us
 from impactd.demo.outcome import Outcome, Row, Rung
 
 MEASURED, HSD, KV, AFTER, TRUTH = "#8a8f98", "#d9822b", "#1c6dd0", "#1b8a5a", "#202124"
 """Colours that stay apart in grey and for the colour-blind."""
 
-_BEFORE_US, _AFTER_US = 60.0, 560.0
-"""What of a shot is drawn: the pulse and most of the ring. [us]"""
+_SPAN_US = -60.0, 560.0
+"""What of a shot is drawn at least: the pulse and most of the ring."""
 
 _LOOK = {"hsd": (HSD, "s", -0.22), "kv": (KV, "o", 0.0), "after": (AFTER, "D", 0.22)}
 """Colour, marker and shift of each rung's whiskers."""
@@ -67,7 +68,8 @@ def draw_trace(file: Path, campaign: Campaign, outcome: Outcome, title: str) -> 
                     rigid.plot(t, fit.residual * 1e3, color=colour, lw=1.0)
         touch = _touch_down(shot, fits["kv"])
         measured_us = (np.arange(shot.signal.size) - touch) / shot.sample_rate_hz * 1e6
-        near = (measured_us > -_BEFORE_US) & (measured_us < _AFTER_US)
+        first, last = _span_us(outcome)
+        near = (measured_us > first) & (measured_us < last)
         upper.plot(
             measured_us[near], shot.signal[near], ".", color=MEASURED, ms=5, label="measured"
         )
@@ -78,8 +80,14 @@ def draw_trace(file: Path, campaign: Campaign, outcome: Outcome, title: str) -> 
         _draw_stacks(fine, outcome, shot)
         fine.set_ylabel("left over / mV")
         fine.set_xlabel("time since touch-down / µs")
-        fine.set_xlim(-_BEFORE_US, _AFTER_US)
+        fine.set_xlim(first, last)
         figure.savefig(file)
+
+
+def _span_us(outcome: Outcome) -> tuple[float, float]:
+    """Return what is drawn: further than usual where the residual says something later."""
+    stacks = outcome.diagnosis["residual"]["before"].get("stacks")
+    return _SPAN_US[0], max(_SPAN_US[1], span_us(stacks)[1] if stacks else 0.0)
 
 
 def _draw_stacks(axes: Axes, outcome: Outcome, shot: Shot) -> None:
@@ -98,7 +106,8 @@ def _draw_stacks(axes: Axes, outcome: Outcome, shot: Shot) -> None:
             ):
                 mean_mv = [math.nan if v is None else 1e3 * v for v in curve["mean"]]
                 axes.plot(t, mean_mv, color=_LOOK[rung.key][0], lw=1.2, label=rung.name)
-    axes.legend(loc="upper right", fontsize=8, ncols=3)
+    # above the curves: a second touch may stand anywhere below
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), fontsize=8, ncols=3)
 
 
 def _touch_down(shot: Shot, fitted: Sequence[ShotFit]) -> float:

@@ -11,7 +11,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from analysis.plots.residuals import SHOWN_SHARES, plot_stack
+from analysis.plots.residuals import plot_stack
+from analysis.plots.span import span_us
 from analysis.plots.style import Shown, styled
 from impactd.diagnosis.unit import Unit
 
@@ -38,7 +39,9 @@ LOOK: Any = {
 }
 
 
-def stacked(stacks: Json, noise_rms: float, title: str, unit: Unit) -> str:
+def stacked(
+    stacks: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]
+) -> str:
     """Draw the residual of each pair against time after touch-down, one curve per height.
 
     Parameters
@@ -51,6 +54,8 @@ def stacked(stacks: Json, noise_rms: float, title: str, unit: Unit) -> str:
         Over the picture.
     unit : Unit
         To show the residual in.
+    span : tuple of float
+        From when to when. [us]
 
     Returns
     -------
@@ -59,7 +64,9 @@ def stacked(stacks: Json, noise_rms: float, title: str, unit: Unit) -> str:
     """
     drawn_in = Shown(unit.label, unit.label, unit.factor)
     with styled():
-        return svg(plot_stack(stacks, noise_rms, title=title, unit=drawn_in, wide=WIDE))
+        return svg(
+            plot_stack(stacks, noise_rms, title=title, unit=drawn_in, wide=WIDE, span=span)
+        )
 
 
 def in_time(stacks: Json, unit: Unit) -> str | None:
@@ -81,7 +88,7 @@ def in_time(stacks: Json, unit: Unit) -> str | None:
     if len(parts) < 2:
         return None
     t = np.array(stacks["time_us"])
-    low, high = (share * stacks["contact_us"] for share in SHOWN_SHARES)
+    low, high = span_us(stacks)
     near = (t >= low) & (t <= high)
     with mpl.rc_context(LOOK):
         figure = Figure(figsize=(WIDE, 2.7), layout="constrained")

@@ -11,6 +11,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from analysis.plots.span import span_us
 from impactd.diagnosis import closure_figures, figures, sections, trail
 from impactd.diagnosis.style import STYLE
 from impactd.diagnosis.unit import Unit, unit_of
@@ -93,6 +94,7 @@ def page(document: Json) -> str:
     before, after = document["residual"]["before"], document["residual"]["after"]
     noise, unit = document["noise_rms_V"], unit_of(document)
     repaired = None if after is None or not after.get("stacks") else after
+    span = span_us(before["stacks"]) if before.get("stacks") else (0.0, 0.0)
     return _PAGE.substitute(
         style=STYLE,
         verdict=html.escape(document["verdict"]),
@@ -107,6 +109,7 @@ def page(document: Json) -> str:
             noise,
             f"Residual of {document['before']['model']}, stacked over repetitions",
             unit,
+            span,
         ),
         phases=sections.phases(document),
         in_time=_in_time(before, document["closure"], unit),
@@ -134,6 +137,7 @@ def page(document: Json) -> str:
             noise,
             f"Residual of {document['after']['model']}, stacked over repetitions",
             unit,
+            span,
         )
         if repaired
         else "",
@@ -175,11 +179,13 @@ def _learned(closure: Json | None, unit: Unit) -> str:
     )
 
 
-def _stack(seen: Json, noise_rms: float, title: str, unit: Unit) -> str:
+def _stack(
+    seen: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]
+) -> str:
     if not seen.get("stacks"):
         return ""
     return _picture(
-        figures.stacked(seen["stacks"], noise_rms, title, unit),
+        figures.stacked(seen["stacks"], noise_rms, title, unit, span),
         "Mean over repetitions. Grey: the contact; hatched: one standard deviation of a sample's "
         "noise.",
     )

@@ -1,0 +1,51 @@
+"""How much of a stacked residual to draw: the pulse and most of the ring, further where need be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+Json = dict[str, Any]
+
+USUAL_SHARES = (-0.7, 7.0)
+"""What is drawn at least, in contact times."""
+QUIET_BEFORE = -1.0
+"""Contact times before which a residual is the noise alone."""
+LOUD = 6.0
+"""Times that noise at which a later bin is worth showing."""
+
+
+def span_us(stacks: Json) -> tuple[float, float]:
+    """Return from when to when a stacked residual is worth drawing.
+
+    Parameters
+    ----------
+    stacks : dict
+        ``residual.*.stacks`` of ``impactd-diagnosis/1``.
+
+    Returns
+    -------
+    low, high : float
+        Around the touch-down: the pulse and most of the ring, and a second touch or a slow decay
+        long after it where one stands out of what was there before the touch. [us]
+
+    Notes
+    -----
+    A bin's mean is told from noise by the bins before touch-down, as if noise were white: its
+    standard deviation falls with the square root of a bin's width. Own rule; it moves the edge of
+    a picture, and no figure. Where fine bins meet coarse ones the finer width counts.
+    """
+    t = np.array(stacks["time_us"])
+    low, high = (share * stacks["contact_us"] for share in USUAL_SHARES)
+    means = [[np.nan if v is None else v for v in c["mean"]] for c in stacks["by_pair_and_height"]]
+    if t.size < 2 or not means:
+        return low, high
+    apart = np.diff(t)
+    widths = np.minimum(np.append(apart, apart[-1]), np.insert(apart, 0, apart[0]))
+    heard = np.abs(np.array(means)) * np.sqrt(widths)
+    quiet = heard[:, t < QUIET_BEFORE * stacks["contact_us"]]
+    if not np.isfinite(quiet).any():
+        return low, high
+    loud = np.nanmax(np.nan_to_num(heard), axis=0) > LOUD * np.sqrt(np.nanmean(quiet**2))
+    return low, max(high, *(t[loud] + stacks["contact_us"])) if loud.any() else high
