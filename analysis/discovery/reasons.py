@@ -41,7 +41,8 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
     if refit.score(PENALTY) < MIN_GAIN:
         return (
             f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its "
-            f"{refit.parameters} number(s) cost by chance alone"
+            f"{'number costs' if refit.parameters == 1 else f'{refit.parameters} numbers cost'} "
+            "by chance alone"
         )
     return _beaten(diagnosis, step, refit, taken)
 
@@ -56,7 +57,8 @@ def _not_physical(refit: Refit) -> str:
     if refit.gain < LEAST_EACH * refit.own:
         return "every shot needs a number of its own, and they bring too little to be believed"
     bounds = "; ".join(
-        f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}" for p in refit.effect.parameters
+        f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}".removesuffix(" 1")
+        for p in refit.effect.parameters
     )
     return f"its best fit leaves what is physically possible ({bounds})"
 
