@@ -96,3 +96,104 @@ def test_a_bubble_only_softens_and_most_where_contact_is_stiff(lab: Lab) -> None
         assert np.min(times) > (1.0 - 1e-3) * base
         spread[sphere] = float(np.std(times / base))
     assert spread["steel"] > 3.0 * spread["hdpe"] > 0.0
+
+
+def test_a_hopping_cell_lands_later_and_harder_after_a_harder_hit(lab: Lab) -> None:
+    """Delay and size of the thump both go with the pulse's area, and the pulse is as it was."""
+    rig = lab.with_effect("x_hopping_cell", {"share": 0.05, "hop_s": 3e-4})
+    sizes, delays = [], []
+    for height in (0.01, 0.04):
+        base, _ = lab.drop(lab.a_rig(), height)
+        added = lab.drop(rig, height)[0] - base
+        peak = int(np.argmax(base))
+        np.testing.assert_allclose(added[: peak + 100], 0.0, atol=1e-9)
+        area = np.sum(base) / lab.RATE_HZ
+        assert np.sum(added) / lab.RATE_HZ == pytest.approx(0.05 * area, rel=0.01)
+        sizes.append(np.max(added) / area)
+        delays.append((np.argmax(added) - peak - 100) / area)
+    assert sizes[0] == pytest.approx(sizes[1], rel=0.01)
+    assert delays[0] == pytest.approx(delays[1], rel=0.02)
+
+
+def test_a_sinking_coupon_reaches_smaller_pulses_drop_by_drop(lab: Lab) -> None:
+    """The kink is at half its height after n0 drops; beyond it a share is missing, below none."""
+    values = {"share": 0.1, "begins_v": 3.0, "drops_to_halve": 20.0}
+    rig = lab.with_effect("x_sinking_coupon", values)
+    for number, kink in ((0, 3.0), (20, 1.5)):
+        base, _ = lab.drop(lab.a_rig(), number=number)
+        lost = base - lab.drop(rig, number=number)[0]
+        np.testing.assert_allclose(lost[base < 0.8 * kink], 0.0, atol=1e-5)
+        above = base > 1.2 * kink
+        assert np.any(above)
+        np.testing.assert_allclose(lost[above], 0.1 * (base[above] - kink), atol=1e-5)
+
+
+def test_a_bulge_rings_with_the_square_of_the_pulse(lab: Lab) -> None:
+    """It is in proportion to r, and per energy of the pulse nearly the same at any height."""
+    late = []
+    for height in (0.005, 0.04):
+        base, _ = lab.drop(lab.a_rig(), height)
+        rigs = [
+            lab.with_effect("x_squared_mode", {"share": r, "frequency_hz": 4e3})
+            for r in (1e-3, 2e-3)
+        ]
+        one, two = (lab.drop(rig, height)[0] - base for rig in rigs)
+        np.testing.assert_allclose(two, 2.0 * one, atol=1e-9)
+        np.testing.assert_allclose(one[: lab.BEFORE], 0.0, atol=1e-12)
+        energy = np.sum(base**2)
+        late.append(np.std(one[1500:2500]) / energy)
+    assert late[1] == pytest.approx(late[0], rel=0.1)
+
+
+def test_a_damp_crystal_leaks_from_large_pulses_only(lab: Lab) -> None:
+    """The undershoot goes with the cube of the pulse, and heals in its time."""
+    rig = lab.with_effect("x_damp_crystal", {"leak_per_s": 8.0, "return_s": 1e-3})
+    left = []
+    for height in (0.01, 0.04):
+        base, _ = lab.drop(lab.a_rig(), height)
+        added = lab.drop(rig, height)[0] - base
+        np.testing.assert_allclose(added[: lab.BEFORE], 0.0, atol=1e-12)
+        assert added[1500] < 0.0
+        assert added[2500] / added[1500] == pytest.approx(math.exp(-1.0), rel=0.02)
+        left.append(added[1500] / np.sum(base**3))
+    assert left[1] == pytest.approx(left[0], rel=0.05)
+
+
+def test_two_converters_make_a_zigzag_of_the_signal(lab: Lab) -> None:
+    """Signs alternate from sample to sample, in proportion to the signal, either one first."""
+    values = {"mismatch": 0.02, "skew_s": 0.0}
+    rig = lab.with_effect("x_interleaved_converter", values)
+    firsts = set()
+    for number in range(8):
+        base, _ = lab.drop(lab.a_rig(), number=number)
+        added = lab.drop(rig, number=number)[0] - base
+        np.testing.assert_allclose(np.abs(added), 0.01 * np.abs(base), atol=1e-9)
+        loud = np.abs(base) > 1e-3
+        sign = np.sign(added[loud] * base[loud]) * (-1.0) ** np.flatnonzero(loud)
+        assert np.ptp(sign) == 0.0
+        firsts.add(float(sign[0]))
+    assert firsts == {-1.0, 1.0}
+
+
+def test_skewed_converters_differ_where_the_signal_is_steep(lab: Lab) -> None:
+    """Nothing at the peak, half the skew times the slope on the flanks."""
+    values = {"mismatch": 0.0, "skew_s": 1e-7}
+    base, _ = lab.drop(lab.a_rig())
+    added = np.abs(lab.drop(lab.with_effect("x_interleaved_converter", values))[0] - base)
+    slope = np.abs(np.gradient(base)) * lab.RATE_HZ
+    steep = int(np.argmax(slope))
+    assert added[steep] == pytest.approx(0.5e-7 * slope[steep], rel=0.02)
+    assert added[np.argmax(base)] < 0.1 * added[steep]
+
+
+def test_warmth_is_left_in_proportion_to_the_pulses_energy(lab: Lab) -> None:
+    """A tail with one time constant and the same sign after any pulse."""
+    rig = lab.with_effect("x_thermal_tail", {"offset_per_v_s": 50.0, "cooling_s": 2e-3})
+    for height in (0.005, 0.04):
+        base, _ = lab.drop(lab.a_rig(), height)
+        added = lab.drop(rig, height)[0] - base
+        np.testing.assert_allclose(added[: lab.BEFORE], 0.0, atol=1e-12)
+        age_s = (1500 - np.arange(1501)) / lab.RATE_HZ
+        heat = np.sum(base[:1501] ** 2 * np.exp(-age_s / 2e-3)) / lab.RATE_HZ
+        assert added[1500] == pytest.approx(50.0 * heat, rel=1e-3)
+        assert added[2500] / added[1500] == pytest.approx(math.exp(-0.5), rel=1e-3)
