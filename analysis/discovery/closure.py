@@ -21,8 +21,8 @@ from analysis.discovery.closure_point import STEERED, Part, Point, form_of
 from analysis.discovery.closure_search import Ground, Reached, best_width, descend, reach, settled
 from analysis.discovery.columns import Scale
 from analysis.discovery.evidence import Evidence
-from analysis.discovery.families import scale_of, tuned
 from analysis.discovery.quality import heldout_or_none
+from analysis.discovery.scales import scale_of, tuned
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_folds

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -33,8 +34,13 @@ LEARNABLE: tuple[Part, ...] = (
     ("stiffness", "sphere drift"), ("stiffness", "surface drift"),
     ("locked", "pair"),
 )  # fmt: skip
-LAST: tuple[Part, ...] = (("slew", "rig"), ("jump", "shot"), ("ripple", "rig"), ("impulse", "rig"))
-"""Tried where much is left: no first order says beforehand what these would explain."""
+PECULIAR: tuple[Part, ...] = (
+    ("slew", "rig"), ("jump", "shot"), ("ripple", "rig"), ("warmth", "rig"), ("blow", "shot"),
+)  # fmt: skip
+"""Tried first where there is much to explain: no first order says beforehand what these would
+explain, each is learned within seconds, and few things but its own look like it."""
+LAST: tuple[Part, ...] = (("impulse", "rig"),)
+"""Tried where much is left after all others."""
 MOST_LEARNED = 3
 WORTH_LEARNING = 0.15
 """Share of the best first-order gain from which a closure is learned for real."""
@@ -79,28 +85,31 @@ def best_closure(
         shots, as where speeds only contradict their heights.
     """
     level = _noise(evidence)
-    wanted = candidates(answers)
+    lessons = _Lessons(step, evidence)
     found: list[Learned] = []
+    for part in PECULIAR if before is not None and before > MUCH * level else ():
+        progress(f"learning a closure: {part[0]} by {part[1]}", 0.0)
+        found += lessons.alone(part)
+        if found and _error(found[-1]) < ENOUGH * level:
+            return found[-1]
+    wanted = candidates(answers)
     coarse: dict[Part, Part] = {}
     spare: list[Part] = []
     for place, part in enumerate(wanted):
         progress(f"learning a closure: {part[0]} by {part[1]}", 0.7 * place / len(wanted))
-        if {f.family for f in found} & set(REFINED.get(part[0], ())):
+        if {family for family, _ in coarse} & set(REFINED.get(part[0], ())):
             spare.append(part)  # its finer form is known already
             continue
-        one = _learned(step, evidence, None, part)
-        if one is not None:
+        for one in _refined(lessons, part, level):
             found.append(one)
             coarse[one.parts[0]] = part
             if _error(one) < ENOUGH * level:
                 return one if _repairs(one, before) else None
-    known = {part for one in found for part in one.parts}
     for part in LAST:
-        if part in known or min(map(_error, found), default=0.0) < MUCH * level:
-            continue
-        progress(f"learning a closure: {part[0]} by {part[1]}", 0.7)
-        one = _learned(step, evidence, None, part)
-        found += [one] if one is not None else []
+        if min(map(_error, found), default=0.0) >= MUCH * level:
+            progress(f"learning a closure: {part[0]} by {part[1]}", 0.7)
+            found += lessons.alone(part)
+    found = list({one.parts: one for one in found}.values())
     found.sort(key=_error)
     if not found or not _repairs(found[0], before):
         return None
@@ -112,7 +121,7 @@ def best_closure(
         progress(f"learning {part[0]} by {part[1]} beside it", 0.7 + 0.1 * place)
         # beside another one the coarse form of many numbers may hold better on other shots
         forms = dict.fromkeys([part, coarse.get(part, part)])
-        tried = [_learned(step, evidence, best, form) for form in forms]
+        tried = [lessons.beside(best, form) for form in forms]
         both = min((t for t in tried if t is not None), key=_error, default=None)
         if both is not None and _error(both) < BETTER * _error(best):
             best = both
@@ -165,31 +174,51 @@ def _error(found: Learned) -> float:
     return error if error is not None and math.isfinite(error) else math.inf
 
 
-def _learned(step: Step, evidence: Evidence, beside: Learned | None, part: Part) -> Learned | None:
-    """Return a closure learned, beside another one where that is wanted."""
-    family, scope = part
-    forced = beside is not None and beside.parts[0][0].startswith("force")
-    try:
-        if family in FORCED:
-            return learn_force(step.problem, step.fitted, step.evidence, forms=FORCES, scope=scope)
-        if beside is None:
-            return _refined(step, evidence, part)
-        if forced:
-            more = learn(beside.problem, beside.fitted, [part], evidence.scale)
-            return None if more is None else on_top(beside, more)
-        return learn(step.problem, step.fitted, [*beside.parts, part], evidence.scale)
-    except np.linalg.LinAlgError:
-        return None
+@dataclass
+class _Lessons:
+    """Closures as they are learned, none of them alone more than once."""
+
+    step: Step
+    evidence: Evidence
+    _alone: dict[Part, list[Learned]] = field(default_factory=dict)
+
+    def alone(self, part: Part) -> list[Learned]:
+        """Return a closure learned on the present model; none where it makes nothing better."""
+        if part not in self._alone:
+            one = self._tried(None, part)
+            self._alone[part] = [] if one is None else [one]
+        return self._alone[part]
+
+    def beside(self, best: Learned, part: Part) -> Learned | None:
+        """Return a closure learned together with one that is known already."""
+        return self._tried(best, part)
+
+    def _tried(self, beside: Learned | None, part: Part) -> Learned | None:
+        step, scale = self.step, self.evidence.scale
+        family, scope = part
+        try:
+            if family in FORCED:
+                return learn_force(
+                    step.problem, step.fitted, step.evidence, forms=FORCES, scope=scope
+                )
+            if beside is None:
+                return learn(step.problem, step.fitted, [part], scale)
+            if beside.parts[0][0].startswith("force"):
+                more = learn(beside.problem, beside.fitted, [part], scale)
+                return None if more is None else on_top(beside, more)
+            return learn(step.problem, step.fitted, [*beside.parts, part], scale)
+        except np.linalg.LinAlgError:
+            return None
 
 
-def _refined(step: Step, evidence: Evidence, part: Part) -> Learned | None:
-    """Return a closure, or one of its finer forms where that holds better."""
+def _refined(lessons: _Lessons, part: Part, level: float) -> list[Learned]:
+    """Return a closure, or one of its finer forms where that holds better; none where none does."""
     family, scope = part
-    best = learn(step.problem, step.fitted, [part], evidence.scale)
+    best = lessons.alone(part)
     for finer in REFINED.get(family, ()):
-        if best is None or _error(best) < ENOUGH * _noise(evidence):
+        if not best or _error(best[0]) < ENOUGH * level:
             break
-        owner = scope if finer in OWNED else "rig"
-        fine = learn(step.problem, step.fitted, [(finer, owner)], evidence.scale)
-        best = fine if fine is not None and _error(fine) < _error(best) else best
+        fine = lessons.alone((finer, scope if finer in OWNED else "rig"))
+        if fine and _error(fine[0]) < _error(best[0]):
+            best = fine
     return best

@@ -94,6 +94,8 @@ class Scale:
         Periods of a curve's ripple between zero and the top. [1]
     steepest_per_s : float
         Largest slope of the records. [unit of the signal/s]
+    blow_us : float
+        Width of a blow after the impact. [us]
     """
 
     top: float
@@ -106,6 +108,7 @@ class Scale:
     tuned_zeta: float = 0.0
     ripples: float = 0.0
     steepest_per_s: float = 0.0
+    blow_us: float = 0.0
 
 
 def _delayed(signal: Array, samples: float) -> Array:

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
 from analysis.discovery.columns import Scale
-from analysis.discovery.families import View, family_columns, scale_of, tuned
+from analysis.discovery.families import View, family_columns
 from analysis.discovery.owners import owners
 from analysis.discovery.proposals import Proposal, column
+from analysis.discovery.scales import scale_of, tuned
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem

@@ -1,10 +1,9 @@
-"""A shot's columns by the name of their family, and the sizes they are measured in."""
+"""A shot's columns by the name of their family."""
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,7 +22,8 @@ from analysis.discovery.columns import (
     static_columns,
     template_columns,
 )
-from analysis.discovery.slope_limit import SLEW, slope_columns, steepest
+from analysis.discovery.late_blow import BLOW, Crystal, blow_columns, blow_shape
+from analysis.discovery.slope_limit import SLEW, slope_columns
 from analysis.discovery.slot_columns import (
     OF_PARAMETERS,
     OF_SIGNAL,
@@ -38,14 +38,10 @@ from analysis.discovery.tuned import (
     MODE_ZETA,
     RIPPLE,
     TUNED,
-    best_damped,
-    best_frequency,
-    best_ripple,
     ripple_columns,
     tuned_columns,
 )
-from analysis.fit.joint import Fitted
-from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.problem import FitShot
 from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
@@ -54,8 +50,6 @@ Columns = tuple[list[str], Array, Array | None, Array | None]
 
 TOUCH_DOWN, BASELINE = 2, 3
 """Places among a shot's own parameters."""
-TUNED_BY = 3
-"""Every so manieth shot is asked for a frequency."""
 
 
 @dataclass(frozen=True)
@@ -141,18 +135,27 @@ def _speed(view: View) -> Columns:
 
 
 def _seat(view: View) -> Columns:
-    if "ln_w" not in view.model.shared:
+    crystal = crystal_of(view.model, view.local)
+    if crystal is None:
         return [], np.zeros((view.clean.size, 0)), None, None
-    at = [view.model.shared.index(name) for name in ("ln_w", "ln_z")]
-    frequency, damping = np.exp(view.local[at])
-    return *seat_columns(view.clean, view.rate, view.scale.top, frequency, damping), None, None
+    return *seat_columns(view.clean, view.rate, view.scale.top, *crystal), None, None
+
+
+def _residual(view: View) -> Array:
+    baseline = view.local[len(view.model.shared) + BASELINE]
+    return np.asarray(view.item.window.signal - view.clean - baseline)
 
 
 def _jump(view: View) -> Columns:
-    baseline = view.local[len(view.model.shared) + BASELINE]
-    residual = view.item.window.signal - view.clean - baseline
-    first = min(max(round(view.touch_down_us * 1e-6 * view.rate), 0), residual.size - 1)
-    return *jump_columns(view.clean, residual, first), None, None
+    first = sample_at(view.touch_down_us, view.rate, view.clean.size)
+    return *jump_columns(view.clean, _residual(view), first), None, None
+
+
+def _blow(view: View) -> Columns:
+    first = sample_at(view.touch_down_us + view.contact_us, view.rate, view.clean.size)
+    shape = blow_shape(view.scale.blow_us, view.rate, crystal_of(view.model, view.local))
+    size = 0.1 * view.item.window.peak
+    return *blow_columns(_residual(view), first, view.rate, shape, size), None, None
 
 
 _BY_NAME: dict[str, Callable[[View], Columns]] = {
@@ -166,6 +169,7 @@ _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "speed": _speed,
     "seat": _seat,
     "jump": _jump,
+    BLOW: _blow,
     SLEW: lambda v: (*slope_columns(v.clean, v.rate, v.scale.steepest_per_s), None, None),
     RIPPLE: lambda v: (*ripple_columns(v.clean, v.scale.top, v.scale.ripples), None, None),
     "pieces": lambda v: (
@@ -183,7 +187,7 @@ def family_columns(view: View, family: str) -> Columns:
     view : View
         The shot.
     family : str
-        Any of `columns`, `slot_columns`, `tuned`, `time_jump` and `slope_limit`.
+        Any of `columns`, `slot_columns`, `tuned`, `time_jump`, `late_blow` and `slope_limit`.
 
     Returns
     -------
@@ -217,62 +221,42 @@ def hertz_time_s(item: FitShot, local: Array, speed_at: int) -> float:
     return float(2.94 * depth / speed)
 
 
-def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
-    """Return the sizes that the generic columns of a fitted campaign are measured in."""
-    depths, speeds, contacts = [], [], []
-    for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
-        shared, _ = problem.shared_local(item, fitted.theta)
-        speed = math.exp(nuisance[0])
-        depths.append((1.25 * item.frame.mass_kg * speed**2 / math.exp(shared[0])) ** 0.4)
-        speeds.append(speed)
-        contacts.append(hertz_time_s(item, np.array([*shared, *nuisance]), len(shared)))
-    return Scale(
-        top=max(s.window.peak for s in problem.shots),
-        indentation_m=float(np.median(depths)),
-        speed_m_per_s=float(np.median(speeds)),
-        pulse_s=float(np.median([s.window.width_s for s in problem.shots])),
-        contact_s=float(np.median(contacts)),
-        window_s=max(s.frame.samples / s.frame.sample_rate_hz for s in problem.shots),
-    )
-
-
-def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[str]) -> Scale:
-    """Return the scale with what some families need that is looked for in the records.
+def sample_at(time_us: float, rate: float, samples: int) -> int:
+    """Return the sample at a time, the first or the last where it lies outside.
 
     Parameters
     ----------
-    problem, fitted : JointProblem, Fitted
-        The present model, along whose residual they are looked for.
-    scale : Scale
-        From `scale_of`.
-    wanted : sequence of str
-        Families.
+    time_us : float
+        After the window's first sample. [us]
+    rate : float
+        Sampling rate. [Hz]
+    samples : int
+        Of the window.
 
     Returns
     -------
-    Scale
-        What it already has is kept.
+    int
+        Between 0 and ``samples - 1``.
     """
-    if SLEW in wanted and not scale.steepest_per_s:
-        records = [s.window.signal for s in problem.shots]
-        rates = [s.frame.sample_rate_hz for s in problem.shots]
-        scale = dataclasses.replace(scale, steepest_per_s=steepest(records, rates))
-    families = [f for f in wanted if f in (*TUNED, DAMPED) and f not in scale.tuned_hz]
-    ripple = RIPPLE in wanted and not scale.ripples
-    if not families and not ripple:
-        return scale
-    signals, residuals, rates = [], [], []
-    for item, nuisance in list(zip(problem.shots, fitted.nuisances, strict=True))[::TUNED_BY]:
-        shared, _ = problem.shared_local(item, fitted.theta)
-        found = problem.model.predict(np.concatenate([shared, nuisance]), item.frame)
-        signals.append(found.signal - nuisance[BASELINE])
-        residuals.append(item.window.signal - found.signal)
-        rates.append(item.frame.sample_rate_hz)
-    best = {f: best_frequency(f, signals, residuals, rates) for f in families if f != DAMPED}
-    zeta = scale.tuned_zeta
-    if DAMPED in families:
-        best[DAMPED], zeta = best_damped(signals, residuals, rates)
-    ripples = best_ripple(signals, residuals, scale.top) if ripple else scale.ripples
-    return dataclasses.replace(
-        scale, tuned_hz=scale.tuned_hz | best, tuned_zeta=zeta, ripples=ripples
-    )
+    return min(max(round(time_us * 1e-6 * rate), 0), samples - 1)
+
+
+def crystal_of(model: ImpactModel, local: Array) -> Crystal | None:
+    """Return the crystal's angular frequency [rad/s] and damping ratio; None of a rigid cell.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        The model.
+    local : ndarray, shape (p,)
+        A shot's local parameters.
+
+    Returns
+    -------
+    tuple or None
+        As `late_blow.blow_shape` takes it.
+    """
+    if "ln_w" not in model.shared:
+        return None
+    frequency, damping = (math.exp(local[model.shared.index(n)]) for n in ("ln_w", "ln_z"))
+    return frequency, damping

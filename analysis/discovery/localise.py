@@ -12,6 +12,8 @@ from analysis.discovery.closure_choice import BROADER, best_closure
 from analysis.discovery.evidence import Evidence, Explained, gather
 from analysis.discovery.omnibus import SLOTS
 from analysis.discovery.quality import heldout_or_none
+from analysis.discovery.slot_physics import peculiar_odds
+from analysis.discovery.slot_table import SLOT_NAMES
 from analysis.discovery.slots import (
     FAMILIES,
     Part,
@@ -25,6 +27,8 @@ from analysis.discovery.trail import Progress, Step
 EXPLAINS_LITTLE = 0.3
 CANNOT_TELL = 0.25
 """A slot at least this likely is named beside the likeliest."""
+PECULIAR = 2.0
+"""Times what any family of the bank explains: then those say nothing about where."""
 FORMULA_TERMS = 2
 FORMULA_SHARE = 0.9
 
@@ -93,7 +97,6 @@ def locate(step: Step, progress: Progress) -> Located:
     evidence = gather(step.problem, step.fitted, wanted=FAMILIES)
     answers = ask_bank(evidence)
     odds = probabilities(features(answers, step.problem.shots))
-    slot = max(odds, key=lambda s: odds[s])
     shared = [e for e in answers.values() if e.scope != "shot" and e.family != "speed"]
     closure = max(shared, key=worth)
     common = answers.get((closure.family, "rig"), closure)
@@ -103,6 +106,8 @@ def locate(step: Step, progress: Progress) -> Located:
     before = heldout_or_none(step.problem, step.fitted)
     learned = best_closure(step, evidence, answers, before, progress)
     gains = _gains(step, answers, learned, before)
+    odds = _peculiar(step, answers, learned, before) or odds
+    slot = max(odds, key=lambda s: odds[s])
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
     return Located(slot, odds, gains, closure, learned, structure, formula(evidence, closure))
@@ -113,16 +118,33 @@ def _gains(
 ) -> dict[str, float]:
     """Return each slot's best gain, that of the learned closure as held-out shots have it."""
     found = {part: worth(answer) for part, answer in answers.items()}
-    single = learned is not None and learned.parts[0] in found and len(learned.parts) == 1
-    if learned is not None and single and before and learned.heldout_rms:
-        count = sum(s.residual.size for s in step.evidence.shots)
-        level = float(np.mean([s.item.noise.rms for s in step.evidence.shots]))
-        gain = count * (before**2 - learned.heldout_rms**2) / level**2
-        found[learned.parts[0]] = max(gain, 0.0)
+    if learned is not None and learned.parts[0] in found and len(learned.parts) == 1:
+        gain = _heldout_gain(step, learned, before)
+        found[learned.parts[0]] = found[learned.parts[0]] if gain is None else max(gain, 0.0)
     return {
         slot: max(0.0, *(found[part] for part in families if part in found))
         for slot, families in SLOTS.items()
     }
+
+
+def _heldout_gain(step: Step, learned: Learned, before: float | None) -> float | None:
+    """Return the fall of the squares of held-out shots in units of the noise, where known."""
+    if not before or not learned.heldout_rms:
+        return None
+    count = sum(s.residual.size for s in step.evidence.shots)
+    level = float(np.mean([s.item.noise.rms for s in step.evidence.shots]))
+    return count * (before**2 - learned.heldout_rms**2) / level**2
+
+
+def _peculiar(
+    step: Step, answers: dict[Part, Explained], learned: Learned | None, before: float | None
+) -> dict[str, float] | None:
+    """Return how likely each slot is where a closure explains what no family in the bank does."""
+    odds = None if learned is None else peculiar_odds(learned.parts[0][0])
+    gain = None if learned is None else _heldout_gain(step, learned, before)
+    if odds is None or gain is None or gain < PECULIAR * max(map(worth, answers.values())):
+        return None
+    return dict(zip(SLOT_NAMES, map(float, odds), strict=True))
 
 
 def formula(evidence: Evidence, closure: Explained) -> list[tuple[str, float]]:

@@ -16,6 +16,7 @@ family          what it can take up
 ``impulse``     any linear, time-invariant chain: an impulse response in pieces; only learned
 ``seat``        a force on the crystal that is no straight function of its motion
 ``droop``       a gain that sinks with what the signal has been
+``warmth``      a memory of the signal's square and cube; only learned
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
 ==============  ====================================================================================
@@ -138,6 +139,13 @@ def _droop(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
     return labels, np.column_stack(columns)
 
 
+def _warmth(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    x = signal / scale.top
+    labels = [f"memory of {n}, {t * 1e3:g} ms" for n in ("square", "cube") for t in CREEPS_S]
+    columns = [forgetting(scale.top * x**n, rate, t) for n in (2, 3) for t in CREEPS_S]
+    return labels, np.column_stack(columns)
+
+
 def wander_columns(signal: Array, rate: float, touch_down_us: float) -> tuple[list[str], Array]:
     """Return the signal's slope in pieces of time after touch-down. Labels and shape (n, q)."""
     slope = np.gradient(signal) * rate * 1e-6
@@ -179,6 +187,7 @@ OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] =
     "path": _path,
     "impulse": _impulse,
     "droop": _droop,
+    "warmth": _warmth,
 }
 """Families that are functions of the model's signal alone."""
 

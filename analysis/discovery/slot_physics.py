@@ -50,9 +50,21 @@ SHARES: dict[str, tuple[float, float, float, float, float]] = {
 }  # fmt: skip
 """By family, in the order of `slot_table.SLOT_NAMES`."""
 
+PECULIAR_SHARES: dict[str, tuple[float, float, float, float, float]] = {
+    #            release contact mounting sensor electronics
+    "slew":      (0.0,    0.0,    0.0,     0.0,   1.0),
+    "jump":      (0.0,    0.0,    0.0,     0.0,   1.0),
+    "ripple":    (0.0,    0.0,    0.0,     0.0,   1.0),
+    "warmth":    (0.0,    0.0,    0.0,     0.8,   1.0),
+    "blow":      (0.7,    0.0,    1.0,     0.0,   0.0),  # something lands, or the sphere does
+}  # fmt: skip
+"""The same of closures that no first order foretells, for what only they explain."""
+
 NOBODYS = (0.0,) * 5
 POWER = 4.0
 """So much sharper than in proportion is the lead of what explains most."""
+DOUBT = 0.1
+"""Share of a slot that cannot be, as far as anybody knows."""
 LITTLE = 0.2
 """Decades of fall that count as an explanation at all."""
 
@@ -71,3 +83,22 @@ def physical_score(explained: Array, families: Sequence[str]) -> Array:
     owned = shares.max(axis=1) > 0.0
     share_of_most = explained / max(float(explained[owned].max(initial=0.0)), LITTLE)
     return np.asarray((shares * (share_of_most**POWER)[:, None]).max(axis=0, initial=0.0))
+
+
+def peculiar_odds(family: str) -> Array | None:
+    """Return how likely each slot is where only one peculiar closure explains a residual.
+
+    Parameters
+    ----------
+    family : str
+        Of the closure.
+
+    Returns
+    -------
+    ndarray, shape (5,), or None
+        Sum one; None of a family that is not peculiar.
+    """
+    if family not in PECULIAR_SHARES:
+        return None
+    shares = np.array(PECULIAR_SHARES[family]) + DOUBT
+    return np.asarray(shares / shares.sum())

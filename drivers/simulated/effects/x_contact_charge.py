@@ -38,7 +38,7 @@ class ContactCharge(Effect):
     """Charge that a touch leaves behind."""
 
     id = "x_contact_charge"
-    slot = "contact"
+    slot = "electronics"
     order = 3
     per_material = True
     parameters = (

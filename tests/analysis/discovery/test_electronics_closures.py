@@ -68,6 +68,11 @@ def test_the_period_of_a_sawtooth_is_found_among_pulses():
             {"amplitude_codes": 60.0, "period_codes": 700.0},
             ("ripple", "rig"),
         ),
+        (
+            "x_thermal_tail",
+            {"offset_per_v_s": 40.0, "cooling_s": 1e-3},
+            ("warmth", "rig"),
+        ),
     ],
 )
 def test_what_no_library_names_is_learned_and_holds_on_other_shots(tmp_path, effect, values, part):

@@ -318,7 +318,7 @@ def test_unknown_and_missing_parameters_are_refused() -> None:
 def test_random_draws_come_from_outside_the_library_one_time_in_four() -> None:
     """And every kind comes up."""
     rng = np.random.default_rng(0)
-    drawn = [draw_effect(rng, ["acetal"], ["specimen"]) for _ in range(2000)]
+    drawn = [draw_effect(rng, ["acetal"], ["specimen"]) for _ in range(4000)]
     outside = [e for e in drawn if e.id.startswith("x_")]
     assert len(outside) / len(drawn) == pytest.approx(0.25, abs=0.03)
     assert {e.id for e in drawn} == set(EFFECTS) - {"crystal_dynamics"}

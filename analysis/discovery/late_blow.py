@@ -1,0 +1,137 @@
+"""A blow that comes once after the impact, in every shot at a time and of a size of its own.
+
+When it comes is looked for along the shot's own residual; how large it is, is then fitted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import correlate, lfilter
+
+Array = NDArray[np.float64]
+Crystal = tuple[float, float]
+"""Angular frequency [rad/s] and damping ratio [1]."""
+
+BLOW = "blow"
+WIDTHS_US = tuple((12.0 * 2.0 ** np.arange(0.0, 6.5, 0.5)).tolist())
+RING_US = 600.0
+"""How long after its own end a blow is felt."""
+EARLY_US = 1.0
+"""By so much a coefficient of one moves a blow of the size of one."""
+
+
+def blow_shape(width_us: float, rate: float, crystal: Crystal | None) -> Array:
+    """Return what the cell reads of a bell of force whose greatest is one. Shape (n,).
+
+    Parameters
+    ----------
+    width_us : float
+        From beginning to end. [us]
+    rate : float
+        Sampling rate. [Hz]
+    crystal : tuple or None
+        Through whose resonance it is read; None for a rigid cell.
+
+    Returns
+    -------
+    ndarray, shape (n,)
+        From the sample at which it begins. [1]
+    """
+    long = max(int(width_us * 1e-6 * rate), 3)
+    force = np.zeros(long + int(RING_US * 1e-6 * rate))
+    force[:long] = 0.5 - 0.5 * np.cos(2.0 * math.pi * (np.arange(long) + 0.5) / long)
+    if crystal is None:
+        return force
+    angle, zeta = crystal[0] / rate, crystal[1]
+    pole = np.exp((-zeta + 1j * math.sqrt(max(1.0 - zeta**2, 0.0))) * angle)
+    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+    return np.asarray(lfilter([0.0, sum(turn)], turn, force))
+
+
+def _place(residual: Array, shape: Array, first: int) -> tuple[int, float]:
+    """Return where a shape takes up most of a residual, and how much."""
+    room = residual.size - first
+    if room < 2:
+        return first, 0.0
+    heard = correlate(np.append(residual[first:], np.zeros(shape.size)), shape, "valid")[:room]
+    power = np.cumsum(np.square(shape))
+    seen = power[np.minimum(room - np.arange(room), shape.size) - 1]
+    # what is cut off by the end of the record is no blow yet
+    fall = np.where(seen > 0.5 * power[-1], np.square(heard) / np.maximum(seen, 1e-300), 0.0)
+    at = int(np.argmax(fall))
+    return first + at, float(fall[at])
+
+
+def blow_width(
+    residuals: Sequence[Array], firsts: Sequence[int], rates: Sequence[float],
+    crystals: Sequence[Crystal | None],
+) -> float:  # fmt: skip
+    """Return the width at which one blow a shot takes up most of the residuals.
+
+    Parameters
+    ----------
+    residuals : sequence of ndarray, shape (n_i,)
+        What the model leaves. [unit of the signal]
+    firsts : sequence of int
+        First sample of each at which a blow may begin.
+    rates : sequence of float
+        Sampling rates. [Hz]
+    crystals : sequence
+        As `blow_shape` takes them.
+
+    Returns
+    -------
+    float
+        One of `WIDTHS_US`. [us]
+
+    Notes
+    -----
+    Noise is taken as white here: it only chooses.
+    """
+    falls = [
+        sum(
+            _place(residual, blow_shape(width, rate, crystal), first)[1]
+            for residual, first, rate, crystal in zip(
+                residuals, firsts, rates, crystals, strict=True
+            )
+        )
+        for width in WIDTHS_US
+    ]
+    return float(WIDTHS_US[int(np.argmax(falls))])
+
+
+def blow_columns(
+    residual: Array, first: int, rate: float, shape: Array, size: float
+) -> tuple[list[str], Array]:
+    """Return what a shot's best blow adds, and what it adds when it comes a little earlier.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+        What the model leaves of the record. [unit of the signal]
+    first : int
+        First sample at which a blow may begin.
+    rate : float
+        Sampling rate. [Hz]
+    shape : ndarray, shape (m,)
+        From `blow_shape`.
+    size : float
+        Of the blow at a coefficient of one. [unit of the signal]
+
+    Returns
+    -------
+    labels : list of str
+        One a column.
+    columns : ndarray, shape (n, 2)
+        [unit of the signal]
+    """
+    at, _ = _place(residual, shape, first)
+    column = np.zeros(residual.size)
+    seen = min(shape.size, residual.size - at)
+    column[at : at + seen] = size * shape[:seen]
+    earlier = np.gradient(column) * rate * 1e-6 * EARLY_US
+    return ["a blow", "earlier"], np.column_stack([column, earlier])
