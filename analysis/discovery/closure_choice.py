@@ -36,6 +36,7 @@ LEARNABLE: tuple[Part, ...] = (
 )  # fmt: skip
 PECULIAR: tuple[Part, ...] = (
     ("slew", "rig"), ("jump", "shot"), ("ripple", "rig"), ("warmth", "rig"), ("blow", "shot"),
+    ("alternate", "shot"),
 )  # fmt: skip
 """Tried first where there is much to explain: no first order says beforehand what these would
 explain, each is learned within seconds, and few things but its own look like it."""

@@ -227,7 +227,7 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
     together mimic a third thing take up much as well, so more is asked of more than one.
     """
     for count in range(len(chosen), 0, -1):
-        left = max((a.gain - a.dof for a in steps[count].omnibus.answers.values()), default=0.0)
+        left = steps[count].omnibus.left
         looks_like = steps[count].omnibus.strongest.family
         explained = steps[0].fitted.cost - steps[count].fitted.cost
         akin = any(looks_like in AKIN[c.effect.slot] for c in chosen[:count])

@@ -31,7 +31,9 @@ from analysis.fit.problem import FitShot, JointProblem
 
 Array = NDArray[np.float64]
 
-GENERIC = ("response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed")
+GENERIC = (
+    "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "alternate",
+)  # fmt: skip
 """Families that every residual is asked along."""
 PARTS = {
     "ringing": ("response", ("ring",)),

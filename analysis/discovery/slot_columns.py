@@ -17,6 +17,7 @@ family          what it can take up
 ``seat``        a force on the crystal that is no straight function of its motion
 ``droop``       a gain that sinks with what the signal has been
 ``warmth``      a memory of the signal's square and cube; only learned
+``alternate``   offset, gain and delay of every second sample
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
 ==============  ====================================================================================
@@ -146,6 +147,14 @@ def _warmth(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]
     return labels, np.column_stack(columns)
 
 
+def _alternate(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del rate
+    every_second = 1.0 - 2.0 * (np.arange(signal.size) % 2)
+    columns = np.column_stack([np.full(signal.size, scale.top), signal, np.gradient(signal)])
+    labels = [f"every second sample's {what}" for what in ("offset", "gain", "delay")]
+    return labels, 0.1 * every_second[:, None] * columns
+
+
 def wander_columns(signal: Array, rate: float, touch_down_us: float) -> tuple[list[str], Array]:
     """Return the signal's slope in pieces of time after touch-down. Labels and shape (n, q)."""
     slope = np.gradient(signal) * rate * 1e-6
@@ -188,6 +197,7 @@ OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] =
     "impulse": _impulse,
     "droop": _droop,
     "warmth": _warmth,
+    "alternate": _alternate,
 }
 """Families that are functions of the model's signal alone."""
 

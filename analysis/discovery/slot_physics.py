@@ -55,6 +55,7 @@ PECULIAR_SHARES: dict[str, tuple[float, float, float, float, float]] = {
     "slew":      (0.0,    0.0,    0.0,     0.0,   1.0),
     "jump":      (0.0,    0.0,    0.0,     0.0,   1.0),
     "ripple":    (0.0,    0.0,    0.0,     0.0,   1.0),
+    "alternate": (0.0,    0.0,    0.0,     0.0,   1.0),
     "warmth":    (0.0,    0.0,    0.0,     0.8,   1.0),
     "blow":      (0.7,    0.0,    1.0,     0.0,   0.0),  # something lands, or the sphere does
 }  # fmt: skip

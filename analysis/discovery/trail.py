@@ -104,7 +104,7 @@ class Trail:
         """Whether the trail has ended in noise, or in less than its effects' forms are good for."""
         if not self.last.omnibus.structured:
             return True
-        left = max(a.gain - a.dof for a in self.last.omnibus.answers.values())
+        left = self.last.omnibus.left
         explained = self.steps[0].fitted.cost - self.last.fitted.cost
         return bool(self.chosen) and left < min(FORM_ACCURACY * explained, HARDLY_SEEN)
 

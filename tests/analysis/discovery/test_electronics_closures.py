@@ -73,6 +73,11 @@ def test_the_period_of_a_sawtooth_is_found_among_pulses():
             {"offset_per_v_s": 40.0, "cooling_s": 1e-3},
             ("warmth", "rig"),
         ),
+        (
+            "x_interleaved_converter",
+            {"mismatch": 0.04, "skew_s": 3e-8},
+            ("alternate", "shot"),
+        ),
     ],
 )
 def test_what_no_library_names_is_learned_and_holds_on_other_shots(tmp_path, effect, values, part):
