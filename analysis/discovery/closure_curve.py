@@ -37,32 +37,28 @@ def closure_curves(step: Step, learned: Learned) -> Json:
     Returns
     -------
     dict
-        ``shots``: for one shot of each owner the pulse, the residual, what the closure adds and
-        what is left [unit of the signal], over ``time_us``; ``force``: for a contact closure the
-        added share of the elastic force over indentation [1], loading, at rest and unloading; else
-        null.
+        ``shots``: for at most `MOST_CURVES` owners, the shot to which it adds most: the pulse, the
+        residual, what the closure adds and what is left [unit of the signal], over ``time_us``;
+        ``force``: for a contact closure the added share of the elastic force over indentation [1],
+        loading, at rest and unloading; else null.
     """
     shots = collect(step.problem, step.fitted, scale=1.0)
     grid = grid_for(shots)
-    owners = step.evidence.owners(learned.parts[0][1])
+    scope = learned.parts[0][1]
+    owners = ["+".join(o for o, _ in own) for own in step.evidence.owners(scope)]
+    added = [float(np.sqrt(np.mean(np.square(a)))) for a in learned.added]
+    # where every shot has its own numbers, one of each pair
+    keys = [s.pair for s in step.problem.shots] if scope == "shot" else owners
     shown: dict[str, int] = {}
-    for place, own in enumerate(owners):
-        key = "+".join(owner for owner, _ in own)
-        best = shown.get(key)
-        if best is None or _peak(step, place) > _peak(step, best):
+    for place, key in enumerate(keys):
+        if key not in shown or added[place] > added[shown[key]]:
             shown[key] = place
+    most = sorted(shown.values(), key=lambda place: -added[place])[:MOST_CURVES]
     curves = [
-        {
-            "owner": "+".join(owner for owner, _ in owners[place]),
-            **_on_shot(step, learned, place, grid, shots[place]),
-        }
-        for place in sorted(shown.values())[:MOST_CURVES]
+        {"owner": owners[place], **_on_shot(step, learned, place, grid, shots[place])}
+        for place in sorted(most)
     ]
     return {"shots": curves, "force": _forces(learned)}
-
-
-def _peak(step: Step, place: int) -> float:
-    return step.problem.shots[place].window.peak
 
 
 def _on_shot(step: Step, learned: Learned, place: int, grid: Grid, shot: ShotFit) -> Json:

@@ -154,7 +154,7 @@ def _jump(view: View) -> Columns:
 def _blow(view: View) -> Columns:
     first = sample_at(view.touch_down_us + view.contact_us, view.rate, view.clean.size)
     shape = blow_shape(view.scale.blow_us, view.rate, crystal_of(view.model, view.local))
-    size = 0.1 * view.item.window.peak
+    size = view.item.window.peak
     return *blow_columns(_residual(view), first, view.rate, shape, size), None, None
 
 

@@ -17,7 +17,7 @@ Crystal = tuple[float, float]
 """Angular frequency [rad/s] and damping ratio [1]."""
 
 BLOW = "blow"
-WIDTHS_US = tuple((12.0 * 2.0 ** np.arange(0.0, 6.5, 0.5)).tolist())
+WIDTHS_US = tuple((12.0 * 2.0 ** np.arange(0.0, 6.5, 0.125)).tolist())
 RING_US = 600.0
 """How long after its own end a blow is felt."""
 EARLY_US = 1.0
@@ -134,4 +134,4 @@ def blow_columns(
     seen = min(shape.size, residual.size - at)
     column[at : at + seen] = size * shape[:seen]
     earlier = np.gradient(column) * rate * 1e-6 * EARLY_US
-    return ["a blow", "earlier"], np.column_stack([column, earlier])
+    return ["a blow over the pulse", "earlier"], np.column_stack([column, earlier])

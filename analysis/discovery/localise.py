@@ -105,8 +105,12 @@ def locate(step: Step, progress: Progress) -> Located:
     closure = evidence.explain(closure.family, closure.scope)
     before = heldout_or_none(step.problem, step.fitted)
     learned = best_closure(step, evidence, answers, before, progress)
-    gains = _gains(step, answers, learned, before)
-    odds = _peculiar(step, answers, learned, before) or odds
+    repaired = None if learned is None else _heldout_gain(step, learned, before)
+    gains = _gains(answers, learned, repaired)
+    peculiar = None if learned is None else peculiar_odds(learned.parts[0][0])
+    if peculiar is not None and (repaired or 0.0) > PECULIAR * max(map(worth, answers.values())):
+        odds = dict(zip(SLOT_NAMES, map(float, peculiar), strict=True))
+        gains |= {s: max(gains[s], repaired or 0.0) for s, p in odds.items() if p >= CANNOT_TELL}
     slot = max(odds, key=lambda s: odds[s])
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
@@ -114,13 +118,12 @@ def locate(step: Step, progress: Progress) -> Located:
 
 
 def _gains(
-    step: Step, answers: dict[Part, Explained], learned: Learned | None, before: float | None
+    answers: dict[Part, Explained], learned: Learned | None, repaired: float | None
 ) -> dict[str, float]:
     """Return each slot's best gain, that of the learned closure as held-out shots have it."""
     found = {part: worth(answer) for part, answer in answers.items()}
     if learned is not None and learned.parts[0] in found and len(learned.parts) == 1:
-        gain = _heldout_gain(step, learned, before)
-        found[learned.parts[0]] = found[learned.parts[0]] if gain is None else max(gain, 0.0)
+        found[learned.parts[0]] = found[learned.parts[0]] if repaired is None else repaired
     return {
         slot: max(0.0, *(found[part] for part in families if part in found))
         for slot, families in SLOTS.items()
@@ -134,17 +137,6 @@ def _heldout_gain(step: Step, learned: Learned, before: float | None) -> float |
     count = sum(s.residual.size for s in step.evidence.shots)
     level = float(np.mean([s.item.noise.rms for s in step.evidence.shots]))
     return count * (before**2 - learned.heldout_rms**2) / level**2
-
-
-def _peculiar(
-    step: Step, answers: dict[Part, Explained], learned: Learned | None, before: float | None
-) -> dict[str, float] | None:
-    """Return how likely each slot is where a closure explains what no family in the bank does."""
-    odds = None if learned is None else peculiar_odds(learned.parts[0][0])
-    gain = None if learned is None else _heldout_gain(step, learned, before)
-    if odds is None or gain is None or gain < PECULIAR * max(map(worth, answers.values())):
-        return None
-    return dict(zip(SLOT_NAMES, map(float, odds), strict=True))
 
 
 def formula(evidence: Evidence, closure: Explained) -> list[tuple[str, float]]:

@@ -100,12 +100,12 @@ def closure(curves: Json, unit: Unit) -> str | None:
         figure = Figure(figsize=(WIDE, 2.1 * rows + 0.6), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False)
         for axes, shot in zip(grid.flat, shots, strict=False):
-            t, pulse, residual, left = (
+            t, pulse, residual, added, left = (
                 np.array([np.nan if v is None else v for v in shot[key]])
-                for key in ("time_us", "pulse", "residual", "left")
+                for key in ("time_us", "pulse", "residual", "added", "left")
             )
             strong = t[np.nan_to_num(pulse) > 0.05 * np.nanmax(pulse)]
-            near = (t > -0.7 * strong[-1]) & (t < 7 * strong[-1])
+            near = (t > -0.7 * strong[-1]) & (t < max(7 * strong[-1], _until(t, added)))
             axes.plot(t[near], unit.factor * residual[near], color=BEFORE, lw=1.2, label="residual")
             rest = unit.factor * left[near]
             axes.plot(t[near], rest, color=AFTER, lw=1.2, label="with the closure")
@@ -119,6 +119,12 @@ def closure(curves: Json, unit: Unit) -> str | None:
             axes.set_xlabel("time after touch-down / µs")
         grid.flat[0].legend(fontsize=7)
         return svg(figure)
+
+
+def _until(t: Any, added: Any) -> float:
+    """Return when what a closure adds to a shot is over, a tenth of its most being nothing."""
+    size = np.abs(np.nan_to_num(added))
+    return 1.1 * float(t[size >= 0.1 * size.max()][-1])
 
 
 def force(curves: Json) -> str | None:

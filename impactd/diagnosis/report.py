@@ -170,8 +170,8 @@ def _learned(closure: Json | None, unit: Unit) -> str:
         drawn
         + _picture(
             closure_figures.closure(curves, unit),
-            "The strongest shot of each owner: its residual, and what the closure leaves of it "
-            "when the model's own numbers give way; to first order.",
+            "The shot of each owner to which the closure adds most, or of each pair where every "
+            "shot has its own numbers: its residual, and what model and closure leave together.",
         )
         + _picture(
             closure_figures.force(curves), "The learned force, as a share of the elastic one."

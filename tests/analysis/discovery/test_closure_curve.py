@@ -16,7 +16,7 @@ def first(leaky):
 
 
 def test_a_linear_closure_takes_up_the_residual_of_a_leaky_coupler(first):
-    """With the response family and the model fitted to each other, the strongest shot is clean."""
+    """With the response family and the model fitted to each other, the worst shot is clean."""
     learned = learn(first.problem, first.fitted, [("response", "rig")])
     found = closure_curves(first, learned)
     assert found["force"] is None
@@ -30,6 +30,17 @@ def test_each_owner_has_a_curve(first):
     learned = learn(first.problem, first.fitted, [("response", "surface")])
     found = closure_curves(first, learned)
     assert sorted(shot["owner"] for shot in found["shots"]) == ["aluminium", "specimen"]
+
+
+def test_of_numbers_that_are_every_shots_own_each_pair_has_a_curve(first):
+    """The shot that gets most."""
+    learned = learn(first.problem, first.fitted, [("gain", "shot")])
+    found = closure_curves(first, learned)
+    pairs = {shot.pair for shot in first.problem.shots}
+    assert sorted(shot["pair"] for shot in found["shots"]) == sorted(pairs)
+    sizes = [float(np.mean(np.square(a))) for a in learned.added]
+    names = [shot.shot.name for shot in first.problem.shots]
+    assert names[int(np.argmax(sizes))] in {shot["shot"] for shot in found["shots"]}
 
 
 def test_a_contact_closure_has_a_force(first):

@@ -55,7 +55,7 @@ def test_a_rigid_cell_reads_the_force_itself():
     assert not np.any(shape[100:])
 
 
-@pytest.mark.parametrize("width_us", [WIDTHS_US[2], WIDTHS_US[8]])
+@pytest.mark.parametrize("width_us", [WIDTHS_US[8], WIDTHS_US[32]])
 def test_width_and_place_of_blows_are_found(width_us):
     """Each shot has its own place and size; the width is one."""
     records, blows = _records(width_us, [400, 911, 1620], seed=5)
