@@ -6,12 +6,14 @@ import dataclasses
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from analysis.discovery.candidates import extended
 from analysis.discovery.diagnosis import diagnose_campaign
 from analysis.discovery.rebounds import fitted_below_one
 from analysis.effects.library import effect_named
 from analysis.fit import joint
+from analysis.model.impact_model import NUISANCE
 from drivers.simulated.effects import make_effect
 
 from .conftest import campaign_with
@@ -52,6 +54,17 @@ def test_a_ceiling_below_every_pulse_is_a_fit_that_leads_nowhere(clean):
         assert not found.blocks
     kept = joint.settle(problem, theta, nuisances)
     np.testing.assert_array_equal(kept, nuisances)
+
+
+@pytest.mark.parametrize("steps", [0, 3])
+def test_a_touch_down_beyond_the_record_is_a_fit_that_leads_nowhere(clean, steps):
+    """Neither its speed nor its loss leaves a trace there: an outcome, not a singular matrix."""
+    first = clean.steps[0]
+    away = first.fitted.nuisances.copy()
+    away[2, NUISANCE.index("t0_us")] += 1e4
+    found = joint.fit(first.problem, away, theta=first.fitted.theta, max_iterations=steps)
+    assert not found.blocks
+    assert found.cost == np.inf
 
 
 def test_a_shot_that_gains_energy_begins_again_and_finds_its_loss(clean):
