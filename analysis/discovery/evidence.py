@@ -33,6 +33,7 @@ Array = NDArray[np.float64]
 
 GENERIC = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "alternate",
+    "baseline",
 )  # fmt: skip
 """Families that every residual is asked along."""
 PARTS = {

@@ -28,6 +28,7 @@ FAMILIES = {
     "seat": "a force on the crystal that is no straight function of its motion",
     "droop": "a gain that sinks with what the signal has been",
     "alternate": "every second sample unlike the one before, as of a converter of two halves",
+    "baseline": "a zero line that is no constant",
     "warmth": "a memory of the signal's square or cube, as of something that warms",
     "blow": "a blow after the impact, in every shot at a time of its own",
     "pieces": "a gain that changes within the contact",

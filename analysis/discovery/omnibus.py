@@ -38,6 +38,7 @@ ASKED: tuple[tuple[str, str], ...] = (
     ("locked", "rig"),
     ("locked", "pair"),
     ("alternate", "shot"),
+    ("baseline", "shot"),
 )
 
 SLOTS: dict[str, tuple[tuple[str, str], ...]] = {

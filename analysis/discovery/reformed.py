@@ -1,7 +1,8 @@
 """Which form of an effect? Once one form has brought a fit near, the others begin from there.
 
 From afar only one form may have found its way: a yield force does where a yield pressure, whose
-threshold moves with a modulus that the yield itself hides, never acts.
+threshold moves with a modulus that the yield itself hides, never acts. And the fit of one form may
+have ended in a valley beside the deepest one.
 """
 
 from __future__ import annotations
@@ -50,7 +51,8 @@ def reformed(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: f
         return found
     best = found
     for form in (entry, *entry.variants):
-        if form.id != found.effect.id and form.basis is None and form.parameters:
+        other_place = form.id != found.effect.id or any(p.valleys for p in form.parameters)
+        if other_place and form.basis is None and form.parameters:
             other = _in_form(_owned(form, found.effect), problem, base, found)
             if not other.at_bound and other.score(penalty) > best.score(penalty):
                 best = other
@@ -69,13 +71,16 @@ def _owned(form: Effect, like: Effect) -> Effect:
 
 
 def _starts(form: Effect, found: Refit) -> list[tuple[float, ...]]:
-    """Return coordinates to begin at: as fitted where the forms share a number, else its usual."""
+    """Return coordinates to begin at: as fitted, or in other valleys; else the form's usual."""
     top = max(s.window.peak for s in found.problem.shots)
     lists = []
     for parameter in form.parameters:
         shared = _fitted(found, parameter.name)
         usual = [top * s for s in parameter.peak_starts] or list(parameter.starts)
-        if shared is not None:
+        if shared is not None and parameter.valleys:
+            value = parameter.value(shared)
+            lists.append([parameter.coordinate(value * v) for v in (1.0, *parameter.valleys)])
+        elif shared is not None:
             lists.append([shared])
         elif parameter.threshold:
             low, high = math.log(parameter.low), math.log(max(usual))

@@ -18,6 +18,7 @@ family          what it can take up
 ``droop``       a gain that sinks with what the signal has been
 ``warmth``      a memory of the signal's square and cube; only learned
 ``alternate``   offset, gain and delay of every second sample
+``baseline``    a zero line that is no constant, as under mains hum
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
 ==============  ====================================================================================
@@ -29,6 +30,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve, lfilter
 
@@ -50,6 +52,7 @@ IMPULSE_LONGEST_US = 12.0
 DROOPS_S = (2e-4, 1e-3, 5e-3)
 PIECES = (0.15, 0.5, 0.85, 1.2)
 WANDERS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620)
+BASELINE_ORDERS = (1, 2, 3)
 SLIDING = 0.01
 """Speed, in crystal's frequency times largest compression, at which dry friction is at its most."""
 CHANGE = 0.05
@@ -155,6 +158,14 @@ def _alternate(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Arr
     return labels, 0.1 * every_second[:, None] * columns
 
 
+def _baseline(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
+    del rate
+    x = np.linspace(-1.0, 1.0, signal.size)
+    labels = [f"zero line of order {n}" for n in BASELINE_ORDERS]
+    columns = [legendre.legval(x, np.eye(n + 1)[n]) for n in BASELINE_ORDERS]
+    return labels, 0.01 * scale.top * np.column_stack(columns)
+
+
 def wander_columns(signal: Array, rate: float, touch_down_us: float) -> tuple[list[str], Array]:
     """Return the signal's slope in pieces of time after touch-down. Labels and shape (n, q)."""
     slope = np.gradient(signal) * rate * 1e-6
@@ -198,6 +209,7 @@ OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] =
     "droop": _droop,
     "warmth": _warmth,
     "alternate": _alternate,
+    "baseline": _baseline,
 }
 """Families that are functions of the model's signal alone."""
 

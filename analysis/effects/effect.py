@@ -137,6 +137,9 @@ class EffectParameter:
     resolved : bool
         The effect is told by it: a fit that ends beyond its bounds has found another, however
         little the data say of the number itself.
+    valleys : tuple of float
+        Multiples of a value at which the squares may have another valley, as where it says when
+        something comes back: a fit that ends in structure begins there once more.
     """
 
     name: str
@@ -151,6 +154,7 @@ class EffectParameter:
     peak_starts: tuple[float, ...] = ()
     threshold: bool = False
     resolved: bool = False
+    valleys: tuple[float, ...] = ()
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""

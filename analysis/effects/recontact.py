@@ -27,6 +27,9 @@ from analysis.effects.effect import Effect, EffectParameter, Values
 # a second pulse far from where it is looked for has no slope towards it: look every 12 %
 _DELAYS_S = tuple(1.5e-4 * 1.12**i for i in range(25))
 
+# a slow sphere hops on, and its speed says when it is back
+_HOPS = (0.25, 0.35, 0.5, 0.63, 0.8, 1.25, 1.6, 2.0, 2.8, 4.0)
+
 _PARAMETERS = (
     EffectParameter(
         "speed_ratio",
@@ -38,6 +41,7 @@ _PARAMETERS = (
         1.0,
         (0.1, 4e-3, 1.5e-3),
         "second impact speed over the first",
+        valleys=_HOPS,
     ),
     EffectParameter(
         "delay_s",
