@@ -1,12 +1,14 @@
 r"""Mains hum: the mains and its harmonics, of free size and phase in every shot.
 
-.. math:: V \to V + \sum_{h=1}^{3} a_h \cos 2\pi h f t + b_h \sin 2\pi h f t
+.. math:: V \to V + \sum_{h=1}^{3..7} a_h \cos 2\pi h f t + b_h \sin 2\pi h f t
 
 A fit window is a few milliseconds, a fraction of a period. There the mains frequency itself cannot
 be told (0.1 % off is 1e-4 rad) and is not fitted; 50 Hz is the effect, 60 Hz its variant
 ``mains_hum:60_hz``. For the same reason the columns are made orthogonal, to one another and to the
 baseline, with an rms of 1: they span the same signals, and their sizes are well determined where
-those of sines and cosines would be differences of large numbers.
+those of sines and cosines would be differences of large numbers. Over less than a quarter of a
+period they are the six signals that hold most of seven harmonics falling as 1/h (singular vectors):
+of 80 mV of odd harmonics they leave 0.07 mV in 4 ms. Over longer windows they are three harmonics.
 
 Source: Fourier. Validity: hum that is periodic over the record. Validation: a synthetic hum is in
 the span, in the tests. The sizes are neutral at 0.
@@ -19,7 +21,10 @@ import numpy as np
 
 from analysis.effects.effect import Array, Effect, ShotContext
 
-_HARMONICS = 3
+_HARMONICS = 7
+_SIZE = 6
+_SHORT = 0.25
+"""Of a period."""
 
 
 @lru_cache(maxsize=64)
@@ -29,9 +34,14 @@ def _columns(mains_hz: float, sample_rate_hz: float, samples: int) -> Array:
     phase = 2 * np.pi * mains_hz * (np.arange(samples) - samples // 2) / sample_rate_hz
     columns = [np.ones(samples)]
     for h in range(1, _HARMONICS + 1):
-        columns += [np.cos(h * phase), np.sin(h * phase)]
-    q, r = np.linalg.qr(np.stack(columns, axis=1))
-    signed: Array = q[:, 1:] * np.sign(np.diag(r)[1:]) * np.sqrt(samples)
+        columns += [np.cos(h * phase) / h, np.sin(h * phase) / h]
+    hum = np.stack(columns, axis=1)
+    if mains_hz * samples / sample_rate_hz < _SHORT:
+        varying = hum[:, 1:] - hum[:, 1:].mean(axis=0)
+        most = np.linalg.svd(varying, full_matrices=False)[0][:, :_SIZE]
+    else:
+        most = np.linalg.qr(hum[:, : 1 + _SIZE])[0][:, 1:]
+    signed: Array = most * np.sign(most[-1]) * np.sqrt(samples)
     signed.flags.writeable = False
     return signed
 
@@ -49,7 +59,7 @@ EFFECT = Effect(
     validation="span of a synthetic hum",
     parameters=(),
     basis=_hum(50.0),
-    basis_size=2 * _HARMONICS,
+    basis_size=_SIZE,
     variants=(
         Effect(
             id="mains_hum:60_hz",
@@ -60,7 +70,7 @@ EFFECT = Effect(
             validation="span of a synthetic hum",
             parameters=(),
             basis=_hum(60.0),
-            basis_size=2 * _HARMONICS,
+            basis_size=_SIZE,
         ),
     ),
 )
