@@ -165,7 +165,7 @@ def test_a_page_speaks_the_unit_of_its_recordings(document, quantities, unit, de
         other["sentence"] = "Said of the recording in its own unit, by whoever made the diagnosis."
     curve = other["residual"]["before"]["stacks"]["by_pair_and_height"][0]
     shot = {"pair": curve["pair"], "drop_height_m": 0.01, "time_us": [0.0, 9.0, 18.0]}
-    shot.update({key: [0.0, 1.0, 0.5] for key in ("pulse", "residual", "left")})
+    shot.update({key: [0.0, 1.0, 0.5] for key in ("pulse", "residual", "added", "left")})
     other["closure"] = {
         "family": "locked",
         "scope": "rig",
