@@ -1,4 +1,4 @@
-"""Volts to codes, and the codes of an input at rest, made once and read round and round."""
+"""Volts to codes, and the codes of an input at rest, made for a stream and read round and round."""
 
 from __future__ import annotations
 
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from drivers.simulated.noise import NoiseSettings, noise_table
 
 CODES = 65536
-TABLE_SAMPLES = 1 << 21
+TABLE_SAMPLES = 1 << 20
+"""A second at 1 MHz: longer than a record, and quickly made."""
 
 _T = TypeVar("_T", np.float32, np.uint16)
 
@@ -54,16 +55,16 @@ class QuietInput:
 
 @lru_cache(maxsize=4)
 def quiet_input(
-    noise: NoiseSettings, seed: int, baseline_v: float, rate_hz: float, board: Board
+    noise: NoiseSettings, seed: tuple[int, int], baseline_v: float, rate_hz: float, board: Board
 ) -> QuietInput:
-    """Return the table of an input at rest.
+    """Return the table of an input at rest. No two streams share their noise.
 
     Parameters
     ----------
     noise : NoiseSettings
         Level and colour.
-    seed : int
-        Source of chance.
+    seed : tuple of int
+        Source of chance: the rig's and the number of the stream.
     baseline_v : float
         Offset of the signal. [V]
     rate_hz : float
@@ -76,7 +77,9 @@ def quiet_input(
     QuietInput
         Kept for the next caller who asks the same.
     """
-    noise_v = noise_table(noise, TABLE_SAMPLES, rate_hz, np.random.default_rng([seed, 50]))
+    noise_v = noise_table(
+        noise, TABLE_SAMPLES, rate_hz, np.random.default_rng([seed[0], 50, seed[1]])
+    )
     return QuietInput(noise_v, quantise(noise_v.astype(np.float64) + baseline_v, board))
 
 

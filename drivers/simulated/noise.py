@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
 
 from drivers.simulated.recursion import run_on
 
@@ -90,11 +92,19 @@ def noise_table(
     Shaped in the frequency domain: AR(1) has the density ``(1 - rho^2)/|1 - rho exp(-i w)|^2``, the
     1/f part ``f_c / f`` of the white density, cut below the table's first line.
     """
-    spectrum = np.fft.rfft(rng.standard_normal(samples).astype(np.float32))
+    spectrum = rfft(rng.standard_normal(samples).astype(np.float32))
+    spectrum *= _amplitudes(settings, samples, sample_rate_hz)
+    return np.asarray(irfft(spectrum, samples), dtype=np.float32)
+
+
+@lru_cache(maxsize=4)
+def _amplitudes(
+    settings: NoiseSettings, samples: int, sample_rate_hz: float
+) -> NDArray[np.float32]:
+    """Return what white noise of 1 is multiplied with, line by line. [V]"""
     f = np.fft.rfftfreq(samples)
     rho = settings.ar1
     power = (1.0 - rho * rho) / np.abs(1.0 - rho * np.exp(-2j * np.pi * f)) ** 2
     if settings.pink_corner_hz > 0.0:
         power[1:] += settings.pink_corner_hz / (f[1:] * sample_rate_hz)
-    table = np.fft.irfft(spectrum * np.sqrt(power), samples) * settings.rms_v
-    return table.astype(np.float32)
+    return np.asarray(settings.rms_v * np.sqrt(power), dtype=np.float32)

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from drivers.errors import ConfigurationError
 from drivers.simulated.clock import RigClock
 from drivers.simulated.converter import (
-    TABLE_SAMPLES,
     Board,
     QuietInput,
     quantise,
@@ -48,7 +47,6 @@ class _Stream:
     rate_hz: float
     board: Board
     quiet: QuietInput
-    table_at: int
 
 
 class World:
@@ -129,19 +127,24 @@ class World:
         """
         board = Board(range_v, board_gain, board_offset_v)
         rate_hz = sample_rate_hz * self.settings.rate_error
-        # The table takes a third of a second once; sample 0 is after it.
-        noise, seed = self.settings.noise, self.settings.seed
-        quiet = quiet_input(noise, seed, self.settings.offset_v, rate_hz, board)
+        quiet = self._quiet_input(rate_hz, board)  # sample 0 is after it
         with self._sampling, self._lock:
-            table_at = (self._streams * 700_001) % TABLE_SAMPLES
             self._streams += 1
-            self._stream = _Stream(self.clock.now_s(), rate_hz, board, quiet, table_at)
+            self._stream = _Stream(self.clock.now_s(), rate_hz, board, quiet)
             self._segments = {}
 
     def stop_stream(self) -> None:
         """Stop the converter; do nothing when it stands."""
         with self._sampling:
-            self._stream = None
+            stopped, self._stream = self._stream, None
+        if stopped is not None:
+            # a host that times the start command shall not wait for the next stream's noise
+            self._quiet_input(stopped.rate_hz, stopped.board)
+
+    def _quiet_input(self, rate_hz: float, board: Board) -> QuietInput:
+        """Return the next stream's input at rest; making it takes a twentieth of a second."""
+        seed = (self.settings.seed, self._streams)
+        return quiet_input(self.settings.noise, seed, self.settings.offset_v, rate_hz, board)
 
     def samples_due(self) -> int:
         """Return how many samples the converter has produced since `start_stream`.
@@ -183,7 +186,7 @@ class World:
             with self._lock:
                 self.clock.advance_to(stream.began_s + (start + count) / stream.rate_hz)
                 self._let_go()
-            codes = read_round(stream.quiet.codes, stream.table_at + start, count)
+            codes = read_round(stream.quiet.codes, start, count)
             self._add_signal(stream, start, codes)
             for conversion in self._conversions:
                 codes = conversion[codes]
@@ -199,9 +202,7 @@ class World:
             return
         low = start if has_hum else max(start, min(s.first for s in pieces))
         high = stop if has_hum else min(stop, max(s.first + s.volts.size for s in pieces))
-        volts = read_round(stream.quiet.noise_v, stream.table_at + low, high - low).astype(
-            np.float64
-        )
+        volts = read_round(stream.quiet.noise_v, low, high - low).astype(np.float64)
         volts += self.settings.offset_v
         if has_hum:
             t = stream.began_s + np.arange(low, high) / stream.rate_hz

@@ -290,6 +290,20 @@ def test_noise_has_the_level_and_colour_asked_for() -> None:
         NoiseSettings(ar1=1.0)
 
 
+def test_no_two_streams_share_their_noise() -> None:
+    """What comes before the trigger is new in every shot, whenever it is looked at."""
+    world = a_world()
+    streams = []
+    for _ in range(4):
+        world.start_stream(RATE_HZ, RANGE_V)
+        streams.append(volts(world.read_codes(0, 1 << 20)))
+        world.stop_stream()
+    lines = [np.fft.rfft(stream - stream.mean()) for stream in streams]
+    for one, other in itertools.combinations(lines, 2):
+        shared = np.fft.irfft(one * np.conj(other)) / (1 << 20)
+        assert np.abs(shared).max() < 0.01 * 1.5e-3**2
+
+
 def test_a_cell_model_nobody_knows_is_refused() -> None:
     """Only kv and hsd exist."""
     with pytest.raises(ConfigurationError, match="'kv' or 'hsd'"):
