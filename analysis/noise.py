@@ -6,15 +6,16 @@ The noise is described as autoregressive,
 
 so that filtering a residual with :math:`1 - \sum_j a_j z^{-j}` makes it white. The order is chosen
 by BIC over all quiet stretches of a campaign together, after what is slow enough to be mains hum
-has been taken off. Where a part that rises like 1/f describes the stretches better, by BIC too, it
-is said so, and the filter is the long one that such noise obeys.
+has been taken off. Where a part that rises like 1/f describes the stretches better, it is said so,
+and the filter is the long one that such noise obeys. How large it may be unseen is told too.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +37,9 @@ MIN_QUIET_SAMPLES = 200
 """Fewer quiet samples than this say too little about colour."""
 SHORT_ORDER = 2
 """Highest autoregressive order that is tried beside a 1/f part."""
-HIGHEST_CORNER = 0.5
-"""A corner beyond half the sample rate is colour of another kind than 1/f."""
+SLOW_PRICE = 6.0
+"""What a 1/f part must bring in twice the logarithm of the likelihood. Every amplifier has one, so
+it need not prove itself as a further order must; to whiten one that is not there does no harm."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +66,9 @@ class NoiseModel:
         would be free. [1]
     corner : float
         Where a 1/f part is as strong as the rest at low frequency, 0 without one. [1/sample]
+    corner_below : float or None
+        Largest corner that the quiet stretches allow, whether or not one was found; None where
+        they say nothing. [1/sample]
     drift_rms : float or None
         Rms of what was taken off the quiet stretches as slow, means aside; None where nothing was.
         [unit of the signal]
@@ -79,6 +84,7 @@ class NoiseModel:
     short: NDArray[np.float64] | None = None
     head: NDArray[np.float64] | None = None
     corner: float = 0.0
+    corner_below: float | None = None
     drift_rms: float | None = None
     drift_expected_rms: float = 0.0
 
@@ -205,11 +211,12 @@ def estimate_noise(
     if seen is None:
         return plain
     flat = noise_slow.autoregressive(seen, short)
-    found = _rising(seen, flat)
+    found = _rising(seen, flat, gamma)
     model = plain if found is None else _rising_model(found, seen.samples, samples)
     expected = noise_slow.drift_expected(seen, found or flat)
     return replace(
         model,
+        corner_below=noise_slow.largest_corner(seen, flat.short if found is None else found.short),
         drift_rms=math.sqrt(seen.drift / seen.samples),
         drift_expected_rms=math.sqrt(expected / seen.samples),
     )
@@ -230,31 +237,35 @@ def _rising_model(found: Slow, piece: int, samples: int) -> NoiseModel:
     )
 
 
+def _by_order(gamma: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], float]]:
+    """Yield coefficients and innovation variance of one autoregressive order after the other."""
+    a, variance = np.zeros(0), float(gamma[0])
+    while variance > 0.0:
+        yield a, variance
+        if a.size == MAX_ORDER:
+            return
+        a, variance = _one_order_more(gamma, a, variance)
+
+
 def _by_bic(gamma: NDArray[np.float64], samples: int) -> tuple[NDArray[np.float64], float]:
     """Return the coefficients and innovation variance of the order that BIC prefers."""
-    best: tuple[float, NDArray[np.float64], float] | None = None
-    a, variance = np.zeros(0), float(gamma[0])
-    for order in range(MAX_ORDER + 1):
-        if order:
-            a, variance = _one_order_more(gamma, a, variance)
-        if variance <= 0:
-            break
-        bic = samples * math.log(variance) + order * math.log(samples)
-        if best is None or bic < best[0]:
-            best = (bic, np.asarray(a), variance)
-    assert best is not None
-    return best[1], best[2]
+    return min(
+        _by_order(gamma),
+        key=lambda found: samples * math.log(found[1]) + found[0].size * math.log(samples),
+    )
 
 
-def _rising(seen: Spectrum, flat: Slow) -> Slow | None:
-    """Return noise with a 1/f part where BIC prefers it to noise without, else None."""
+def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> Slow | None:
+    """Return noise with a 1/f part where that is worth its price, else None."""
     price = math.log(seen.pieces * seen.samples)
     best, least = None, -2.0 * flat.likelihood + flat.short.size * price
-    for order in range(min(flat.short.size, SHORT_ORDER) + 1):
-        found = noise_slow.with_slow_part(seen, order)
-        bic = -2.0 * found.likelihood + (order + 1) * price
-        if bic < least and found.corner < HIGHEST_CORNER:
-            best, least = found, bic
+    for short, _ in islice(_by_order(gamma), min(flat.short.size, SHORT_ORDER) + 1):
+        found = noise_slow.with_slow_part(seen, short.size)
+        without = max(noise_slow.autoregressive(seen, a).likelihood for a in (short, found.short))
+        worth = 2.0 * (found.likelihood - without) > SLOW_PRICE
+        cost = -2.0 * found.likelihood + short.size * price + SLOW_PRICE
+        if worth and cost < least and found.corner < noise_slow.FURTHEST_CORNER:
+            best, least = found, cost
     return best
 
 

@@ -26,6 +26,12 @@ LONG_ORDER = 256
 """Taps of the filter that whitens 1/f: it holds down to a few hundredths of its inverse."""
 CORNERS = (1e-3, 1e-2)
 """Cycles per sample from which the search for a corner begins."""
+FURTHEST_CORNER = 0.5
+"""A corner beyond half the sample rate is colour of another kind than 1/f."""
+DOUBTED = 9.0
+"""Fall of twice the logarithm of the likelihood, three standard deviations, that ends what noise
+may be."""
+_LEAST_CORNER = 1e-6
 _GRID = 1 << 14
 
 
@@ -129,6 +135,36 @@ def with_slow_part(seen: Spectrum, order: int) -> Slow:
     assert best is not None
     made = model_of(best[1])
     return Slow(made.short, made.innovation, made.amplitude, -best[0] * seen.samples)
+
+
+def largest_corner(seen: Spectrum, short: Array) -> float:
+    """Return how large a 1/f part may be, found or not. [cycles per sample]
+
+    Parameters
+    ----------
+    seen : Spectrum
+        Of quiet stretches.
+    short : ndarray, shape (p,)
+        Coefficients of the autoregressive part, which stay.
+
+    Returns
+    -------
+    float
+        The corner at which the likelihood, at its best level, has fallen by `DOUBTED`.
+    """
+    fast = seen.white * _shape(short, seen.frequency)
+    at_zero = float(_shape(short, np.zeros(1))[0])
+
+    def likelihood(corner: float) -> float:
+        """Return the logarithm of the largest likelihood with a corner."""
+        expected = fast + corner * at_zero * seen.slow
+        level = float(np.average(seen.power / expected, weights=seen.lines))
+        return _likelihood(seen, level * expected)
+
+    tried = np.geomspace(_LEAST_CORNER, FURTHEST_CORNER, 60)
+    found = np.array([likelihood(float(c)) for c in tried])
+    allowed = np.flatnonzero(2.0 * (found.max() - found) <= DOUBTED)
+    return float(tried[allowed[-1]])
 
 
 def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float, Array]:

@@ -98,8 +98,21 @@ def drift_degree(samples: int, sample_rate_hz: float) -> int:
 
 
 @lru_cache(maxsize=16)
-def _polynomials(samples: int, degree: int) -> Array:
-    """Return orthonormal polynomials over a stretch, the constant first."""
+def drift_basis(samples: int, degree: int) -> Array:
+    """Return orthonormal polynomials over a stretch, the constant first.
+
+    Parameters
+    ----------
+    samples : int
+        Of the stretch.
+    degree : int
+        The highest.
+
+    Returns
+    -------
+    ndarray, shape (samples, degree + 1)
+        Read only. [1]
+    """
     x = np.linspace(-1.0, 1.0, samples)
     q = np.linalg.qr(np.polynomial.legendre.legvander(x, degree))[0]
     q.flags.writeable = False
@@ -123,7 +136,7 @@ def without_drift(stretch: Array, degree: int) -> Array:
     """
     if degree == 0:
         return np.asarray(stretch - stretch.mean())
-    q = _polynomials(stretch.size, degree)
+    q = drift_basis(stretch.size, degree)
     return np.asarray(stretch - q @ (q.T @ stretch))
 
 
@@ -154,30 +167,42 @@ def slow_covariance(lags: int) -> Array:
     return np.asarray(np.concatenate([[2.0 * math.log(0.5 / LOWEST)], tail]) + flat)
 
 
-@lru_cache(maxsize=16)
-def _expected(samples: int, degree: int) -> tuple[Array, Array, float]:
-    """Return each line's power for densities 1 and 1/f, and the drift's for 1/f."""
-    q = _polynomials(samples, degree)
-    white = 1.0 - np.sum(dct(q, type=2, norm="ortho", axis=0) ** 2, axis=1)
-    frequency = np.arange(samples) / (2.0 * samples)
-    slow = white / np.maximum(frequency, 0.25 / samples)
-    lines = min(_EXACT_LINES, samples)
-    basis = dct(np.eye(samples, lines), type=3, norm="ortho", axis=0)
-    basis -= q @ (q.T @ basis)
+def slow_powers(columns: Array) -> Array:
+    """Return the variance of noise with density 1/f along columns.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (n, k)
+        Over the samples of a stretch. [1]
+
+    Returns
+    -------
+    ndarray, shape (k,)
+        c' G c with G the covariance of `slow_covariance`, by Fourier transform. [1]
+    """
+    samples = columns.shape[0]
     size = next_fast_len(2 * samples - 1)
     gamma = slow_covariance(samples - 1)
     circle = np.zeros(size)
     circle[:samples] = gamma
     circle[size - samples + 1 :] = gamma[:0:-1]
     density = rfft(circle).real
+    moved = irfft(density[:, None] * rfft(columns, size, axis=0), size, axis=0)
+    return np.asarray(np.sum(columns * moved[:samples], axis=0))
 
-    def powers(columns: Array) -> Array:
-        """Return each column's variance."""
-        moved = irfft(density[:, None] * rfft(columns, size, axis=0), size, axis=0)
-        return np.asarray(np.sum(columns * moved[:samples], axis=0))
 
-    slow[:lines] = powers(basis)
-    return white, slow, float(np.sum(powers(np.asarray(q[:, 1:]))))
+@lru_cache(maxsize=16)
+def _expected(samples: int, degree: int) -> tuple[Array, Array, float]:
+    """Return each line's power for densities 1 and 1/f, and the drift's for 1/f."""
+    q = drift_basis(samples, degree)
+    white = 1.0 - np.sum(dct(q, type=2, norm="ortho", axis=0) ** 2, axis=1)
+    frequency = np.arange(samples) / (2.0 * samples)
+    slow = white / np.maximum(frequency, 0.25 / samples)
+    lines = min(_EXACT_LINES, samples)
+    basis = dct(np.eye(samples, lines), type=3, norm="ortho", axis=0)
+    basis -= q @ (q.T @ basis)
+    slow[:lines] = slow_powers(basis)
+    return white, slow, float(np.sum(slow_powers(q[:, 1:])))
 
 
 def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectrum | None:
@@ -208,7 +233,7 @@ def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectru
         whole = segment.size // samples
         pieces += np.split(segment[segment.size - whole * samples :], whole) if whole else []
     degree = drift_degree(samples, sample_rate_hz)
-    q = _polynomials(samples, degree)
+    q = drift_basis(samples, degree)
     x = np.stack(pieces)
     taken = x @ q
     lines = dct(x - taken @ q.T, type=2, norm="ortho", axis=1)

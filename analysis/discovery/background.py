@@ -13,12 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import periodogram
+from scipy.signal import get_window, periodogram
 from scipy.stats import chi2, norm
 
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
-from analysis.quiet_spectrum import drift_degree, without_drift
+from analysis.quiet_spectrum import drift_basis, drift_degree, without_drift
 
 Array = NDArray[np.float64]
 
@@ -32,11 +32,14 @@ LEAST_QUIET, LEAST_IN_ALL = 200, 2000
 LEAST_STEPS = 0.75
 """Of the converter, to a standard deviation: rounding then moves the kurtosis by less than 1e-3."""
 FIRST_LINE = 2
-"""Below it lies what is slow, hum among it."""
+"""Below it lies what a record's mean smears."""
+KEPT = 0.75
+"""Lines of which less is left when what may be hum has been taken off say nothing."""
 NEAR, BESIDE = 2, 12
 """Lines to either side that a window smears a tone over, and those that tell the level there."""
 LOUD = 30.0
 """Times those beside it, that no slope of a 1/f spectrum makes a line; it makes 5 at most."""
+WINDOW = "hann"
 NORMAL_QUARTILES = 1.349
 """Between the quartiles of a normal distribution, in standard deviations."""
 
@@ -201,33 +204,48 @@ def _tone(kept: list[tuple[FitShot, Array]]) -> Tone | None:
     if len(rates) != 1:
         return None  # lines of records sampled otherwise lie elsewhere
     rate_hz = rates.pop()
-    calm = [without_drift(quiet, drift_degree(quiet.size, rate_hz)) for _, quiet in kept]
+    size = min(quiet.size for _, quiet in kept)
+    degree = drift_degree(size, rate_hz)
+    calm = [without_drift(quiet[-size:], degree) for _, quiet in kept]
     white = [_whitened(item, samples) for (item, _), samples in zip(kept, calm, strict=True)]
-    found = _highest(white, rate_hz)
-    loud = _highest([samples / np.std(samples) for samples in calm], rate_hz)
+    first = _first_line(size, degree)
+    found = _highest(white, rate_hz, first)
+    loud = _highest([samples / np.std(samples) for samples in calm], rate_hz, first)
     # a loud tone is taken for colour, and whitened away with it
     return loud if loud.times > LOUD else found
 
 
-def _highest(records: list[Array], rate_hz: float) -> Tone:
+def _first_line(size: int, degree: int) -> int:
+    """Return the first line that is left nearly whole where drift has been taken off.
+
+    Beside lines that are not, noise stands out as a tone does.
+    """
+    window = get_window(WINDOW, size)[:, None]
+    taken = np.abs(np.fft.rfft(window * drift_basis(size, degree), axis=0)) ** 2
+    left = 1.0 - np.sum(taken, axis=1) / float(np.sum(window**2))
+    short = np.flatnonzero(left[FIRST_LINE : size // 4] < KEPT)
+    return FIRST_LINE + (int(short[-1]) + 1 if short.size else 0)
+
+
+def _highest(records: list[Array], rate_hz: float, first: int) -> Tone:
     """Return the line of the mean spectrum that is highest above those beside it."""
     size = min(record.size for record in records)
-    spectra = [periodogram(r[-size:], rate_hz, "hann", detrend=False) for r in records]
-    at_hz, power = spectra[0][0], np.mean([p for _, p in spectra], axis=0)
-    lines = range(FIRST_LINE, power.size - 1)  # the last has half the freedom of the others
+    spectra = [periodogram(r[-size:], rate_hz, WINDOW, detrend=False) for r in records]
+    at_hz, power = spectra[0][0][first:], np.mean([p for _, p in spectra], axis=0)[first:]
+    lines = range(power.size - 1)  # the last has half the freedom of the others
     times = np.array([power[k] / _level(power, k) for k in lines])
-    highest = FIRST_LINE + int(np.argmax(times))
+    highest = int(np.argmax(times))
     # records that share noise have less freedom than two a record and line; the lines tell
     spread = float(np.subtract(*np.percentile(times, (75, 25)))) / NORMAL_QUARTILES
     freedom = min(2.0 * len(records), 2.0 / spread**2)
     p = float(chi2.sf(freedom * times.max(), freedom)) * times.size
-    around = power[highest - NEAR + 1 : highest + NEAR]
+    around = power[max(0, highest - NEAR + 1) : highest + NEAR]
     share = float(np.sum(around - _level(power, highest)) / np.sum(power))
     return Tone(float(at_hz[highest]), float(times.max()), min(p, 1.0), max(share, 0.0))
 
 
 def _level(power: Array, k: int) -> float:
     """Return the level around a line, from those beside it."""
-    below = power[max(FIRST_LINE, k - BESIDE) : max(FIRST_LINE, k - NEAR + 1)]
+    below = power[max(0, k - BESIDE) : max(0, k - NEAR + 1)]
     above = power[k + NEAR : k + BESIDE + 1]
     return float(np.median(np.concatenate([below, above])))

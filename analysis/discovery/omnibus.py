@@ -10,6 +10,7 @@ import numpy as np
 from scipy.stats import norm
 
 from analysis.discovery.evidence import Evidence, Explained
+from analysis.discovery.slow_wander import p_of_wander
 
 ALPHA = 2e-3
 """Chance, all families together, of calling a clean campaign discrepant."""
@@ -18,9 +19,8 @@ SURPLUS = 0.1
 campaigns with noise of four colours 0.0144 was the most."""
 SURPLUS_SIGMAS = 6.0
 """The same in standard deviations, for campaigns that are short."""
-SLOW, SLOW_NOISE = ("baseline", "shot"), 3.0
-"""Noise whose 1/f part is too faint to be whitened moves a zero line too: by up to 2.6 times what
-white noise does, in demo campaigns where it went unnoticed."""
+WANDER = ("baseline", "shot")
+"""What slow noise does too, which may be too faint to be seen before the trigger."""
 MEASURED = "pre-trigger"
 """Noise whose level is known from quiet stretches."""
 
@@ -123,9 +123,10 @@ def ask(evidence: Evidence) -> Omnibus:
         p-value corrected by Bonferroni.
     """
     answers = {part: evidence.explain(*part, heldout=False) for part in ASKED}
-    slow = answers[SLOW]
-    if slow.gain < SLOW_NOISE * slow.dof:
-        answers[SLOW] = dataclasses.replace(slow, p_value=1.0)
+    wander = answers[WANDER]
+    if wander.p_value < ALPHA:
+        p = max(wander.p_value, p_of_wander(evidence))
+        answers[WANDER] = dataclasses.replace(wander, p_value=p)
     surplus, p_of_surplus = _surplus(evidence)
     p = min(p_of_surplus, *(a.p_value for a in answers.values())) * len(answers)
     return Omnibus(float(np.minimum(p, 1.0)), answers, surplus)

@@ -59,6 +59,22 @@ def test_white_and_correlated_noise_do_not_rise(rho: float, hum: bool) -> None:
         assert found.rms == pytest.approx(RMS_V, rel=0.02)
 
 
+def test_what_may_be_there_unseen_is_told() -> None:
+    """The largest corner that the stretches allow lies above the true one, and not far."""
+    for corner_hz in (0.0, 400.0, 3e3):
+        found = _estimate(6, corner_hz=corner_hz)
+        assert found.corner_below is not None
+        assert found.corner_below > found.corner
+        assert corner_hz < found.corner_below * RATE_HZ < 2.0 * corner_hz + 1000.0
+    longer = estimate_noise(
+        [RMS_V * np.random.default_rng(k).standard_normal(20_000) for k in range(54)],
+        sample_rate_hz=RATE_HZ,
+    )
+    assert longer is not None
+    assert longer.corner_below is not None
+    assert longer.corner_below * RATE_HZ < 250.0
+
+
 def test_hum_is_told_as_drift() -> None:
     """What was taken off is stated beside what noise would leave there."""
     still = _estimate(2, corner_hz=4e3)

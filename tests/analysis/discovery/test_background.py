@@ -18,6 +18,7 @@ from analysis.discovery.statement import diagnosis_json
 from analysis.fit.problem import FitShot, build
 from analysis.model.impact_model import model_named
 from analysis.noise import estimate_noise
+from drivers.simulated.noise import NoiseSettings, noise_table
 
 from .conftest import small_campaign
 
@@ -113,6 +114,17 @@ def test_noise_and_hum_are_no_tone(shots: list[FitShot], colour: float) -> None:
     tone = background(_with_quiet(shots, quiet)).tone
     assert tone is not None
     assert tone.p_value > 1e-4
+
+
+def test_slow_noise_of_long_records_is_no_tone(shots: list[FitShot]) -> None:
+    """Where hum is taken off, lines are short; beside them noise of 1/f must not stand out."""
+    settings = NoiseSettings(1.0, pink_corner_hz=300.0)
+    for seed in range(10):
+        table = noise_table(settings, 1 << 20, 1e6, np.random.default_rng(seed))
+        quiet = list(table.astype(np.float64).reshape(-1, 1 << 14)[:44:5])
+        tone = background(_with_quiet(shots, quiet)).tone
+        assert tone is not None
+        assert tone.p_value > 1e-4
 
 
 def test_records_that_share_noise_make_no_tone(shots: list[FitShot]) -> None:

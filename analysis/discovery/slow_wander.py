@@ -1,0 +1,92 @@
+"""Does a zero line move as slow noise does, which is too faint to be seen before the trigger?
+
+Noise of density 1/f moves every order of a zero line, the first most, by amounts that stand in a
+known ratio. Its size is only known to a limit: quiet stretches are short. So a zero line that moves
+says nothing as long as some 1/f part that they allow moves it like that. Hum moves one order and
+hardly the next.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import legendre
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.stats import chi2
+
+from analysis.discovery.evidence import Evidence, ShotEvidence
+from analysis.discovery.slot_columns import BASELINE_ORDERS
+from analysis.noise import NoiseModel
+from analysis.noise_slow import FURTHEST_CORNER
+from analysis.quiet_spectrum import slow_powers
+
+Array = NDArray[np.float64]
+
+FAMILY = "baseline"
+CORNERS_TRIED = 40
+_LEAST_CORNER = 1e-6
+
+
+def p_of_wander(evidence: Evidence) -> float:
+    """Return how likely zero lines move as they do by slow noise that may be there unseen.
+
+    Parameters
+    ----------
+    evidence : Evidence
+        With the family of zero lines.
+
+    Returns
+    -------
+    float
+        For the 1/f part that suits best among those which the quiet stretches allow.
+
+    Notes
+    -----
+    The squares of N shots along an order, over what is expected, are chi-square over N; of the
+    ratios' deviance, N sum(r - 1 - ln r), the smallest over all allowed corners is compared with
+    chi-square of as many degrees of freedom as there are orders, which is on the safe side.
+    Validation: zero lines moved by noise and by hum in ``tests/analysis/discovery``.
+    """
+    at, _ = evidence.families[FAMILY]
+    by_noise: dict[int, list[ShotEvidence]] = {}
+    for shot in evidence.shots:
+        by_noise.setdefault(id(shot.item.noise), []).append(shot)
+    deviance = sum(_deviance(shots, at) for shots in by_noise.values())
+    return float(chi2.sf(deviance, len(at) * len(by_noise)))
+
+
+def _deviance(shots: list[ShotEvidence], at: list[int]) -> float:
+    """Return the smallest deviance of one instrument's zero lines over all allowed corners."""
+    squares = np.array([_by_order(shot, at) for shot in shots])
+    slow = np.array([_slow_powers(shot.item.window.signal.size) for shot in shots])
+    noise = shots[0].item.noise
+    least = np.inf
+    for corner in _corners(noise):
+        expected = (1.0 + corner * slow) / (1.0 + noise.corner * slow)
+        ratio = np.maximum(np.mean(squares / expected, axis=0), 1e-300)
+        least = min(least, len(shots) * float(np.sum(ratio - 1.0 - np.log(ratio))))
+    return least
+
+
+def _by_order(shot: ShotEvidence, at: list[int]) -> Array:
+    """Return what each order explains beyond those before it, in units of the noise. Shape (q,)."""
+    inner = shot.matrix[np.ix_(at, at)]
+    scale = np.sqrt(np.diag(inner))
+    root = np.linalg.cholesky(inner / np.outer(scale, scale))
+    return np.square(solve_triangular(root, shot.vector[at] / scale, lower=True))
+
+
+def _corners(noise: NoiseModel) -> Array:
+    """Return the corners to try, from none to the largest that is allowed. [1/sample]"""
+    largest = FURTHEST_CORNER if noise.corner_below is None else noise.corner_below
+    return np.append(0.0, np.geomspace(_LEAST_CORNER, max(largest, _LEAST_CORNER), CORNERS_TRIED))
+
+
+@lru_cache(maxsize=256)
+def _slow_powers(samples: int) -> Array:
+    """Return how much noise of density 1/f moves each order of a zero line. Shape (q,)."""
+    x = np.linspace(-1.0, 1.0, samples)
+    orders = np.linalg.qr(legendre.legvander(x, max(BASELINE_ORDERS)))[0]
+    return slow_powers(orders[:, list(BASELINE_ORDERS)])
