@@ -87,12 +87,10 @@ def best_closure(
     """
     level = _noise(evidence)
     lessons = _Lessons(step, evidence)
-    found: list[Learned] = []
-    for part in PECULIAR if before is not None and before > MUCH * level else ():
-        progress(f"learning a closure: {part[0]} by {part[1]}", 0.0)
-        found += lessons.alone(part)
-        if found and _error(found[-1]) < ENOUGH * level:
-            return found[-1]
+    much = before is not None and before > MUCH * level
+    found = _peculiar(lessons, level, progress) if much else []
+    if found and _error(found[-1]) < ENOUGH * level:
+        return found[-1]
     wanted = candidates(answers)
     coarse: dict[Part, Part] = {}
     spare: list[Part] = []
@@ -127,6 +125,18 @@ def best_closure(
         if both is not None and _error(both) < BETTER * _error(best):
             best = both
     return best
+
+
+def _peculiar(lessons: _Lessons, level: float, progress: Progress) -> list[Learned]:
+    """Return the peculiar closures up to the first that leaves nothing."""
+    found: list[Learned] = []
+    for part in PECULIAR:
+        progress(f"learning a closure: {part[0]} by {part[1]}", 0.0)
+        for one in lessons.alone(part):
+            found.append(one)
+            if _error(one) < ENOUGH * level:
+                return found
+    return found
 
 
 def _repairs(found: Learned, before: float | None) -> bool:

@@ -22,11 +22,12 @@ from analysis.discovery.columns import (
     static_columns,
     template_columns,
 )
-from analysis.discovery.late_blow import BLOW, Crystal, blow_columns, blow_shape
+from analysis.discovery.late_blow import BLOW, blow_columns, blow_shape
 from analysis.discovery.slope_limit import SLEW, slope_columns
 from analysis.discovery.slot_columns import (
     OF_PARAMETERS,
     OF_SIGNAL,
+    Crystal,
     parameter_columns,
     piece_columns,
     seat_columns,
@@ -138,7 +139,7 @@ def _seat(view: View) -> Columns:
     crystal = crystal_of(view.model, view.local)
     if crystal is None:
         return [], np.zeros((view.clean.size, 0)), None, None
-    return *seat_columns(view.clean, view.rate, view.scale.top, *crystal), None, None
+    return *seat_columns(view.clean, view.rate, view.scale.top, crystal), None, None
 
 
 def _residual(view: View) -> Array:
@@ -254,7 +255,7 @@ def crystal_of(model: ImpactModel, local: Array) -> Crystal | None:
     Returns
     -------
     tuple or None
-        As `late_blow.blow_shape` takes it.
+        As `slot_columns.through_crystal` takes it.
     """
     if "ln_w" not in model.shared:
         return None

@@ -10,11 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import correlate, lfilter
+from scipy.signal import correlate
+
+from analysis.discovery.slot_columns import Crystal, through_crystal
 
 Array = NDArray[np.float64]
-Crystal = tuple[float, float]
-"""Angular frequency [rad/s] and damping ratio [1]."""
 
 BLOW = "blow"
 WIDTHS_US = tuple((12.0 * 2.0 ** np.arange(0.0, 6.5, 0.125)).tolist())
@@ -46,10 +46,7 @@ def blow_shape(width_us: float, rate: float, crystal: Crystal | None) -> Array:
     force[:long] = 0.5 - 0.5 * np.cos(2.0 * math.pi * (np.arange(long) + 0.5) / long)
     if crystal is None:
         return force
-    angle, zeta = crystal[0] / rate, crystal[1]
-    pole = np.exp((-zeta + 1j * math.sqrt(max(1.0 - zeta**2, 0.0))) * angle)
-    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
-    return np.asarray(lfilter([0.0, sum(turn)], turn, force))
+    return through_crystal(force, rate, crystal)
 
 
 def _place(residual: Array, shape: Array, first: int) -> tuple[int, float]:
@@ -92,15 +89,12 @@ def blow_width(
     -----
     Noise is taken as white here: it only chooses.
     """
-    falls = [
-        sum(
-            _place(residual, blow_shape(width, rate, crystal), first)[1]
-            for residual, first, rate, crystal in zip(
-                residuals, firsts, rates, crystals, strict=True
-            )
-        )
-        for width in WIDTHS_US
-    ]
+    readers = list(zip(rates, crystals, strict=True))
+    falls = []
+    for width in WIDTHS_US:
+        shapes = {reader: blow_shape(width, *reader) for reader in set(readers)}
+        places = zip(residuals, firsts, readers, strict=True)
+        falls.append(sum(_place(r, shapes[reader], first)[1] for r, first, reader in places))
     return float(WIDTHS_US[int(np.argmax(falls))])
 
 

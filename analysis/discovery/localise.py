@@ -107,14 +107,22 @@ def locate(step: Step, progress: Progress) -> Located:
     learned = best_closure(step, evidence, answers, before, progress)
     repaired = None if learned is None else _heldout_gain(step, learned, before)
     gains = _gains(answers, learned, repaired)
-    peculiar = None if learned is None else peculiar_odds(learned.parts[0][0])
-    if peculiar is not None and (repaired or 0.0) > PECULIAR * max(map(worth, answers.values())):
-        odds = dict(zip(SLOT_NAMES, map(float, peculiar), strict=True))
-        gains |= {s: max(gains[s], repaired or 0.0) for s, p in odds.items() if p >= CANNOT_TELL}
+    if learned is not None and repaired is not None:
+        only = _peculiar(learned, repaired, max(map(worth, answers.values())))
+        odds = only or odds
+        gains |= {s: max(gains[s], repaired) for s, p in only.items() if p >= CANNOT_TELL}
     slot = max(odds, key=lambda s: odds[s])
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
     return Located(slot, odds, gains, closure, learned, structure, formula(evidence, closure))
+
+
+def _peculiar(learned: Learned, repaired: float, most: float) -> dict[str, float]:
+    """Return how likely each slot is where only a peculiar closure explains much, else nothing."""
+    odds = peculiar_odds(learned.parts[0][0])
+    if odds is None or repaired <= PECULIAR * most:
+        return {}
+    return dict(zip(SLOT_NAMES, map(float, odds), strict=True))
 
 
 def _gains(

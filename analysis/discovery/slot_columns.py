@@ -38,6 +38,8 @@ from analysis.discovery.columns import Scale, locked_columns
 from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
+Crystal = tuple[float, float]
+"""Angular frequency [rad/s] and damping ratio [1]."""
 
 CREEPS_S = (2e-5, 8e-5, 3.2e-4, 1.3e-3, 5e-3)
 SLOW_HZ = (300.0, 600.0, 1200.0, 2400.0)
@@ -217,8 +219,31 @@ OF_PARAMETERS = {"gain": ("ln_S",), "pitch": ("ln_w", "ln_z"), "stiffness": ("ln
 """Families that are changes of the model's own parameters."""
 
 
+def through_crystal(force: Array, rate: float, crystal: Crystal) -> Array:
+    """Return how far a crystal is compressed by a force, a steady force of one by one.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n,) or (n, q)
+        Over time along axis 0. [any]
+    rate : float
+        Sampling rate. [Hz]
+    crystal : tuple
+        Angular frequency and damping ratio. [rad/s, 1]
+
+    Returns
+    -------
+    ndarray, shape (n,) or (n, q)
+        One sample late, as the solver's crystal is. [unit of the force]
+    """
+    angle, zeta = crystal[0] / rate, crystal[1]
+    pole = np.exp((-zeta + 1j * math.sqrt(max(1.0 - zeta**2, 0.0))) * angle)
+    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+    return np.asarray(lfilter([0.0, sum(turn)], turn, force, axis=0))
+
+
 def seat_columns(
-    signal: Array, rate: float, top: float, frequency_rad_per_s: float, damping_ratio: float
+    signal: Array, rate: float, top: float, crystal: Crystal
 ) -> tuple[list[str], Array]:
     """Return what a crystal adds whose spring or damper is not linear, to first order.
 
@@ -230,8 +255,8 @@ def seat_columns(
         Sampling rate. [Hz]
     top : float
         Largest signal of the campaign. [unit of the signal]
-    frequency_rad_per_s, damping_ratio : float
-        The crystal's. [rad/s, 1]
+    crystal : tuple
+        Angular frequency and damping ratio. [rad/s, 1]
 
     Returns
     -------
@@ -242,19 +267,14 @@ def seat_columns(
         [unit of the signal]
     """
     x = signal / top
-    v = np.gradient(x) * rate / frequency_rad_per_s
+    v = np.gradient(x) * rate / crystal[0]
     slow = v / np.sqrt(np.square(v) + SLIDING**2)
     forces = {
         "x^2": x * x, "x^3": x**3, "|x|": np.abs(x), "v^2": v * v, "x v": x * v,
         "v |v|": v * np.abs(v), "v |x|": v * np.abs(x), "dry": SLIDING * slow,
     }  # fmt: skip
-    angle = frequency_rad_per_s / rate
-    pole = np.exp((-damping_ratio + 1j * math.sqrt(max(1.0 - damping_ratio**2, 0.0))) * angle)
-    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
-    found = lfilter(
-        [0.0, sum(turn)], turn, 0.1 * top * np.column_stack(list(forces.values())), axis=0
-    )
-    return [f"crystal force {name}" for name in forces], np.asarray(found)
+    all_forces = 0.1 * top * np.column_stack(list(forces.values()))
+    return [f"crystal force {name}" for name in forces], through_crystal(all_forces, rate, crystal)
 
 
 def parameter_columns(family: str, model: ImpactModel, jacobian: Array) -> tuple[list[str], Array]:

@@ -193,10 +193,6 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     Trail
         The first that ends in noise, fewest effects first; else the best that was found.
     """
-    return _with_hum(_searched(start, usual, progress), usual, progress)
-
-
-def _searched(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     try_effects(start.last, usual, progress)
     firsts = useful(start.last)
     found = [start.on(first) for first in firsts[:1]]
@@ -247,24 +243,6 @@ def _divided(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail | N
     trail = Trail([*start.steps, step], [*start.chosen, first])
     second = useful(step)[:1]
     return trail.on(second[0]) if second else None
-
-
-def _with_hum(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
-    """Return a trail with hum on top where it is more than what the forms may leave.
-
-    The mains know of no drop: what is left of them has no waveform that repeats after a touch, and
-    passes for the little that a large effect's equation cannot say.
-    """
-    forgiven = trail.adequate and trail.last.omnibus.structured
-    if not forgiven or len(trail.chosen) >= MAX_EFFECTS:
-        return trail
-    tried = [p for p in proposals(trail.last.problem)[0] if p.owner == HUM]
-    if not tried:
-        return trail
-    ground = Ground(trail.last.problem, trail.last.fitted, usual)
-    trail.last.refits += ranked(ground, tried, progress, first=False)
-    large = useful(trail.last, HARDLY_SEEN)
-    return trail.on(large[0]) if large else trail
 
 
 def _with_second(trail: Trail, usual: joint.Fitted, progress: Progress) -> Trail:

@@ -161,7 +161,7 @@ def test_a_bent_spring_or_damper_is_what_an_integration_of_it_gives(force, law):
         return ran.y[0]
 
     plain = motion(0.0)
-    labels, columns = seat_columns(plain, RATE, 1.0, omega, zeta)
+    labels, columns = seat_columns(plain, RATE, 1.0, (omega, zeta))
     wanted = (motion(share) - motion(-share)) / (2 * share)
     found = 10.0 * columns[:, labels.index(f"crystal force {force}")]
     assert np.linalg.norm(found - wanted) < 0.01 * np.linalg.norm(wanted)
