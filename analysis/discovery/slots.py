@@ -75,7 +75,7 @@ PRICE = 2.0
 """Of a coefficient, in whitened squares."""
 CALM_TERMS = 16
 """Slowest cosines of the quiet part that are looked at."""
-FAITH_IN_PHYSICS = 2.0
+FAITH_IN_PHYSICS = 2.5
 """How sharply the physical score counts beside what was learned."""
 LEAST_QUIET = 200
 MOST_UNREST = 1.0
