@@ -91,8 +91,8 @@ def ranked(
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
-        lead = max((r.score(PENALTY) for r in best if not r.at_bound), default=0.0)
-        if at >= ALWAYS_TRIED and evidence.chi2 - samples - lead < BENT:
+        least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
+        if at >= ALWAYS_TRIED and least - samples < BENT:
             break  # nothing is left for another to explain
         progress(f"trying {owner}", 0.6 * at / len(order))
         tries = [
