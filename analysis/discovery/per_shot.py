@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.discovery.goes_with import goes_with
 from analysis.effects.effect import Effect
 from analysis.fit.measurand import Json
+from analysis.fit.problem import FitShot
 from analysis.fit.result import FitResult
 
 SIZE = "size_rms"
@@ -27,9 +29,9 @@ def parameters_by_shot(effect: Effect, result: FitResult) -> Json:
     Returns
     -------
     dict
-        By parameter: ``value``, the median, with ``least``, ``most`` and the number of ``shots``.
-        ``u`` is null: the shots differ, and that is not an uncertainty. Empty where the effect has
-        no such number.
+        By parameter: ``value``, the median, with ``least``, ``most``, the number of ``shots`` and
+        what they go with. ``u`` is null: the shots differ, and that is not an uncertainty. Empty
+        where the effect has no such number.
     """
     model = result.problem.model
     own = next((e for e in model.effects if e.id == effect.id), None)
@@ -41,16 +43,17 @@ def parameters_by_shot(effect: Effect, result: FitResult) -> Json:
             at = model.nuisances.index(f"{own.id}.{parameter.name}")
             felt = [own.acts_on(s.shot.sphere, s.shot.surface) for s in result.problem.shots]
             values = [parameter.value(float(x)) for x in result.fitted.nuisances[felt, at]]
-            found[parameter.name] = told_of_shots(values, parameter.unit)
+            shots = [s for s, own_shot in zip(result.problem.shots, felt, strict=True) if own_shot]
+            found[parameter.name] = told_of_shots(values, parameter.unit, shots)
     if own.basis is not None:
         unit = "V" if result.shots[0].item.shot.quantity == "voltage" else "of the signal"
         sizes = [_size(own, result, row) for row in range(len(result.shots))]
-        found[SIZE] = told_of_shots(sizes, unit)
+        found[SIZE] = told_of_shots(sizes, unit, result.problem.shots)
     return found
 
 
-def told_of_shots(values: Sequence[float], unit: str) -> Json:
-    """Return one value a shot as their median and range.
+def told_of_shots(values: Sequence[float], unit: str, shots: Sequence[FitShot]) -> Json:
+    """Return one value a shot as their median and range, and what it goes with.
 
     Parameters
     ----------
@@ -58,11 +61,14 @@ def told_of_shots(values: Sequence[float], unit: str) -> Json:
         One a shot.
     unit : str
         Theirs.
+    shots : sequence of FitShot
+        The shots.
 
     Returns
     -------
     dict
         ``value``, the median, with ``least``, ``most`` and the number of ``shots``; ``u`` is null.
+        ``goes_with`` says in words what the values follow.
     """
     return {
         "value": float(np.median(values)),
@@ -71,6 +77,7 @@ def told_of_shots(values: Sequence[float], unit: str) -> Json:
         "least": float(np.min(values)),
         "most": float(np.max(values)),
         "shots": len(values),
+        "goes_with": goes_with(values, shots),
     }
 
 

@@ -299,7 +299,10 @@ def _closure(diagnosis: Diagnosis, before: FitResult) -> Json | None:
         "scope": learned.scope,
         "parts": [{"family": family, "scope": scope} for family, scope in learned.parts],
         "coefficients": dict(learned.coefficients),
-        "by_shot": {k: told_of_shots(v.tolist(), "1") for k, v in learned.by_shot.items()},
+        "by_shot": {
+            label: told_of_shots(values.tolist(), "1", step.problem.shots)
+            for label, values in learned.by_shot.items()
+        },
         "heldout_rms_V": learned.heldout_rms,
         "curves": closure_curves(step, learned),
     }

@@ -68,14 +68,16 @@ def measured(quantity: Any, *, scale: float = 1.0) -> str:
     -------
     str
         For example ``3.15 +- 0.12``; ``-`` for ``None``. Where shots have a value each, their
-        median and range: ``0.31 (0.02 to 0.6 over 54 shots)``.
+        median and range, and what they go with: ``0.31 (0.02 to 0.6 over 54 shots; falls from drop
+        to drop, rank correlation -0.90)``.
     """
     if not isinstance(quantity, dict) or quantity.get("value") is None:
         return "-"
     value = quantity["value"] * scale
     if quantity.get("shots"):
         least, most = quantity["least"] * scale, quantity["most"] * scale
-        return f"{value:.3g} ({least:.3g} to {most:.3g} over {quantity['shots']} shots)"
+        over = "; ".join([f"over {quantity['shots']} shots", *(quantity.get("goes_with") or [])])
+        return f"{value:.3g} ({least:.3g} to {most:.3g} {over})"
     u = (quantity.get("u") or 0.0) * scale
     if not (math.isfinite(u) and u > 0):
         return f"{value:.5g}"

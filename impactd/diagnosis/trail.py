@@ -151,16 +151,20 @@ def coefficients(document: Json) -> str:
 
 
 def _by_shot(numbers: Json) -> str:
-    """Return the coefficients that every shot has for itself: their middle and range."""
+    """Return the coefficients that every shot has for itself: their middle, range and company."""
     rows = [
-        (html.escape(name), *(f"{told[key]:.4g}" for key in ("value", "least", "most")))
+        (
+            html.escape(name),
+            *(f"{told[key]:.4g}" for key in ("value", "least", "most")),
+            html.escape("; ".join(told.get("goes_with") or [])),
+        )
         for name, told in numbers.items()
     ]
     if not rows:
         return ""
     return (
         f"<details><summary>{len(rows)} coefficients of its own in every shot</summary>"
-        f"{table(('column', 'median', 'least', 'most'), rows)}</details>"
+        f"{table(('column', 'median', 'least', 'most', 'what it goes with'), rows)}</details>"
     )
 
 
