@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 FAMILY = "baseline"
 CORNERS_TRIED = 40
+LEAST_SHARE = 1e-6
+"""Of an order, that a shot's own parameters must leave of it for it to be seen."""
 _LEAST_CORNER = 1e-6
 
 
@@ -73,8 +75,10 @@ def _deviance(shots: list[ShotEvidence], at: list[int]) -> float:
 def _by_order(shot: ShotEvidence, at: list[int]) -> Array:
     """Return what each order explains beyond those before it, in units of the noise. Shape (q,)."""
     inner = shot.matrix[np.ix_(at, at)]
-    scale = np.sqrt(np.diag(inner))
-    root = np.linalg.cholesky(inner / np.outer(scale, scale))
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
+    sound = (vectors * np.maximum(values, LEAST_SHARE)) @ vectors.T
+    root = np.linalg.cholesky(sound)
     return np.square(solve_triangular(root, shot.vector[at] / scale, lower=True))
 
 
