@@ -34,7 +34,8 @@ def span_us(stacks: Json) -> tuple[float, float]:
     -----
     A bin's mean is told from noise by the bins before touch-down, as if noise were white: its
     standard deviation falls with the square root of a bin's width. Own rule; it moves the edge of
-    a picture, and no figure. Where fine bins meet coarse ones the finer width counts.
+    a picture, and no figure. Where fine bins meet coarse ones the finer width counts; a record's
+    last bin, of which nobody knows how full it is, does not.
     """
     t = np.array(stacks["time_us"])
     low, high = (share * stacks["contact_us"] for share in USUAL_SHARES)
@@ -44,6 +45,8 @@ def span_us(stacks: Json) -> tuple[float, float]:
     apart = np.diff(t)
     widths = np.minimum(np.append(apart, apart[-1]), np.insert(apart, 0, apart[0]))
     heard = np.abs(np.array(means)) * np.sqrt(widths)
+    for row in heard:
+        row[np.flatnonzero(np.isfinite(row))[-1:]] = np.nan
     quiet = heard[:, t < QUIET_BEFORE * stacks["contact_us"]]
     if not np.isfinite(quiet).any():
         return low, high

@@ -68,3 +68,13 @@ def test_without_shots_the_usual_is_drawn() -> None:
     """No curve, no error."""
     centres, _ = _bins()
     assert span_us(_stacks(np.zeros((0, centres.size)), centres)) == USUAL
+
+
+def test_a_last_bin_of_one_sample_is_nothing_late() -> None:
+    """Records end at different times, each in a bin that is hardly begun."""
+    centres, _ = _bins()
+    means = _noise(3)
+    for row, end in enumerate(range(centres.size - 9, centres.size)):
+        means[row, end:] = np.nan
+        means[row, end - 1] = 1.5
+    assert span_us(_stacks(means, centres)) == USUAL
