@@ -21,6 +21,8 @@ CONFUSED_WITHIN = 10.0
 """Candidates whose whitened squares differ by less than this cannot be told apart."""
 UNFINISHED_WITHIN = 100.0
 """So close behind, a refit that has not ended yet may still draw level."""
+LIKE_STEPS = 3.0
+"""A fit that has not ended may gain so many times more than it last did."""
 SPOKEN_FOR = 0.5
 """Share of the taken effect's gain, on a part of the shots, that asks for all of them."""
 
@@ -185,15 +187,18 @@ def _behind(taken: Refit, other: Refit) -> float:
 def _rivals(trail: Trail) -> dict[str, list[Refit]]:
     """Return what the data cannot tell from the last effect of a trail, under its id if anything.
 
-    It is fitted to its end where it is close behind.
+    It is fitted on where it is close behind, and where that does not come to an end it is near as
+    long as it draws nearer: along a bent valley every step is small, and the way is long.
     """
     step, taken = trail.steps[-2], trail.chosen[-1]
     step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
-    step.refits[:] = [
-        continued(step.fitted, r)
-        if _behind(taken, r) < UNFINISHED_WITHIN and not r.fitted.converged
-        else r
-        for r in step.refits
-    ]
-    near = [r for r in step.refits if not r.at_bound and _behind(taken, r) < CONFUSED_WITHIN]
+    near = []
+    for at, one in enumerate(step.refits):
+        within = CONFUSED_WITHIN
+        if _behind(taken, one) < UNFINISHED_WITHIN and not one.fitted.converged:
+            step.refits[at] = further = continued(step.fitted, one)
+            if not further.fitted.converged:
+                within += LIKE_STEPS * (further.gain - one.gain)
+        if not step.refits[at].at_bound and _behind(taken, step.refits[at]) < within:
+            near.append(step.refits[at])
     return {taken.owner: near} if near else {}
