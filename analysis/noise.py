@@ -213,10 +213,11 @@ def estimate_noise(
     flat = noise_slow.autoregressive(seen, short)
     found = _rising(seen, flat, gamma)
     model = plain if found is None else _rising_model(found, seen.samples, samples)
-    expected = noise_slow.drift_expected(seen, found or flat)
+    best = found or flat
+    expected = noise_slow.drift_expected(seen, best)
     return replace(
         model,
-        corner_below=noise_slow.largest_corner(seen, flat.short if found is None else found.short),
+        corner_below=noise_slow.largest_corner(seen, best.short),
         drift_rms=math.sqrt(seen.drift / seen.samples),
         drift_expected_rms=math.sqrt(expected / seen.samples),
     )

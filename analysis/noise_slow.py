@@ -31,7 +31,8 @@ FURTHEST_CORNER = 0.5
 DOUBTED = 9.0
 """Fall of twice the logarithm of the likelihood, three standard deviations, that ends what noise
 may be."""
-_LEAST_CORNER = 1e-6
+LEAST_CORNER = 1e-6
+"""Cycles per sample below which no corner is tried."""
 _GRID = 1 << 14
 
 
@@ -161,7 +162,7 @@ def largest_corner(seen: Spectrum, short: Array) -> float:
         level = float(np.average(seen.power / expected, weights=seen.lines))
         return _likelihood(seen, level * expected)
 
-    tried = np.geomspace(_LEAST_CORNER, FURTHEST_CORNER, 60)
+    tried = np.geomspace(LEAST_CORNER, FURTHEST_CORNER, 60)
     found = np.array([likelihood(float(c)) for c in tried])
     allowed = np.flatnonzero(2.0 * (found.max() - found) <= DOUBTED)
     return float(tried[allowed[-1]])

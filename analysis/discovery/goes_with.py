@@ -37,20 +37,16 @@ def goes_with(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
 
     Notes
     -----
-    Kruskal-Wallis between materials, Spearman's rank correlation with order and height, over all
-    shots and, where coupons differ, over each coupon's; a p-value times the number of questions is
-    below `CLEAR`.
+    Kruskal-Wallis between materials, with a p-value below `CLEAR`; Spearman's rank correlation with
+    order and height, over all shots and over each coupon's, of which the smallest p-value times
+    their number is.
     """
     found = np.asarray(values, dtype=np.float64)
     if found.size < LEAST_SHOTS or np.ptp(found) == 0.0:
         return []
-    said = []
-    for what, names in (
-        ("coupon", [s.shot.surface for s in shots]),
-        ("sphere", [s.shot.sphere for s in shots]),
-    ):
-        said += _between(what, found, np.array(names))
     coupons = np.array([s.shot.surface for s in shots])
+    spheres = np.array([s.shot.sphere for s in shots])
+    said = [*_between("coupon", found, coupons), *_between("sphere", found, spheres)]
     groups = {"": np.full(found.size, fill_value=True)}
     groups |= {f" on {name}": coupons == name for name in sorted(set(coupons.tolist()))}
     heights = [s.shot.drop_height_m for s in shots]

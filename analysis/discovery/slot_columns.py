@@ -234,7 +234,7 @@ def through_crystal(force: Array, rate: float, crystal: Crystal) -> Array:
     Returns
     -------
     ndarray, shape (n,) or (n, q)
-        One sample late, as the solver's crystal is. [unit of the force]
+        A force is felt from the next sample on. [unit of the force]
     """
     angle, zeta = crystal[0] / rate, crystal[1]
     pole = np.exp((-zeta + 1j * math.sqrt(max(1.0 - zeta**2, 0.0))) * angle)

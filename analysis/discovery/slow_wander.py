@@ -11,7 +11,6 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numpy.polynomial import legendre
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import chi2
@@ -19,8 +18,8 @@ from scipy.stats import chi2
 from analysis.discovery.evidence import Evidence, ShotEvidence
 from analysis.discovery.slot_columns import BASELINE_ORDERS
 from analysis.noise import NoiseModel
-from analysis.noise_slow import FURTHEST_CORNER
-from analysis.quiet_spectrum import slow_powers
+from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
+from analysis.quiet_spectrum import drift_basis, slow_powers
 
 Array = NDArray[np.float64]
 
@@ -28,7 +27,6 @@ FAMILY = "baseline"
 CORNERS_TRIED = 40
 LEAST_SHARE = 1e-6
 """Of an order, that a shot's own parameters must leave of it for it to be seen."""
-_LEAST_CORNER = 1e-6
 
 
 def p_of_wander(evidence: Evidence) -> float:
@@ -85,12 +83,10 @@ def _by_order(shot: ShotEvidence, at: list[int]) -> Array:
 def _corners(noise: NoiseModel) -> Array:
     """Return the corners to try, from none to the largest that is allowed. [1/sample]"""
     largest = FURTHEST_CORNER if noise.corner_below is None else noise.corner_below
-    return np.append(0.0, np.geomspace(_LEAST_CORNER, max(largest, _LEAST_CORNER), CORNERS_TRIED))
+    return np.append(0.0, np.geomspace(LEAST_CORNER, max(largest, LEAST_CORNER), CORNERS_TRIED))
 
 
 @lru_cache(maxsize=256)
 def _slow_powers(samples: int) -> Array:
     """Return how much noise of density 1/f moves each order of a zero line. Shape (q,)."""
-    x = np.linspace(-1.0, 1.0, samples)
-    orders = np.linalg.qr(legendre.legvander(x, max(BASELINE_ORDERS)))[0]
-    return slow_powers(orders[:, list(BASELINE_ORDERS)])
+    return slow_powers(drift_basis(samples, max(BASELINE_ORDERS))[:, list(BASELINE_ORDERS)])

@@ -171,9 +171,9 @@ def _ends_in_noise(found: Refit) -> bool:
     return found.usable and not look(found.problem, found.fitted).omnibus.structured
 
 
-def useful(step: Step, least: float = MIN_GAIN) -> list[Refit]:
+def useful(step: Step) -> list[Refit]:
     """Return the refits of a step that may be taken, best first."""
-    return [r for r in step.refits if r.usable and r.score(PENALTY) >= least]
+    return [r for r in step.refits if r.usable and r.score(PENALTY) >= MIN_GAIN]
 
 
 def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
