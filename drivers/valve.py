@@ -5,6 +5,7 @@ Relay off = vacuum on = sphere held: the state a dead host leaves behind should 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
@@ -72,8 +73,8 @@ class Valve(Protocol):
     def hold(self) -> ValveReport:
         """Switch the vacuum on."""
 
-    def release(self) -> ValveReport:
-        """Break the vacuum: the sphere falls."""
+    def release(self, permitted: Callable[[], bool] | None = None) -> ValveReport:
+        """Break the vacuum: the sphere falls; AbortedError where it is not permitted any more."""
 
     def vacuum(self) -> VacuumReading | None:
         """Return the gauge, ``None`` where the board has none."""

@@ -20,7 +20,12 @@ from typing import Any
 
 import structlog
 
-from impactd.acquisition.errors import CalibrationRefusedError, NotReadyError, RequestRefusedError
+from impactd.acquisition.errors import (
+    CalibrationRefusedError,
+    NotReadyError,
+    RequestRefusedError,
+    VoidedByAbortError,
+)
 from impactd.acquisition.failures import failure_of
 from impactd.acquisition.hands import Reservation
 from impactd.acquisition.service import AcquisitionService
@@ -29,6 +34,7 @@ from impactd.materials import Materials, UnknownMaterialError
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Calibration, Drop, DropRequest
 from impactd.storage.problem import Problem
+from impactd.storage.request_key import RequestKey
 
 _log = structlog.get_logger("impactd.calibration")
 # A drop waits for its sphere and for a quiet input; beyond all its own limits something is wrong.
@@ -92,6 +98,7 @@ class CalibrationRunner:
         slot: str | None,
         owner: str,
         unattended: bool = False,
+        accepted: int | None = None,
     ) -> Calibration:
         """Begin a run; return as soon as its row is durable.
 
@@ -105,6 +112,8 @@ class CalibrationRunner:
             Who asks.
         unattended : bool
             Nobody stands by the rig.
+        accepted : int, optional
+            Abort epoch at which the request was received; now without it.
 
         Returns
         -------
@@ -116,17 +125,19 @@ class CalibrationRunner:
         CalibrationRefusedError
             If the rig is not declared safe for unattended runs, cannot see its spheres, or the
             plan is empty or names materials that are no references.
-        UnknownMaterialError, DropHeightError, IdempotencyConflictError, BusyError, NotReadyError
+        UnknownMaterialError, DropHeightError, IdempotencyConflictError, BusyError, NotReadyError,
+        VoidedByAbortError
             As for a drop.
         """
         wanted = self._plan(plan)
+        epoch = self._service.epoch.now() if accepted is None else accepted
         with self._lock:
             known = None if slot is None else self._archive.calibrations.by_slot(slot)
             if known is not None:
                 # The table compares the plan; a slot with another plan is a conflict.
                 return self._archive.calibrations.begin(slot, wanted, owner)[0]
             drops = self._check(wanted, unattended=unattended)
-            reservation = self._service.reserve(f"calibration of {owner}", _NO_NUMBER_YET)
+            reservation = self._service.reserve(f"calibration of {owner}", _NO_NUMBER_YET, epoch)
             try:
                 run, created = self._archive.calibrations.begin(slot, wanted, owner)
                 reservation.calibration = run.number
@@ -255,8 +266,10 @@ class CalibrationRunner:
                 request,
                 owner=reservation.owner,
                 # So that not even a defect here could fire a planned drop twice.
-                idempotency_key=f"calibration-{run.number}-{index}-{attempt}",
+                idempotency_key=RequestKey("calibration", f"{run.number}-{index}-{attempt}").text,
                 calibration=run.number,
+                # Of the series: an abort between two drops voids all that are left.
+                accepted=reservation.accepted,
             )
             drop = self._wait(drop)
             self._look_for_end(run, reservation)
@@ -314,6 +327,8 @@ class CalibrationRunner:
     def _fail(self, run: Calibration, error: Exception) -> None:
         if isinstance(error, _EndedEarlyError):
             problem = error.problem
+        elif isinstance(error, VoidedByAbortError):
+            problem = _aborted(run, Problem("aborted", "", 409, f"{error.by} aborted the rig.", ""))
         elif isinstance(error, NotReadyError):
             problem = Problem(
                 "not-ready", "The rig was not ready", 409, error.sentence, error.remedy

@@ -8,10 +8,14 @@ from __future__ import annotations
 import atexit
 import contextlib
 import threading
+from collections.abc import Callable
 
-from drivers.errors import DriverError
+from drivers.errors import AbortedError, DeviceTimeoutError, DriverError
 from drivers.relay.serial_port import SerialPort
 from drivers.valve import ValveReport
+
+SAFE_WAIT_S = 0.3
+"""Longest wait for the line when the vacuum must go on; a conversation looks up every 10 ms."""
 
 
 class RelayBoard:
@@ -62,15 +66,34 @@ class RelayBoard:
         """
         return self._switch(vacuum_on=True)
 
-    def release(self) -> ValveReport:
+    def release(self, permitted: Callable[[], bool] | None = None) -> ValveReport:
         """Break the vacuum: the sphere falls.
+
+        Parameters
+        ----------
+        permitted : callable, optional
+            Asked once the line is ours; ``False`` keeps the vacuum on.
 
         Returns
         -------
         ValveReport
             Confirmed where the board can be read back.
+
+        Raises
+        ------
+        AbortedError
+            If it was not permitted any more, or `ensure_safe` cut in.
+
+        Notes
+        -----
+        Whoever withdraws the permission and then calls `ensure_safe` has the last word: this thread
+        either asks after the withdrawal, or holds the line, and then `ensure_safe` cuts it short
+        before its command goes out or switches the vacuum on behind it.
         """
-        return self._switch(vacuum_on=False)
+        with self._lock:
+            if permitted is not None and not permitted():
+                raise AbortedError("The release was called off before it was sent.")
+            return self._switch(vacuum_on=False)
 
     def ensure_safe(self) -> None:
         """Switch the vacuum on by whatever still works; do nothing on a port never opened.
@@ -126,6 +149,15 @@ class RelayBoard:
             except BaseException:
                 self._last_words()
                 raise
+
+    def _line_held(self) -> DeviceTimeoutError:
+        """Return the error for a line that another command holds although it was told to stop."""
+        return DeviceTimeoutError(
+            f"Another command holds the relay board's line for more than {SAFE_WAIT_S} s; the "
+            "vacuum was switched on over it, unconfirmed.",
+            why="The board takes no bytes, or the computer is overloaded.",
+            remedy="Look at the sphere; if it hangs on a dead line, switch the board off by hand.",
+        )
 
     def _require_open(self) -> None:
         if not self._port.is_open:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from drivers.relay.board import RelayBoard
+from drivers.relay.board import SAFE_WAIT_S, RelayBoard
 from drivers.relay.serial_port import SerialPort
 from drivers.valve import VacuumReading, ValveReport
 
@@ -70,5 +70,12 @@ class LcusValve(RelayBoard):
         return ValveReport(vacuum_on, False, began_ns, sent_ns, self._port.discard(0.0))
 
     def _make_safe(self) -> None:
-        # One write of a few bytes needs no lock: the system keeps it whole.
+        # At once, without a lock: the system keeps a few bytes whole. Then once more behind whoever
+        # holds the line, whose "on" may be on its way.
         self._port.write(_OFF_WORDS)
+        if not self._lock.acquire(timeout=SAFE_WAIT_S):
+            raise self._line_held()
+        try:
+            self._port.write(_OFF_WORDS)
+        finally:
+            self._lock.release()

@@ -12,12 +12,11 @@ import time
 from dataclasses import dataclass
 
 from drivers.errors import AbortedError, ConfigurationError, DisobeyedError, ProtocolError
-from drivers.relay.board import RelayBoard
+from drivers.relay.board import SAFE_WAIT_S, RelayBoard
 from drivers.relay.serial_port import SerialPort
 from drivers.valve import VacuumReading, ValveReport
 
 _POLL_S = 0.01
-_SAFE_WAIT_S = 0.3
 # A reply has some twenty characters; a board that babbles must not fill the memory.
 _HEARD_LIMIT_BYTES = 4096
 
@@ -77,6 +76,7 @@ class NumatoValve(RelayBoard):
         super().__init__(SerialPort(settings.port, settings.timeout_s), off_words)
         self._settings = settings
         self._hurry = threading.Event()
+        self._making_safe = threading.Lock()
         self._out_of_step = False
         self._identity = ""
         self._began_ns = self._sent_ns = 0
@@ -117,11 +117,15 @@ class NumatoValve(RelayBoard):
 
     def _make_safe(self) -> None:
         """Switch the vacuum on; a conversation of another thread ends with an AbortedError."""
+        # One after the other: two aborts want the same and must not cut each other short.
+        with self._making_safe:
+            self._cut_in()
+
+    def _cut_in(self) -> None:
         self._hurry.set()
-        if not self._lock.acquire(timeout=_SAFE_WAIT_S):
-            # Whoever holds the line does not let go; shout over him.
+        if not self._lock.acquire(timeout=SAFE_WAIT_S):
             self._port.write(self._off_words)
-            return
+            raise self._line_held()
         try:
             self._hurry.clear()
             if self._port.is_open:
@@ -170,16 +174,14 @@ class NumatoValve(RelayBoard):
         stale = self._port.discard(0.0)
         # Until the answer is here, every later question may hear this one's.
         in_step, self._out_of_step = not self._out_of_step, True
+        self._stop_if_cut_short(command)  # before a word goes out: it may be the one that releases
         self._began_ns = time.monotonic_ns()
         self._port.write(command.encode("ascii") + b"\r")
         self._sent_ns = time.monotonic_ns()
         heard = b""
         deadline = time.monotonic() + self._settings.timeout_s
         while True:
-            if self._hurry.is_set():
-                raise AbortedError(
-                    f"The command {command!r} was cut short: the valve is made safe."
-                )
+            self._stop_if_cut_short(command)
             heard = (heard + self._port.read(min(_POLL_S, self._settings.timeout_s)))[
                 -_HEARD_LIMIT_BYTES:
             ]
@@ -189,6 +191,10 @@ class NumatoValve(RelayBoard):
                 return answer[0], stale + answer[1]
             if time.monotonic() > deadline:
                 raise self._port.silence(command, heard)
+
+    def _stop_if_cut_short(self, command: str) -> None:
+        if self._hurry.is_set():
+            raise AbortedError(f"The command {command!r} was cut short: the valve is made safe.")
 
 
 def _answer_in(heard: bytes, command: str, reply: bytes) -> tuple[str, bytes] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+import time
 from dataclasses import asdict, dataclass
 from functools import lru_cache
 
@@ -65,6 +66,8 @@ class World:
         Rig time.
     faults : Faults
         Switches for whatever shall break.
+    openings_ns : list of int
+        Host clock at each opening of the valve, whatever the daemon says of it. [ns]
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -73,6 +76,7 @@ class World:
         self.settings = settings
         self.clock = RigClock(settings.clock_speed)
         self.faults = Faults()
+        self.openings_ns: list[int] = []
         # Two locks, taken in this order: a flight takes a tenth of a second to render, and the
         # valve must answer meanwhile.
         self._sampling = threading.RLock()
@@ -263,6 +267,8 @@ class World:
         """
         with self._lock:
             self._let_go()
+            if self._vacuum_on and not on:
+                self.openings_ns.append(time.monotonic_ns())
             if on:
                 self._leaves_s = math.inf
             elif self._vacuum_on and self._hanging is not None:

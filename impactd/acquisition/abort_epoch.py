@@ -6,7 +6,7 @@
     abort            ── advance() ──> everything accepted before is void, wherever it waits
 
 A request to move carries the epoch at which it was received. The valve opens only for the present
-epoch, and the comparison is made under the lock that an abort takes too. So nothing that is older
+epoch, and an abort advances the epoch before it switches the vacuum on. So nothing that is older
 than an abort can move after it: not a drop, not the next drop of a series, not a request that still
 waits for the disk.
 """
@@ -27,18 +27,37 @@ class AbortEpoch:
 
     def __init__(self) -> None:
         self._value = 1
+        self._closed = False
+        self._aborted_by = ""
         self._lock = threading.Lock()
+
+    @property
+    def aborted_by(self) -> str:
+        """Who advanced it last; empty before the first abort."""
+        return self._aborted_by
 
     def now(self) -> int:
         """Return the present epoch."""
         return self._value
 
-    def advance(self) -> int:
+    def advance(self, by: str) -> int:
         """Begin the next epoch and return it; everything accepted before is void."""
         with self._lock:
             self._value += 1
+            self._aborted_by = by
             return self._value
+
+    def close(self, by: str) -> None:
+        """Make everything void, for good: the daemon ends."""
+        with self._lock:
+            self._closed = True
+        self.advance(by)
+
+    def open(self) -> None:
+        """Let new requests be valid again; what was accepted before `close` stays void."""
+        with self._lock:
+            self._closed = False
 
     def is_present(self, epoch: int) -> bool:
         """Return whether nothing was aborted since an epoch was read."""
-        return epoch == self._value
+        return epoch == self._value and not self._closed

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from impactd.acquisition.errors import BusyError, DropHeightError, NotReadyError
 from impactd.acquisition.hands import Reservation
@@ -41,14 +43,30 @@ class Admission:
         Held from `admit` until the drop has begun, so that of many requests one wins.
     reservation : Reservation or None
         The series that holds the rig.
+    entering : int
+        Requests on their way from `admit` to the loop; read without the lock.
     """
 
     def __init__(self, loop: RigLoop, archive: Archive, settings: Settings) -> None:
         self.lock = threading.Lock()
         self.reservation: Reservation | None = None
+        self.entering = 0
+        self._counting = threading.Lock()
         self._loop = loop
         self._archive = archive
         self._settings = settings
+
+    @contextmanager
+    def way_in(self) -> Iterator[None]:
+        """Hold the lock, counted from before it is there: an abort must know who is on the way."""
+        with self._counting:
+            self.entering += 1
+        try:
+            with self.lock:
+                yield
+        finally:
+            with self._counting:
+                self.entering -= 1
 
     def check_height(self, drop_height_m: float) -> None:
         """Raise `DropHeightError` unless the rig allows a height.

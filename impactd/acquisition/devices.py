@@ -13,9 +13,7 @@ from impactd.acquisition.preflight import Baseline, Check, check_input
 from impactd.rig import Rig
 from impactd.settings import Settings
 
-# An abort waits this long for a release command that is on the wire just now; longer would break
-# its promise of 100 ms.
-_RELEASE_PATIENCE_S = 0.03
+# An abort's promise of 100 ms is mostly the valve's.
 _STOP_PATIENCE_S = 0.03
 _LOOK_SAMPLES = 20_000
 
@@ -115,45 +113,43 @@ def look(rig: Rig, settings: Settings, *, at_input: bool) -> Findings:
     return Findings(tuple(checks), baseline)
 
 
-def make_safe(rig: Rig, release_lock: threading.Lock | None = None) -> list[DriverError]:
+def make_safe(rig: Rig) -> list[Exception]:
     """Put the vacuum on and stop the digitizer, from any thread, whatever state they are in.
 
-    The valve comes first and is waited for. The digitizer is told to stop and waited for only
-    briefly: whoever drives it drains it.
+    The valve is waited for. The digitizer is told to stop and waited for only briefly: whoever
+    drives it drains it.
 
     Parameters
     ----------
     rig : Rig
         Its devices may be gone.
-    release_lock : Lock, optional
-        Held around a release; waited for briefly, so that "vacuum on" comes last.
 
     Returns
     -------
-    list of DriverError
-        What did not work; both devices were tried.
+    list of Exception
+        What did not work, whatever it was; both devices were tried.
     """
-    troubles: list[DriverError] = []
+    troubles: list[Exception] = []
     stopping = threading.Thread(
         target=_stop_digitizer, args=(rig, troubles), name="stop-digitizer", daemon=True
     )
-    stopping.start()
-    locked = release_lock.acquire(timeout=_RELEASE_PATIENCE_S) if release_lock else False
+    try:
+        stopping.start()
+    except RuntimeError as error:  # no thread left: the valve must not depend on one
+        troubles.append(error)
     try:
         rig.valve.ensure_safe()
-    except DriverError as error:
+    except Exception as error:
         troubles.insert(0, error)
-    finally:
-        if release_lock is not None and locked:
-            release_lock.release()
-    stopping.join(_STOP_PATIENCE_S)
+    if stopping.ident is not None:
+        stopping.join(_STOP_PATIENCE_S)
     return troubles
 
 
-def _stop_digitizer(rig: Rig, troubles: list[DriverError]) -> None:
+def _stop_digitizer(rig: Rig, troubles: list[Exception]) -> None:
     try:
         rig.digitizer.ensure_stopped()
-    except DriverError as error:
+    except Exception as error:
         troubles.append(error)
 
 
@@ -194,14 +190,14 @@ def confirm_safe(rig: Rig) -> Failure | None:
     Failure or None
         What speaks against the next drop.
     """
-    troubles: list[DriverError] = []
-    _stop_digitizer(rig, troubles)
     report: ValveReport | None = None
+    troubles: list[Exception] = []
     try:
         rig.valve.ensure_safe()
         report = hold(rig)
-    except DriverError as error:
-        troubles.insert(0, error)
+    except Exception as error:  # whatever it is, somebody must hear of it and the drop must end
+        troubles.append(error)
+    _stop_digitizer(rig, troubles)
     if troubles:
         found = failure_of(troubles[0])
         doubt = found.doubt if found.doubt is not Doubt.NONE else Doubt.RETRY

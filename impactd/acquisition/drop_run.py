@@ -2,7 +2,7 @@
 
 ::
 
-    load -> check -> arm -> release -> wait for the impact -> capture -> hold -> store
+    load -> check -> arm -> release -> wait for the impact -> hold -> capture -> store
 
 Each step does something, then tells the machine. A step that cannot be done raises; `DropRun` never
 cleans up itself, the loop does that in one place for failures and aborts alike.
@@ -30,6 +30,7 @@ from impactd.acquisition.preflight import (
     check_input,
 )
 from impactd.acquisition.transitions import IllegalTransitionError, Machine, State
+from impactd.acquisition.valve_guard import ValveGuard
 from impactd.acquisition.witness import Witness, circumstances, trigger_settings
 from impactd.materials import Materials
 from impactd.rig import Rig
@@ -46,6 +47,9 @@ from impactd.storage.archive import (
 
 _LOOK_EVERY_S = 0.01
 _STORE_AGAIN_S = 0.5
+# Where no impact comes, the walk asks the gauge once (one answer of the valve) and then closes the
+# valve itself. Only a walk that is stuck leaves it to the timer, so much later.
+_CLOSING_S = 1.0
 # The height is known to a percent or so and the trigger comes a little late; a "fall" shorter than
 # this share of sqrt(2 h / g) was something else knocking at the cell.
 _SHORTEST_FALL_SHARE = 0.8
@@ -58,6 +62,10 @@ class DropRun:
     ----------
     drop : Drop
         Its row.
+    accepted : int
+        Abort epoch at which it was asked for.
+    guard : ValveGuard
+        Opens the valve.
     rig, archive, settings, materials, machine
         What it works with.
     moved : callable
@@ -77,18 +85,18 @@ class DropRun:
         Set by whoever wants the end.
     aborted_by : str
         Who that was.
-    release_lock : threading.Lock
-        Held around the release, so that an abort is either before or after it.
     finished : threading.Event
         Set once the drop's row says how it ended.
     hold_error : DriverError or None
-        A valve that did not close after the record.
+        A valve that did not close after the impact.
     """
 
     def __init__(
         self,
         drop: Drop,
         *,
+        accepted: int,
+        guard: ValveGuard,
         rig: Rig,
         archive: Archive,
         settings: Settings,
@@ -103,9 +111,10 @@ class DropRun:
         self.seen = Witness()
         self.aborting = threading.Event()
         self.aborted_by = ""
-        self.release_lock = threading.Lock()
         self.finished = threading.Event()
         self.hold_error: DriverError | None = None
+        self._accepted = accepted
+        self._guard = guard
         self._rig = rig
         self._archive = archive
         self._settings = settings
@@ -120,6 +129,11 @@ class DropRun:
         """Time of a free fall from the drop height, sqrt(2 h / g). [s]"""
         height_m = self.drop.request.drop_height_m
         return math.sqrt(2 * height_m / self._settings.release.gravity_m_per_s2)
+
+    @property
+    def _impact_limit_s(self) -> float:
+        """Longest time from the release to the impact. [s]"""
+        return self.fall_time_s + self._settings.timeouts.impact_margin_s
 
     def run(self) -> Shot:
         """Walk through all steps.
@@ -140,7 +154,6 @@ class DropRun:
         self._release()
         self._wait_impact()
         record = self._capture()
-        self._hold_again()
         return self._store(record)
 
     def about(self) -> ShotAbout:
@@ -230,11 +243,9 @@ class DropRun:
         self._advance(Event.STREAMING, "releases the sphere", "armed")
 
     def _release(self) -> None:
-        # The lock makes an abort fall either before the release, which then does not happen, or
-        # after it, in which case the abort's own "vacuum on" has the last word.
-        with self.release_lock:
-            self._pulse()
-            report = self.seen.valve = self._rig.valve.release()
+        self._pulse()
+        limit_s = self._impact_limit_s + self._settings.valve.timeout_s + _CLOSING_S
+        report = self.seen.valve = self._guard.open(self._accepted, limit_s)
         if self._rig.valve.can_confirm and not report.confirmed:
             raise refusals.valve_unconfirmed()
         if not report.confirmed:
@@ -243,12 +254,13 @@ class DropRun:
         self._advance(Event.VALVE_OPENED, "falls", "released")
 
     def _wait_impact(self) -> None:
-        limit_s = self.fall_time_s + self._settings.timeouts.impact_margin_s
+        limit_s = self._impact_limit_s
         try:
             trigger_ns = self._rig.digitizer.wait_trigger(limit_s, self.aborting)
         except TriggerTimeoutError as error:
             raise self._missed(limit_s, error) from error
         self.seen.trigger_ns = trigger_ns
+        self._hold_again()
         self._advance(Event.TRIGGERED, "is being recorded", "capturing")
         assert self.seen.valve is not None
         # From before the command: a busy host reads its clock late, and must not lose a drop by it.
@@ -277,12 +289,13 @@ class DropRun:
         return record
 
     def _hold_again(self) -> None:
-        """Close the valve; its failure must not cost the shot that is already in memory."""
+        """Close the valve; its failure must not cost the shot that is being recorded."""
         try:
             self.seen.note_garbage(hold(self._rig))
+            self._guard.is_closed()
         except DriverError as error:
             self.hold_error = error
-            self.seen.notes.append(f"the valve did not close after the record: {error.what}")
+            self.seen.notes.append(f"the valve did not close after the impact: {error.what}")
 
     def _store(self, record: Record) -> Shot:
         self._beat()

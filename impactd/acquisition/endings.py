@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from typing import Any
 
 import structlog
 
 from impactd.acquisition.drop_run import DropRun
+from impactd.acquisition.errors import VoidedByAbortError
 from impactd.acquisition.failures import Doubt, Failure, failure_of
 from impactd.storage.archive import Archive, ArchiveError, Drop, DropStateError
 from impactd.storage.problem import Problem
@@ -36,6 +38,19 @@ def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
         detail += f" Besides: {failure.problem.detail}"
     remedy = "Ask for a new drop; the sphere may have fallen, so look at the coupon first."
     return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
+
+
+def voided_problem(by: str) -> Problem:
+    """Return why a drop was never begun that somebody aborted on its way in."""
+    error = VoidedByAbortError(by)
+    return Problem("aborted", "Drop aborted", 409, str(error), "Look at the rig, then ask again.")
+
+
+def not_ready_problem(fault: Failure | None) -> Problem:
+    """Return why a drop was never begun whose rig fell into doubt in that moment."""
+    detail = fault.problem.detail if fault else "The rig was lost as the drop was asked for."
+    remedy = fault.problem.remedy if fault else "See `impactd status`, then ask again."
+    return Problem("not-ready", "The rig is not ready", 409, detail, remedy)
 
 
 def worst_of(*found: Failure | None) -> Failure | None:
@@ -96,6 +111,8 @@ class Rows:
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
         self._unwritten: list[tuple[int, str, Problem]] = []
+        # The loop and a request that came too late both end drops here.
+        self._lock = threading.Lock()
 
     def close(self, number: int, state: str, problem: Problem) -> Failure | None:
         """Write how a drop ended.
@@ -114,7 +131,8 @@ class Rows:
         Failure or None
             Why it could not be written: then no further drop should come.
         """
-        self._unwritten.append((number, state, problem))
+        with self._lock:
+            self._unwritten.append((number, state, problem))
         try:
             self.write_all()
         except ArchiveError as error:
@@ -130,14 +148,15 @@ class Rows:
         ArchiveError
             If the archive still cannot take it.
         """
-        while self._unwritten:
-            number, state, problem = self._unwritten[0]
-            try:
-                self._archive.set_drop_state(number, state, problem)
-            except DropStateError:
-                # It has ended already, e.g. stored in the very moment that something else failed.
-                _log.warning("a drop had ended before", drop=number, wanted=state)
-            self._unwritten.pop(0)
+        with self._lock:
+            while self._unwritten:
+                number, state, problem = self._unwritten[0]
+                try:
+                    self._archive.set_drop_state(number, state, problem)
+                except DropStateError:
+                    # It has ended already, e.g. stored in the moment that something else failed.
+                    _log.warning("a drop had ended before", drop=number, wanted=state)
+                self._unwritten.pop(0)
 
 
 def about_drop(drop: Drop) -> dict[str, Any]:

@@ -4,6 +4,7 @@
 
     RequestRefusedError             nothing was begun and nothing moved
     ├── BusyError                   somebody else's drop is under way
+    ├── VoidedByAbortError          somebody aborted after the request was accepted
     ├── NotReadyError               the rig cannot take a drop now
     │   └── CalibrationRefusedError a calibration run cannot be started
     └── DropHeightError             the height is none that this rig allows
@@ -32,6 +33,20 @@ class BusyError(RequestRefusedError):
         self.number = number
         what = f"drop {number} of {owner} is under way" if number else f"{owner} holds the rig"
         super().__init__(f"The rig is busy: {what}. Wait for its end, or abort it.")
+
+
+class VoidedByAbortError(RequestRefusedError):
+    """Somebody aborted the rig after the request had been accepted.
+
+    Parameters
+    ----------
+    by : str
+        Who did.
+    """
+
+    def __init__(self, by: str) -> None:
+        self.by = by
+        super().__init__(f"{by} aborted the rig after this was asked for, so nothing was moved.")
 
 
 class NotReadyError(RequestRefusedError):

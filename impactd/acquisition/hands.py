@@ -6,7 +6,6 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from drivers.errors import DriverError
 from impactd.acquisition.transitions import DROP_UNDER_WAY, State
 
 
@@ -19,6 +18,8 @@ class Reservation:
         Who holds it.
     calibration : int or None
         The calibration run whose drops are let through.
+    accepted : int
+        Abort epoch at which the series was asked for: an abort voids all its later drops.
 
     Attributes
     ----------
@@ -28,9 +29,10 @@ class Reservation:
         Who that was.
     """
 
-    def __init__(self, owner: str, calibration: int | None) -> None:
+    def __init__(self, owner: str, calibration: int | None, accepted: int) -> None:
         self.owner = owner
         self.calibration = calibration
+        self.accepted = accepted
         self.aborted = threading.Event()
         self.aborted_by = ""
 
@@ -61,7 +63,9 @@ def report_of(
     before: State,
     drop: int | None,
     reservation: Reservation | None,
-    troubles: Sequence[DriverError],
+    *,
+    entering: int,
+    troubles: Sequence[Exception],
     took_s: float,
 ) -> AbortReport:
     """Put an abort into words.
@@ -74,7 +78,9 @@ def report_of(
         The drop that was under way.
     reservation : Reservation or None
         The series that was under way.
-    troubles : sequence of DriverError
+    entering : int
+        Requests that were about to begin a drop.
+    troubles : sequence of Exception
         What could not be made safe.
     took_s : float
         [s]
@@ -95,8 +101,11 @@ def report_of(
         what = "No drop was under way."
     if reservation is not None:
         what += f" The series of {reservation.owner} was ended."
+    if entering:
+        what += " A request that was about to begin is refused."
     if troubles:
         what += " NOT MADE SAFE: " + " ".join(str(trouble) for trouble in troubles)
     else:
         what += " The vacuum is on and the digitizer is stopped."
-    return AbortReport(ended is not None or reservation is not None, ended, what, took_s)
+    aborted = ended is not None or reservation is not None or entering > 0
+    return AbortReport(aborted, ended, what, took_s)

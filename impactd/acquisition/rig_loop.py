@@ -16,17 +16,28 @@ from typing import Any
 import structlog
 
 from drivers.errors import AbortedError, DeviceTimeoutError, DriverError
+from impactd.acquisition.abort_epoch import AbortEpoch
 from impactd.acquisition.devices import confirm_safe, connect, make_safe
 from impactd.acquisition.drop_run import DropRun
-from impactd.acquisition.endings import Rows, about_drop, ending_of, keep_evidence, worst_of
+from impactd.acquisition.endings import (
+    Rows,
+    about_drop,
+    ending_of,
+    keep_evidence,
+    not_ready_problem,
+    voided_problem,
+    worst_of,
+)
 from impactd.acquisition.events import Event
 from impactd.acquisition.failures import Doubt, Failure, RescuedError, failure_of
 from impactd.acquisition.idle_watch import IdleWatch
+from impactd.acquisition.progress_writer import ProgressWriter
 from impactd.acquisition.transitions import Machine, State
+from impactd.acquisition.valve_guard import ValveGuard
 from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
-from impactd.storage.archive import Archive, ArchiveError, Drop, Shot
+from impactd.storage.archive import Archive, ArchiveError, Drop, DropStateError, Shot
 from impactd.storage.problem import Problem
 
 _log = structlog.get_logger("impactd.acquisition")
@@ -45,7 +56,11 @@ class RigLoop:
     rig, archive, settings, materials
         As `AcquisitionService` was given them.
     publish : callable
-        Never raises.
+        Never raises and never waits.
+    epoch : AbortEpoch
+        What every movement is checked against.
+    writer : ProgressWriter
+        Writes what need not be waited for.
 
     Attributes
     ----------
@@ -73,6 +88,9 @@ class RigLoop:
         settings: Settings,
         materials: Materials,
         publish: Publish,
+        *,
+        epoch: AbortEpoch,
+        writer: ProgressWriter,
     ) -> None:
         self.machine = Machine()
         self.present = threading.Lock()
@@ -87,6 +105,9 @@ class RigLoop:
         self._settings = settings
         self._materials = materials
         self._publish = publish
+        self._epoch = epoch
+        self._writer = writer
+        self._guard = ValveGuard(rig.valve, epoch)
         self._queue: queue.SimpleQueue[DropRun] = queue.SimpleQueue()
         self._wake = threading.Event()
         self._acknowledged = threading.Event()
@@ -118,22 +139,26 @@ class RigLoop:
         thread = self._thread
         return thread is not None and thread.is_alive()
 
-    def begin(self, drop: Drop) -> bool:
+    def begin(self, drop: Drop, accepted: int) -> bool:
         """Take a drop whose row is durable.
 
         Parameters
         ----------
         drop : Drop
             Admitted a moment ago.
+        accepted : int
+            Abort epoch at which it was asked for.
 
         Returns
         -------
         bool
-            ``False`` when a look found the rig in doubt in that very moment: the row is closed
-            with that reason and nothing moves.
+            ``False`` when the rig fell into doubt or somebody aborted in that very moment: the row
+            is closed with that reason and nothing moves.
         """
         run = DropRun(
             drop,
+            accepted=accepted,
+            guard=self._guard,
             rig=self._rig,
             archive=self._archive,
             settings=self._settings,
@@ -144,12 +169,16 @@ class RigLoop:
             ending=self.ending,
         )
         with self.present:
+            void = not self._epoch.is_present(accepted)
             idle = self.machine.state is State.IDLE
-            if idle:
+            if idle and not void:
                 self.machine.apply(Event.REQUESTED)
                 self.run = run
+        if void:
+            self._refuse(drop, "aborted", voided_problem(self._epoch.aborted_by))
+            return False
         if not idle:
-            self._refuse(drop)
+            self._refuse(drop, "failed", not_ready_problem(self.fault))
             return False
         self._queue.put(run)
         self._wake.set()
@@ -292,24 +321,21 @@ class RigLoop:
 
     # Ends of a drop
 
-    def _refuse(self, drop: Drop) -> None:
-        """Close the row of a drop that came in the moment in which the rig fell into doubt."""
-        fault = self.fault
-        detail = fault.problem.detail if fault else "The rig was lost as the drop was asked for."
-        remedy = fault.problem.remedy if fault else "See `impactd status`, then ask again."
-        problem = Problem("not-ready", "The rig is not ready", 409, detail, remedy)
-        self._rows.close(drop.number, "failed", problem)
-        self._publish(
-            "drop.failed",
-            {
-                "number": drop.number,
-                "type": problem.type,
-                "detail": problem.detail,
-                "remedy": problem.remedy,
-                "evidence": None,
-            },
-        )
+    def _refuse(self, drop: Drop, state: str, problem: Problem) -> None:
+        """Close the row of a drop that may not begin any more."""
+        self._rows.close(drop.number, state, problem)
+        self._tell_end(drop.number, state, problem, None)
         self._notify()
+
+    def _tell_end(self, number: int, state: str, problem: Problem, evidence: str | None) -> None:
+        told = {
+            "number": number,
+            "type": problem.type,
+            "detail": problem.detail,
+            "remedy": problem.remedy,
+            "evidence": evidence,
+        }
+        self._publish(f"drop.{state}", told)
 
     def _stored(self, run: DropRun, shot: Shot) -> None:
         number = run.drop.number
@@ -339,6 +365,7 @@ class RigLoop:
         with self.present:
             self.machine.apply(Event.FAILED)
         confirm_safe(self._rig)
+        self._guard.is_closed()
         _log.warning("a record is kept outside the archive", drop=number, path=str(error.path))
         with self.present:
             self.run = None
@@ -349,8 +376,9 @@ class RigLoop:
         failure = failure_of(error)
         with self.present:
             self.machine.apply(Event.FAILED)
+        unsafe = confirm_safe(self._rig)  # before anything is written or told
+        self._guard.is_closed()
         self.tell_state()
-        unsafe = confirm_safe(self._rig)
         state, problem = ending_of(run, failure)
         if problem.type == "internal":
             _log.error("a drop met a defect", drop=run.drop.number, exc_info=error)
@@ -362,16 +390,7 @@ class RigLoop:
             self.run = None
             self.fault = fault
             self.machine.apply(Event.MADE_SAFE if fault is None else Event.RIG_DOUBTED)
-        self._publish(
-            f"drop.{state}",
-            {
-                "number": number,
-                "type": problem.type,
-                "detail": problem.detail,
-                "remedy": problem.remedy,
-                "evidence": kept,
-            },
-        )
+        self._tell_end(number, state, problem, kept)
         if fault is not None:
             self._tell_fault(fault)
         self.tell_state()
@@ -384,16 +403,24 @@ class RigLoop:
         with self.present:
             run = self.run
         if drop_state is not None and run is not None:
-            try:
-                self._archive.set_drop_state(run.drop.number, drop_state)
-            except ArchiveError as error:
-                # Before the release it stops the drop. Once the sphere falls the record counts for
-                # more than its progress report, which `store_shot` overtakes anyway.
-                if self.machine.state not in _SPHERE_AWAY:
-                    raise
-                _log.warning("a step could not be written", drop=run.drop.number, why=error.what)
-            self._publish(f"drop.{drop_state}", {"number": run.drop.number})
+            number = run.drop.number
+            if self.machine.state in _SPHERE_AWAY:
+                # The valve is open: nothing waits for the disk now.
+                self._writer.put(lambda: self._write_step(number, drop_state))
+            else:
+                # A step that cannot be written stops a drop whose sphere still hangs.
+                self._archive.set_drop_state(number, drop_state)
+            self._publish(f"drop.{drop_state}", {"number": number})
         self.tell_state()
+
+    def _write_step(self, number: int, drop_state: str) -> None:
+        """Write a step of a drop whose record counts for more; its end may have overtaken it."""
+        try:
+            self._archive.set_drop_state(number, drop_state)
+        except DropStateError:
+            return
+        except ArchiveError as error:
+            _log.warning("a step could not be written", drop=number, why=error.what)
 
     def _tell_fault(self, fault: Failure) -> None:
         self._tried_s = time.monotonic()

@@ -13,18 +13,19 @@ from the caller's thread, because it must not wait for anything.
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import Any
 
 import structlog
 
+from impactd.acquisition.abort_epoch import AbortEpoch
 from impactd.acquisition.admission import REMEDY, Admission
 from impactd.acquisition.devices import make_safe
 from impactd.acquisition.endings import about_drop
-from impactd.acquisition.errors import NotReadyError
+from impactd.acquisition.errors import NotReadyError, VoidedByAbortError
 from impactd.acquisition.events import Event
 from impactd.acquisition.hands import AbortReport, Reservation, report_of
+from impactd.acquisition.progress_writer import ProgressWriter
 from impactd.acquisition.rig_loop import Publish, RigLoop
 from impactd.acquisition.status import Facts, ServiceStatus, status_of
 from impactd.acquisition.transitions import DROP_UNDER_WAY, State
@@ -45,6 +46,8 @@ _ALIVE_WITHIN_S = 20.0
 # An abort waits this long for the drop's row, so that its answer can already say "aborted".
 _ROW_PATIENCE_S = 0.05
 _ACKNOWLEDGE_S = 10.0
+# At the end, for events that still wait: as long as the index waits for its lock.
+_LAST_WORDS_S = 10.0
 
 
 class AcquisitionService:
@@ -77,10 +80,19 @@ class AcquisitionService:
         self._settings = settings
         self._materials = materials
         self._tell = publish
-        self._loop = RigLoop(rig, archive, settings, materials, self.publish)
+        self._epoch = AbortEpoch()
+        self._writer = ProgressWriter()
+        self._loop = RigLoop(
+            rig,
+            archive,
+            settings,
+            materials,
+            self.publish,
+            epoch=self._epoch,
+            writer=self._writer,
+        )
         self._admission = Admission(self._loop, archive, settings)
         self._interrupted: tuple[int, ...] = ()
-        self._teller: threading.Thread | None = None
 
     # Life
 
@@ -90,16 +102,17 @@ class AcquisitionService:
         self._interrupted = tuple(drop.number for drop in ended if drop.state == "interrupted")
         for drop in ended:
             self.publish(f"drop.{drop.state}", about_drop(drop))
+        self._epoch.open()
         self._loop.start()
 
     def stop(self) -> None:
         """End whatever runs with the valve safe; safe to call twice."""
-        with self._admission.lock:
-            self._loop.ending.set()
+        # Nothing moves from here on, whoever still waits for the disk or for a lock.
+        self._epoch.close("shutdown")
+        self._loop.ending.set()
         self.abort(by="shutdown")
         self._loop.stop()
-        if self._teller is not None:
-            self._teller.join()
+        self._writer.stop(_LAST_WORDS_S)
 
     def alive(self) -> bool:
         """Return whether the loop beat and the database answered lately, for the watchdog."""
@@ -116,6 +129,11 @@ class AcquisitionService:
 
     # Requests
 
+    @property
+    def epoch(self) -> AbortEpoch:
+        """What requests are stamped with as they arrive."""
+        return self._epoch
+
     def request_drop(
         self,
         request: DropRequest,
@@ -123,6 +141,7 @@ class AcquisitionService:
         owner: str,
         idempotency_key: str | None = None,
         calibration: int | None = None,
+        accepted: int | None = None,
     ) -> Drop:
         """Begin a drop; return as soon as its row is durable.
 
@@ -136,12 +155,14 @@ class AcquisitionService:
             The same key with the same request gives the same drop, even while the rig is busy.
         calibration : int, optional
             The calibration run it belongs to.
+        accepted : int, optional
+            Abort epoch at which the request was received; now without it.
 
         Returns
         -------
         Drop
             ``requested``, or however far the drop of the same key has come; ``failed`` when the
-            rig fell into doubt in this very moment.
+            rig fell into doubt in this very moment, ``aborted`` when somebody aborted in it.
 
         Raises
         ------
@@ -149,27 +170,41 @@ class AcquisitionService:
             If the rig does not know or allow what is asked.
         IdempotencyConflictError
             If the key belongs to another request.
+        VoidedByAbortError
+            If somebody aborted since it was received.
         BusyError
             If somebody else holds the rig.
         NotReadyError
             If the rig cannot take a drop now.
         """
+        epoch = self._epoch.now() if accepted is None else accepted
         self._materials.check(request.sphere, request.surface)
         self.check_height(request.drop_height_m)
-        with self._admission.lock:
+        with self._admission.way_in():
             if idempotency_key is not None:
                 known = self._archive.drop_by_key(idempotency_key, request)
                 if known is not None:
                     return known
+            self._check_epoch(epoch)
             self._admission.admit(calibration, self.status().sentence)
+            self._check_epoch(epoch)
             drop, _ = self._archive.begin_drop(
                 request, owner=owner, idempotency_key=idempotency_key, calibration=calibration
             )
-            begun = self._loop.begin(drop)
+            begun = self._loop.begin(drop, epoch)
         self.publish("drop.requested", about_drop(drop))
         return drop if begun else self._archive.drop(drop.number)
 
-    def reserve(self, owner: str, calibration: int | None = None) -> Reservation:
+    def _check_epoch(self, epoch: int) -> None:
+        # Only for a clear answer: what counts is the comparison as the valve opens.
+        if self._loop.ending.is_set():
+            return  # the daemon ends, and says so itself
+        if not self._epoch.is_present(epoch):
+            raise VoidedByAbortError(self._epoch.aborted_by)
+
+    def reserve(
+        self, owner: str, calibration: int | None = None, accepted: int | None = None
+    ) -> Reservation:
         """Hold the rig for a series of drops.
 
         Parameters
@@ -178,6 +213,8 @@ class AcquisitionService:
             How others are told who holds the rig.
         calibration : int, optional
             Only drops of this calibration run are let through.
+        accepted : int, optional
+            Abort epoch at which the series was asked for; now without it.
 
         Returns
         -------
@@ -186,14 +223,18 @@ class AcquisitionService:
 
         Raises
         ------
+        VoidedByAbortError
+            If somebody aborted since it was asked for.
         BusyError
             If somebody else holds the rig.
         NotReadyError
             If the rig cannot take a drop now.
         """
-        with self._admission.lock:
+        epoch = self._epoch.now() if accepted is None else accepted
+        with self._admission.way_in():
             self._admission.admit(calibration, self.status().sentence)
-            reservation = Reservation(owner, calibration)
+            self._check_epoch(epoch)
+            reservation = Reservation(owner, calibration, epoch)
             self._admission.reservation = reservation
             return reservation
 
@@ -212,6 +253,9 @@ class AcquisitionService:
     def abort(self, *, by: str, number: int | None = None) -> AbortReport:
         """End whatever runs: vacuum on, digitizer stopped, state changed, before this returns.
 
+        Nothing that was accepted before the return moves the valve any more. No database and no
+        file is touched, and no lock is waited for that is held longer than some microseconds.
+
         Parameters
         ----------
         by : str
@@ -228,8 +272,12 @@ class AcquisitionService:
         began_s = time.monotonic()
         with self._loop.present:
             run = self._loop.run
-            if number is not None and (run is None or run.drop.number != number):
+            # A drop that has its row and not yet the rig is one of those that are entering.
+            entering = self._admission.entering if run is None else 0
+            other = run.drop.number != number if run is not None else entering == 0
+            if number is not None and other:
                 return AbortReport(False, None, f"Drop {number} is not under way.", 0.0)
+            self._epoch.advance(by)
             reservation = self._admission.reservation
             if run is not None:
                 run.aborted_by = run.aborted_by or by
@@ -238,17 +286,19 @@ class AcquisitionService:
         if reservation is not None:
             reservation.aborted_by = by
             reservation.aborted.set()
-        troubles = make_safe(self._rig, run.release_lock if run else None)
+        troubles = make_safe(self._rig)
         took_s = time.monotonic() - began_s
         if run is not None and before in DROP_UNDER_WAY:
             run.finished.wait(_ROW_PATIENCE_S)
         number = run.drop.number if run is not None else None
-        report = report_of(before, number, reservation, troubles, took_s)
+        report = report_of(
+            before, number, reservation, entering=entering, troubles=troubles, took_s=took_s
+        )
         _log.info("abort", by=by, state=before.value, took_ms=round(took_s * 1e3, 1))
         told = {"by": by, "drop": report.drop, "took_s": took_s, "sentence": report.sentence}
-        # The rig is safe: whoever is afraid need not wait for the disk that keeps the event.
-        self._teller = threading.Thread(target=self.publish, args=("rig.abort", told), name="tell")
-        self._teller.start()
+        self.publish("rig.abort", told)
+        # Once more: what was accepted while the vacuum went on is older than this answer.
+        self._epoch.advance(by)
         return report
 
     def acknowledge_fault(self, *, by: str) -> None:
@@ -351,7 +401,7 @@ class AcquisitionService:
         return True
 
     def publish(self, kind: str, data: dict[str, Any]) -> None:
-        """Tell clients; an event that cannot be told is logged and harms nothing.
+        """Tell clients soon, in order; an event that cannot be told is logged and harms nothing.
 
         Parameters
         ----------
@@ -360,6 +410,9 @@ class AcquisitionService:
         data : dict
             JSON-ready.
         """
+        self._writer.put(lambda: self._tell_now(kind, data))
+
+    def _tell_now(self, kind: str, data: dict[str, Any]) -> None:
         try:
             self._tell(kind, data)
         except ArchiveError as error:  # a full disk is no defect, and a log is not to fill it

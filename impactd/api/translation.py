@@ -12,6 +12,7 @@ from impactd.acquisition.errors import (
     DropHeightError,
     NotReadyError,
     RequestRefusedError,
+    VoidedByAbortError,
 )
 from impactd.api.problems import ProblemError
 from impactd.materials import UnknownMaterialError
@@ -76,6 +77,7 @@ TRANSLATIONS: dict[type[Exception], Translate] = {
     BusyError: _busy,
     NotReadyError: _not_ready,
     DropHeightError: _plain("invalid"),
+    VoidedByAbortError: _plain("aborted"),
     RequestRefusedError: _plain("conflict"),
     UnknownMaterialError: _plain("unknown-material"),
     NotFoundError: _said("not-found"),

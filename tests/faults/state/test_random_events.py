@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -62,7 +63,7 @@ class Watched:
         self.laboratory.rig.valve.release = self._watched  # type: ignore[method-assign]
         self.laboratory.start()
 
-    def _watched(self) -> ValveReport:
+    def _watched(self, permitted: Callable[[], bool]) -> ValveReport:
         figures["fires"] += 1
         loop = self.laboratory.service._loop
         run = loop.run
@@ -71,7 +72,7 @@ class Watched:
         row = self.laboratory.archive.drop(run.drop.number).state if run else "no drop"
         if row != "armed":
             self.wrong.append(f"fired with a row that says {row}")
-        return self._release()
+        return self._release(permitted)
 
     def happen(self, event: str) -> None:
         """Let one thing happen."""

@@ -56,7 +56,13 @@ class Laboratory:
     def drop(self, request: DropRequest = REQUEST, **keywords: Any) -> Drop:
         """Make a drop and wait for its end."""
         drop = self.service.request_drop(request, owner="ab", **keywords)
-        return self.service.wait(drop.number, 20.0)
+        ended = self.service.wait(drop.number, 20.0)
+        self.wait_told()
+        return ended
+
+    def wait_told(self) -> None:
+        """Wait until all that happened so far has been told."""
+        assert self.service._writer.drain(20.0)
 
     def wait_for(self, condition: Callable[[], bool], limit_s: float = 20.0) -> None:
         """Wait until something is so."""

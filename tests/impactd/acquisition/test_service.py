@@ -55,9 +55,9 @@ def test_the_row_is_there_before_the_valve_opens(laboratory: Laboratory) -> None
     seen: list[str] = []
     release = laboratory.rig.valve.release
 
-    def spy() -> object:
+    def spy(*permitted: Callable[[], bool]) -> object:
         seen.append(laboratory.archive.drop(1).state)
-        return release()
+        return release(*permitted)
 
     laboratory.rig.valve.release = spy  # type: ignore[method-assign, assignment]
     assert laboratory.drop().state == "stored"
@@ -68,8 +68,8 @@ def test_a_clock_that_is_read_late_makes_no_early_trigger(laboratory: Laboratory
     """A busy host notes the command when the sphere has half fallen: a drop like any other."""
     release = laboratory.rig.valve.release
 
-    def noted_late() -> ValveReport:
-        report = release()
+    def noted_late(*permitted: Callable[[], bool]) -> ValveReport:
+        report = release(*permitted)
         return replace(report, sent_monotonic_ns=report.sent_monotonic_ns + 50_000_000)
 
     laboratory.rig.valve.release = noted_late  # type: ignore[method-assign, assignment]
