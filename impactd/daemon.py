@@ -15,6 +15,7 @@
 from __future__ import annotations
 
 import threading
+import uuid
 from dataclasses import asdict
 from typing import Any
 
@@ -33,7 +34,8 @@ from impactd.materials import Materials, load_materials
 from impactd.rig import Rig, build_rig
 from impactd.sd_notify import notify, watchdog_interval_s
 from impactd.settings import Settings
-from impactd.storage.archive import Archive
+from impactd.storage import rescue
+from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.jobs import Job
 
 _log = structlog.get_logger("impactd.daemon")
@@ -81,7 +83,9 @@ class Daemon:
         try:
             self.materials: Materials = load_materials(settings.materials.file)
             self.archive = Archive.open(
-                settings.storage.directory, reserve_bytes=settings.storage.reserve_bytes
+                settings.storage.directory,
+                reserve_bytes=settings.storage.reserve_bytes,
+                rescue_directory=settings.storage.rescue_directory,
             )
         except BaseException:
             self.lock.release()
@@ -103,8 +107,19 @@ class Daemon:
     def start(self) -> None:
         """Start the worker, then the acquisition; interrupted drops are marked, never repeated."""
         self.calibrations.interrupt_unfinished()
+        self._leave_mark()
         self.jobs.start()
         self.service.start()
+
+    def _leave_mark(self) -> None:
+        """Let `impactd doctor` see later whether the rescue directory keeps files."""
+        place = self.archive.rescue_directory
+        if place is None:
+            return
+        try:
+            rescue.leave_mark(place, self.archive.directory, uuid.uuid4().hex)
+        except (OSError, ArchiveError) as error:
+            _log.warning("the rescue directory takes no file", reason=str(error))
 
     def stop(self) -> None:
         """Make the valve safe first, then end everything else; safe to call twice."""

@@ -32,6 +32,11 @@ class StorageSection(Section):
     reserve_bytes: int = key(
         "Free space below which no drop is started", "byte", ge=0, default=1_000_000_000
     )
+    rescue_directory: Path | None = choice(
+        "Folder on another disk for a record that the archive's disk does not take when the daemon "
+        "must end",
+        default=None,
+    )
 
 
 class PreflightSection(Section):

@@ -9,7 +9,9 @@ from __future__ import annotations
 from typing import Annotated, Any, Literal
 
 from fastapi import Header, Path, Query
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+
+from impactd.storage.plain_text import find_forbidden
 
 _LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
 
@@ -25,7 +27,16 @@ Moment = Annotated[
         max_length=40, description="ISO 8601; without a zone it is UTC.", examples=["2026-03-01"]
     ),
 ]
-Name = Annotated[str, Field(min_length=1, max_length=64, pattern=r"^[^\x00-\x1f\x7f]+$")]
+
+
+def _visible(text: str) -> str:
+    found = find_forbidden(text)
+    if found is not None:
+        raise ValueError(f"no name may hold {found}")
+    return text
+
+
+Name = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_visible)]
 Key = Annotated[
     str | None,
     Header(
@@ -262,8 +273,11 @@ class CalibrationBody(Request):
         }
     )
     method: Literal["drops", "static_weights"] = "drops"
-    slot: Annotated[str, Field(min_length=1, max_length=200)] | None = Field(
-        None, description="The same slot never runs twice. Without it the Idempotency-Key counts."
+    slot: Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_visible)] | None = (
+        Field(
+            None,
+            description="The same slot never runs twice. Without it the Idempotency-Key counts.",
+        )
     )
     plan: list[PlanItem] | None = Field(
         None, min_length=1, max_length=100, description="Without it, the plan of the settings."

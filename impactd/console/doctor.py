@@ -11,7 +11,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from impactd.console import doctor_checks
+from impactd.console import doctor_checks, doctor_rescue
 from impactd.console.doctor_checks import Finding
 from impactd.console.failure import Failure, sentence
 from impactd.console.options import settings_of
@@ -165,6 +165,7 @@ _CHECKS: dict[str, Callable[[Settings], Iterator[Finding]]] = {
     "materials": _materials,
     "data directory": _directory,
     "disk": _disk,
+    "rescue directory": doctor_rescue.rescue_directory,
     "index": doctor_checks.index,
     "tokens": doctor_checks.tokens,
     "port": doctor_checks.port,

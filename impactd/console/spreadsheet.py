@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from impactd.console.failure import Failure
+from impactd.storage.csv_table import csv_line
 
 Json = dict[str, Any]
 
@@ -33,10 +33,9 @@ def write_csv(file: Path, document: Json) -> None:
     blocks = [document[key] for key in ("before", "after") if key in document] or [document]
     try:
         with file.open("w", newline="", encoding="utf-8-sig") as out:
-            table = csv.writer(out)
-            table.writerow(COLUMNS)
+            out.write(csv_line(COLUMNS))
             for block in blocks:
-                table.writerows(_rows(block))
+                out.writelines(csv_line(row) for row in _rows(block))
     except OSError as error:
         raise Failure(f"{file} cannot be written: {error.strerror}.") from error
 

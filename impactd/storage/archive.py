@@ -106,6 +106,8 @@ class Archive:
         Descriptor of the lock file, held while the archive is open.
     reserve_bytes : int
         What must stay free on the disk before a new drop may begin. [B]
+    rescue_directory : Path or None
+        Where a record goes that this disk does not take; see `rescue.places`.
 
     Attributes
     ----------
@@ -115,8 +117,17 @@ class Archive:
         Finished diagnoses as files.
     """
 
-    def __init__(self, directory: Path, index: Index, *, lock: int, reserve_bytes: int) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        index: Index,
+        *,
+        lock: int,
+        reserve_bytes: int,
+        rescue_directory: Path | None = None,
+    ) -> None:
         self.directory = directory
+        self.rescue_directory = rescue_directory
         self.reserve_bytes = reserve_bytes
         self._lock: int | None = lock
         self._index = index
@@ -134,7 +145,9 @@ class Archive:
         self.diagnoses = DiagnosisStore(index, directory / DIAGNOSES_NAME)
 
     @classmethod
-    def open(cls, directory: Path, *, reserve_bytes: int) -> Archive:
+    def open(
+        cls, directory: Path, *, reserve_bytes: int, rescue_directory: Path | None = None
+    ) -> Archive:
         """Open an archive, creating or migrating it; jobs of dead processes wait again.
 
         Parameters
@@ -143,6 +156,8 @@ class Archive:
             Created when absent.
         reserve_bytes : int
             What must stay free before a new drop may begin. [B]
+        rescue_directory : Path or None
+            Where a record goes that this disk does not take when the daemon must end.
 
         Returns
         -------
@@ -163,7 +178,13 @@ class Archive:
             )
         lock = lock_archive(directory, alone=False)
         try:
-            archive = cls(directory, Index(path), lock=lock, reserve_bytes=reserve_bytes)
+            archive = cls(
+                directory,
+                Index(path),
+                lock=lock,
+                reserve_bytes=reserve_bytes,
+                rescue_directory=rescue_directory,
+            )
         except BaseException:
             os.close(lock)
             raise
@@ -307,7 +328,7 @@ class Archive:
         list of Drop
             The drops that were under way, as they are now.
         """
-        return end_interrupted(self._index, self._store)
+        return end_interrupted(self._index, self._store, self.rescue_directory)
 
     # Shots
 
@@ -381,9 +402,8 @@ class Archive:
         if path.exists():  # only its row is missing
             return path
         drop = replace(self._drops.get(number), state="stored", shot=number, updated_utc=utc_now())
-        return rescue.keep(
-            self.directory, number, build_shot_file(number, recording_of(record), about, drop)
-        )
+        content = build_shot_file(number, recording_of(record), about, drop)
+        return rescue.keep(self.directory, number, content, self.rescue_directory)
 
     def store_import(self, recording: Recording, about: ShotAbout) -> Shot:
         """Store a recording made elsewhere under the next number, durably."""

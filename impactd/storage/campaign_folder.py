@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.campaign import Campaign, Rejected, Sphere, Surface
+from impactd.storage import ranges
 from impactd.storage.campaign_shot import SHOT_KEYS, CampaignShot, read_campaign_shot, shot_to_json
 from impactd.storage.errors import ArchiveError, CampaignError
 from impactd.storage.json_fields import Fields, read_json
@@ -125,7 +126,7 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
     root = Fields(read_json(file), file=str(file), known=CAMPAIGN_KEYS)
     if root.text("format") != FORMAT:
         root.refuse("format", f"is {root.value('format')!r}; this program reads {FORMAT!r}.")
-    gravity = root.number("gravity_m_per_s2", above=0.0, unit="m/s^2")
+    gravity = root.number("gravity_m_per_s2", ranges.GRAVITY_M_PER_S2)
     release = root.child("release", known=("speed_repeatability",))
     header = Campaign(
         shots=(),
@@ -133,7 +134,7 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
         surfaces=_surfaces(root),
         sensor=sensor_from_json(root.child("sensor", known=SENSOR_KEYS)),
         gravity_m_per_s2=STANDARD_GRAVITY_M_PER_S2 if gravity is None else gravity,
-        speed_repeatability=release.number("speed_repeatability", at_least=0.0, at_most=1.0),
+        speed_repeatability=release.number("speed_repeatability", ranges.REPEATABILITY),
     )
     return _with_shots(root, header, file)
 

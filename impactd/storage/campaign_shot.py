@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.campaign import Campaign, Shot
+from impactd.storage import ranges
 from impactd.storage.clipping import is_clipped
 from impactd.storage.json_fields import Fields
 from impactd.storage.materials_json import quantity_to_json
@@ -89,8 +90,8 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
     except SampleFileError as error:
         fields.refuse("file", f"{name!r} {error}")
     rate_hz = _rate(fields, file_rate_hz)
-    per_code = fields.number("volts_per_code", above=0.0, unit="V")
-    offset = fields.number("volts_offset", unit="V") or 0.0
+    per_code = fields.number("volts_per_code", ranges.PER_CODE)
+    offset = fields.number("volts_offset", ranges.SIGNAL) or 0.0
     is_code = samples.dtype.kind in "iu"
     if is_code and per_code is None:
         fields.refuse("volts_per_code", f"is missing, and {name!r} holds integer codes.")
@@ -106,10 +107,11 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         offset=offset if is_code else 0.0,
         quantity=quantity,
         sample_rate_hz=rate_hz,
-        sample_rate_u_hz=fields.number("sample_rate_u_Hz", at_least=0.0, unit="Hz") or 0.0,
+        sample_rate_u_hz=fields.number("sample_rate_u_Hz", ranges.SAMPLE_RATE_U_HZ) or 0.0,
         trigger_index=trigger,
         clipped=is_clipped(samples, quantum=None if is_code else per_code),
     )
+    _refuse_extreme(fields, recording, name)
     shot = Shot(
         name=name,
         signal=recording.signal,
@@ -118,8 +120,8 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         quantity=quantity,
         sphere=_member(fields, "sphere", header.spheres),
         surface=_member(fields, "surface", header.surfaces),
-        drop_height_m=fields.number("drop_height_m", above=0.0, unit="m"),
-        restitution=fields.quantity("restitution", at_most=1.0),
+        drop_height_m=fields.number("drop_height_m", ranges.DROP_HEIGHT_M),
+        restitution=fields.quantity("restitution", ranges.RESTITUTION),
         quantum=per_code,
         clipped=recording.clipped,
         code_zero=recording.offset,
@@ -128,10 +130,13 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
 
 
 def _rate(fields: Fields, file_rate_hz: float | None) -> float:
-    stated = fields.number("sample_rate_Hz", above=0.0, unit="Hz")
+    stated = fields.number("sample_rate_Hz", ranges.SAMPLE_RATE_HZ)
     if stated is None:
         if file_rate_hz is None:
             fields.refuse("sample_rate_Hz", "is missing.")
+        if not ranges.SAMPLE_RATE_HZ.low <= file_rate_hz <= ranges.SAMPLE_RATE_HZ.high:
+            said = f"the file's time column says {file_rate_hz:g} Hz"
+            fields.refuse("sample_rate_Hz", f"{said}; it must be {ranges.SAMPLE_RATE_HZ}.")
         return file_rate_hz
     if file_rate_hz is not None and not math.isclose(stated, file_rate_hz, rel_tol=RATE_TOLERANCE):
         fields.refuse(
@@ -151,6 +156,19 @@ def _refuse_unusable(fields: Fields, samples: NDArray[Any], name: str) -> None:
         fields.refuse("file", f"{name!r} holds NaN or infinity, first at sample {bad[0]}.")
     if samples.min() == samples.max():
         fields.refuse("file", f"{name!r} is flat: every sample is {samples[0]}.")
+
+
+def _refuse_extreme(fields: Fields, recording: Recording, name: str) -> None:
+    low, high = sorted(
+        float(extreme) * recording.per_code + recording.offset
+        for extreme in (recording.samples.min(), recording.samples.max())
+    )
+    if low < ranges.SIGNAL.low or high > ranges.SIGNAL.high:
+        limits = f"each must be {ranges.SIGNAL} ({recording.unit})"
+        fields.refuse("file", f"{name!r} holds {low:g} to {high:g} {recording.unit}; {limits}.")
+    if high - low < ranges.PER_CODE.low:
+        spread = f"{high - low:g} {recording.unit}"
+        fields.refuse("file", f"{name!r} is flat: its samples spread over {spread}.")
 
 
 def _member(fields: Fields, key: str, known: dict[str, Any]) -> str | None:

@@ -23,6 +23,8 @@ from impactd.storage.index import Index, as_text
 from impactd.storage.jobs import DIAGNOSE, Job, JobTable
 from impactd.storage.models import ModelTable, NamedModel
 from impactd.storage.publish import publish
+from impactd.storage.regular_file import read_regular_file
+from impactd.storage.sealed import SEALED_LIMIT_BYTES
 
 FORMAT = "impactd-diagnosis-record/1"
 DIAGNOSES_NAME = "diagnoses"
@@ -102,10 +104,10 @@ class DiagnosisStore:
             If it is not what was written.
         """
         try:
-            kept = json.loads(path.read_text())
+            kept = json.loads(read_regular_file(path, SEALED_LIMIT_BYTES))
             record: Json = kept["record"]
             sound = _digest(record) == kept["sha256"] and record["format"] == FORMAT
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise ArchiveError(
                 f"The diagnosis {path} cannot be read: {error!r}.",
                 remedy="Restore it from a backup, or diagnose its shots again.",

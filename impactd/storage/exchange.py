@@ -20,6 +20,7 @@ from impactd.storage.campaign_folder import (
 )
 from impactd.storage.campaign_shot import CampaignShot
 from impactd.storage.circumstances import circumstances
+from impactd.storage.csv_table import csv_line
 from impactd.storage.errors import ArchiveError
 from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish
@@ -216,13 +217,12 @@ def csv_text(one: StoredShot) -> str:
         A header line, then time from the trigger [s] and signal [its unit], one sample per line.
     """
     buffer = io.StringIO()
+    buffer.write(csv_line(("time_s", _CSV_COLUMNS[one.recording.quantity])).replace("\r\n", "\n"))
     np.savetxt(
         buffer,
         np.column_stack((_times(one), one.recording.signal)),
         fmt=("%.9e", "%.9g"),
         delimiter=",",
-        header=f"time_s,{_CSV_COLUMNS[one.recording.quantity]}",
-        comments="",
     )
     return buffer.getvalue()
 

@@ -16,6 +16,12 @@ from typing import Any, NoReturn
 
 from analysis.campaign import Quantity
 from impactd.storage.errors import CampaignError
+from impactd.storage.plain_text import find_forbidden
+from impactd.storage.ranges import RELATIVE_RESOLUTION, Range
+from impactd.storage.regular_file import read_regular_file
+
+JSON_LIMIT_BYTES = 16 * 1024 * 1024
+"""20 000 shots, each with every key the format knows (800 bytes). [B]"""
 
 _UNITS = frozenset(
     [
@@ -71,7 +77,7 @@ def read_json(path: Path) -> Any:
         return found
 
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_regular_file(path, JSON_LIMIT_BYTES).decode("utf-8")
         return json.loads(text, parse_constant=refuse_constant, object_pairs_hook=once)
     except OSError as error:
         raise CampaignError(str(path), "$", f"cannot be read: {error.strerror}.") from error
@@ -81,6 +87,10 @@ def read_json(path: Path) -> Any:
         raise CampaignError(str(path), "$", "is nested too deeply.") from error
     except ValueError as error:  # also a number of more digits than Python reads
         raise CampaignError(str(path), "$", f"is not JSON: {error}.") from error
+
+
+_COUNT = Range(0, 2**53)
+"""What a JSON number counts exactly."""
 
 
 class Fields:
@@ -119,7 +129,7 @@ class Fields:
 
     def refuse(self, key: str, reason: str) -> NoReturn:
         """Raise a CampaignError at a key of this object (empty = the object itself)."""
-        raise CampaignError(self.file, f"{self.path}.{key}" if key else self.path, reason)
+        raise CampaignError(self.file, self._path_of(key) if key else self.path, reason)
 
     def has(self, key: str) -> bool:
         """Return whether the key is there and not null."""
@@ -130,18 +140,14 @@ class Fields:
         return self._values.get(key)
 
     def names(self) -> list[str]:
-        """Return all keys in their order."""
+        """Return all keys in their order, each of which is the name of something."""
+        for key in self._values:
+            found = find_forbidden(key)
+            if found is not None:
+                self.refuse(key, f"holds {found}, which no name may hold.")
         return list(self._values)
 
-    def number(
-        self,
-        key: str,
-        *,
-        above: float = -math.inf,
-        at_least: float = -math.inf,
-        at_most: float = math.inf,
-        unit: str = "1",
-    ) -> float | None:
+    def number(self, key: str, within: Range) -> float | None:
         """Return a finite number within limits, ``None`` when it is absent or null."""
         value = self._values.get(key)
         if value is None:
@@ -154,16 +160,13 @@ class Fields:
             number = math.inf
         if not math.isfinite(number):
             self.refuse(key, "must be finite.")
-        if not number > above:
-            self.refuse(key, f"is {number:g} {unit}; it must be above {above:g} {unit}.")
-        if not at_least <= number <= at_most:
-            limits = f"between {at_least:g} and {at_most:g} {unit}"
-            self.refuse(key, f"is {number:g} {unit}; it must be {limits}.")
+        if not within.low <= number <= within.high:
+            self.refuse(key, f"is {number:g} {within.unit}; it must be {within}.")
         return number
 
-    def whole(self, key: str, *, at_least: int = 0) -> int | None:
-        """Return a whole number, ``None`` when it is absent or null."""
-        number = self.number(key, at_least=at_least)
+    def whole(self, key: str) -> int | None:
+        """Return a whole number >= 0, ``None`` when it is absent or null."""
+        number = self.number(key, _COUNT)
         if number is None:
             return None
         if number != int(number):
@@ -177,27 +180,32 @@ class Fields:
             return None
         if not isinstance(value, str) or not value:
             self.refuse(key, f"must be a text that is not empty, not {_shown(value)}.")
+        found = find_forbidden(value)
+        if found is not None:
+            self.refuse(key, f"holds {found}, which no name may hold.")
         return value
 
-    def quantity(
-        self, key: str, *, above: float = 0.0, at_most: float = math.inf, unit: str = "1"
-    ) -> Quantity | None:
+    def quantity(self, key: str, within: Range) -> Quantity | None:
         """Return ``{"value": ..., "u": ...}``, ``None`` when it is absent or null."""
         if not self.has(key):
             return None
         inner = self.child(key, known=("value", "u"))
-        value = inner.number("value", above=above, at_most=at_most, unit=unit)
-        u = inner.number("u", at_least=0.0, unit=unit)
+        value = inner.number("value", within)
+        u = inner.number("u", Range(0.0, max(abs(within.low), abs(within.high)), within.unit))
         if value is None:
             inner.refuse("value", "is missing.")
         if u is None:
             inner.refuse("u", "is missing: a quantity needs its standard uncertainty.")
+        least = RELATIVE_RESOLUTION * (abs(value) or 1.0)
+        if 0.0 < u < least:
+            limits = f"0 or at least {least:g} {within.unit}"
+            inner.refuse("u", f"is {u:g} {within.unit}; beside {value:g} it must be {limits}.")
         return Quantity(value, u)
 
     def child(self, key: str, *, known: Iterable[str] = ()) -> Fields:
         """Return the object at a key; an absent one is empty."""
         value = self._values.get(key)
-        path = f"{self.path}.{key}"
+        path = self._path_of(key)
         return Fields({} if value is None else value, file=self.file, path=path, known=known)
 
     def array(self, key: str) -> list[Any]:
@@ -206,6 +214,10 @@ class Fields:
         if not isinstance(value, list):
             self.refuse(key, f"must be an array, not {_shown(value)}.")
         return value
+
+    def _path_of(self, key: str) -> str:
+        # A key is what somebody else wrote: what a terminal would obey is shown as an escape.
+        return f"{self.path}.{key if key.isprintable() else ascii(key)}"
 
 
 def _shown(value: object) -> str:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from analysis.campaign import Quantity, Sensor, Sphere, Surface
+from impactd.storage import ranges
 from impactd.storage.json_fields import Fields
 
 SPHERE_KEYS = ("radius_m", "mass_kg", "youngs_modulus_Pa", "poissons_ratio")
@@ -23,7 +24,6 @@ SENSOR_KEYS = (
     "hsd_N_per_V",
     "log_covariance",
 )
-MAX_POISSON = 0.5
 LOG_PARAMETERS = 4
 
 
@@ -69,10 +69,10 @@ def sphere_from_json(name: str, fields: Fields) -> Sphere:
     """Return a sphere; raise CampaignError at the first impossible value."""
     return Sphere(
         name=name,
-        radius_m=fields.number("radius_m", above=0.0, unit="m"),
-        mass_kg=fields.number("mass_kg", above=0.0, unit="kg"),
-        youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", unit="Pa"),
-        poissons_ratio=fields.quantity("poissons_ratio", above=-1.0, at_most=MAX_POISSON),
+        radius_m=fields.number("radius_m", ranges.RADIUS_M),
+        mass_kg=fields.number("mass_kg", ranges.MASS_KG),
+        youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", ranges.YOUNGS_MODULUS_PA),
+        poissons_ratio=fields.quantity("poissons_ratio", ranges.POISSONS_RATIO),
     )
 
 
@@ -80,10 +80,10 @@ def surface_from_json(name: str, fields: Fields) -> Surface:
     """Return a surface; raise CampaignError at the first impossible value."""
     return Surface(
         name=name,
-        youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", unit="Pa"),
-        poissons_ratio=fields.quantity("poissons_ratio", above=-1.0, at_most=MAX_POISSON),
-        coupon_mass_kg=fields.number("coupon_mass_kg", above=0.0, unit="kg"),
-        coupon_thickness_m=fields.number("coupon_thickness_m", above=0.0, unit="m"),
+        youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", ranges.YOUNGS_MODULUS_PA),
+        poissons_ratio=fields.quantity("poissons_ratio", ranges.POISSONS_RATIO),
+        coupon_mass_kg=fields.number("coupon_mass_kg", ranges.MASS_KG),
+        coupon_thickness_m=fields.number("coupon_thickness_m", ranges.THICKNESS_M),
     )
 
 
@@ -97,17 +97,24 @@ def sensor_from_json(fields: Fields) -> Sensor:
     if fields.has("log_covariance"):
         try:
             covariance = np.asarray(fields.array("log_covariance"), dtype=np.float64)
-        except (TypeError, ValueError):
+        except (TypeError, ValueError, OverflowError):
             fields.refuse("log_covariance", "must hold numbers only, in rows of equal length.")
         if covariance.shape != (LOG_PARAMETERS, LOG_PARAMETERS):
             fields.refuse("log_covariance", f"has shape {covariance.shape}; it must be (4, 4).")
         if not np.all(np.isfinite(covariance)):
             fields.refuse("log_covariance", "must hold finite numbers only.")
+        if np.any(np.abs(covariance) > ranges.LOG_COVARIANCE.high):
+            limits = f"each must be {ranges.LOG_COVARIANCE}"
+            fields.refuse("log_covariance", f"holds {np.abs(covariance).max():g}; {limits}.")
     return Sensor(
-        compliance_m_per_v=fields.quantity("compliance_m_per_V", unit="m/V"),
-        crystal_mass_kg=fields.quantity("crystal_mass_kg", unit="kg"),
-        crystal_stiffness_n_per_m=fields.quantity("crystal_stiffness_N_per_m", unit="N/m"),
-        crystal_damping_n_s_per_m=fields.quantity("crystal_damping_N_s_per_m", unit="N s/m"),
-        hsd_n_per_v=fields.quantity("hsd_N_per_V", unit="N/V"),
+        compliance_m_per_v=fields.quantity("compliance_m_per_V", ranges.COMPLIANCE_M_PER_V),
+        crystal_mass_kg=fields.quantity("crystal_mass_kg", ranges.CRYSTAL_MASS_KG),
+        crystal_stiffness_n_per_m=fields.quantity(
+            "crystal_stiffness_N_per_m", ranges.CRYSTAL_STIFFNESS_N_PER_M
+        ),
+        crystal_damping_n_s_per_m=fields.quantity(
+            "crystal_damping_N_s_per_m", ranges.CRYSTAL_DAMPING_N_S_PER_M
+        ),
+        hsd_n_per_v=fields.quantity("hsd_N_per_V", ranges.HSD_N_PER_V),
         covariance=covariance,
     )

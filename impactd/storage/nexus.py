@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection, Mapping
+
 import h5py
 
 
@@ -23,21 +26,15 @@ def put(parent: h5py.Group, name: str, value: object, units: str | None = None) 
         field.attrs["units"] = units
 
 
-def plain(file: h5py.File, path: str, content_bytes: int) -> h5py.Dataset:
-    """Return a dataset that lies inside its file and is as large as it looks.
-
-    HDF5 can make a dataset out of other files (external storage, external links, virtual datasets)
-    and a huge one out of few bytes (compression, chunks that were never written). Our own files
-    use none of that, so a file that does is none of ours, and nothing of it is read.
+def plain(file: h5py.File, path: str) -> h5py.Dataset:
+    """Return a dataset that lies inside its file, by a chain of hard links.
 
     Parameters
     ----------
     file : h5py.File
-        Open for reading.
+        Open for reading, and looked at by `refuse_foreign`.
     path : str
         Of the dataset.
-    content_bytes : int
-        Size of the whole file. [B]
 
     Returns
     -------
@@ -47,9 +44,7 @@ def plain(file: h5py.File, path: str, content_bytes: int) -> h5py.Dataset:
     Raises
     ------
     ValueError
-        If it is none of ours.
-    KeyError
-        If there is none.
+        If something else is there, or nothing.
     """
     parts = path.split("/")
     for end in range(1, len(parts) + 1):
@@ -57,8 +52,94 @@ def plain(file: h5py.File, path: str, content_bytes: int) -> h5py.Dataset:
         if not isinstance(link, h5py.HardLink):
             raise ValueError(f"{path!r} leads out of the file or nowhere")  # noqa: TRY004 - of the file
     data = file[path]
-    if not isinstance(data, h5py.Dataset) or data.external or data.is_virtual:
-        raise ValueError(f"{path!r} takes its data from other files")
-    if data.compression is not None or data.size * data.dtype.itemsize > content_bytes:
-        raise ValueError(f"{path!r} claims {data.shape} values in {content_bytes} bytes")
+    if not isinstance(data, h5py.Dataset):
+        raise ValueError(f"{path!r} is no dataset")  # noqa: TRY004 - of the file
     return data
+
+
+def refuse_foreign(
+    file: h5py.File,
+    content_bytes: int,
+    *,
+    soft_links: Mapping[str, str],
+    compressed: Collection[str],
+    chunk_values: int,
+) -> None:
+    """Refuse a file with anything in it that this program does not write; read none of its data.
+
+    HDF5 can make a dataset out of other files (external storage, external links, virtual datasets)
+    and a huge one out of few bytes (compression, chunks that were never written).
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open for reading.
+    content_bytes : int
+        Size of the whole file. [B]
+    soft_links : mapping of str to str
+        The soft links that may be there, and where each must lead.
+    compressed : collection of str
+        The datasets that may be compressed. Each may hold a value for every byte of the file.
+    chunk_values : int
+        The largest chunk.
+
+    Raises
+    ------
+    ValueError
+        At the first thing that is foreign.
+    """
+    waiting: list[tuple[str, h5py.Group]] = [("", file["/"])]
+    seen = {h5py.h5o.get_info(file.id).addr}
+    while waiting:
+        parent, members = waiting.pop()
+        for name in members:
+            path = f"{parent}/{name}"
+            link = members.get(name, getlink=True)
+            if isinstance(link, h5py.SoftLink) and soft_links.get(path) == link.path:
+                continue
+            if not isinstance(link, h5py.HardLink):
+                raise ValueError(f"{path!r} is a link to {_target(link)!r}")  # noqa: TRY004 - of the file
+            found = members[name]
+            address = h5py.h5o.get_info(found.id).addr
+            if address in seen:
+                raise ValueError(f"{path!r} is a second name of something else")
+            seen.add(address)
+            if isinstance(found, h5py.Group):
+                waiting.append((path, found))
+            elif isinstance(found, h5py.Dataset):
+                _refuse_foreign_data(found, path, content_bytes, compressed, chunk_values)
+            else:
+                raise ValueError(f"{path!r} is neither group nor dataset")  # noqa: TRY004 - of the file
+
+
+def _target(link: object) -> str:
+    return f"{getattr(link, 'filename', '')}:{getattr(link, 'path', '')}".lstrip(":")
+
+
+def _refuse_foreign_data(
+    data: h5py.Dataset,
+    path: str,
+    content_bytes: int,
+    compressed: Collection[str],
+    chunk_values: int,
+) -> None:
+    # First of all: even the shape of a virtual dataset may be looked up in another file.
+    if data.is_virtual or data.external:
+        raise ValueError(f"{path!r} takes its data from other files")
+    filters = data.id.get_create_plist()
+    used = {filters.get_filter(position)[0] for position in range(filters.get_nfilters())}
+    if data.chunks is not None and math.prod(data.chunks) > chunk_values:
+        raise ValueError(f"{path!r} has chunks of {data.chunks} values")
+    if path in compressed:
+        # What comes out of compression has no bound of its own.
+        if used - _COMPRESSION or data.size > content_bytes:
+            raise ValueError(f"{path!r} claims {data.shape} values in filters {sorted(used)}")
+        return
+    if used - {h5py.h5z.FILTER_FLETCHER32}:
+        raise ValueError(f"{path!r} is compressed or filtered ({sorted(used)})")
+    claimed_bytes = data.size * data.dtype.itemsize
+    if claimed_bytes > content_bytes or claimed_bytes > data.id.get_storage_size():
+        raise ValueError(f"{path!r} claims {data.shape} values in {content_bytes} bytes")
+
+
+_COMPRESSION = {h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_FLETCHER32}

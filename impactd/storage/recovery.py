@@ -15,7 +15,9 @@ from impactd.storage.shot_store import ShotStore
 from impactd.storage.shots import ShotTable
 
 
-def end_interrupted(index: Index, store: ShotStore) -> list[Drop]:
+def end_interrupted(
+    index: Index, store: ShotStore, rescue_directory: Path | None = None
+) -> list[Drop]:
     """End every drop that is under way.
 
     A drop whose file was published before the end, or rescued to another disk, is stored: its shot
@@ -27,6 +29,8 @@ def end_interrupted(index: Index, store: ShotStore) -> list[Drop]:
         The index.
     store : ShotStore
         The files.
+    rescue_directory : Path or None
+        As in the settings.
 
     Returns
     -------
@@ -38,7 +42,11 @@ def end_interrupted(index: Index, store: ShotStore) -> list[Drop]:
         if not Path(f"/proc/{pid}").exists():
             draft.unlink(missing_ok=True)
     active = DropTable(index).active()
-    outside = {drop.number: where for drop in active if (where := _take_back(store, drop.number))}
+    outside = {
+        drop.number: where
+        for drop in active
+        if (where := _take_back(store, drop.number, rescue_directory))
+    }
     if any(store.path(drop.number).exists() for drop in active):
         # The writer may have died between the name and its fsync; a row must not outlive its file.
         store.sync_names()
@@ -76,9 +84,11 @@ def requeue_abandoned(index: Index, jobs: JobTable, calibrations: CalibrationTab
                     DropTable(index).set_state(job.payload["shot"], row["state"], problem)
 
 
-def _take_back(store: ShotStore, number: int) -> Path | None:
+def _take_back(store: ShotStore, number: int, rescue_directory: Path | None) -> Path | None:
     """Take a rescued file into the archive; return where it stays if that is not possible."""
-    path = None if store.path(number).exists() else rescue.find(store.directory, number)
+    if store.path(number).exists():
+        return None
+    path = rescue.find(store.directory, number, rescue_directory)
     if path is None:
         return None
     try:

@@ -3,17 +3,30 @@
 from __future__ import annotations
 
 import io
+import os
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactd.storage.publish import publish
+from impactd.storage.regular_file import open_regular_file
 
 MAX_SAMPLES = 100_000_000
+"""Longest record that is read: 100 s at 1 MS/s."""
+_NPY_HEADER_BYTES = 64 * 1024
+"""numpy writes 128 bytes for one dimension; a header of version 2.0 may claim 4 GB. [B]"""
+_NPY_LIMIT_BYTES = _NPY_HEADER_BYTES + 8 * MAX_SAMPLES
+_LINE_LIMIT = 200
+"""Two numbers of 25 digits with blanks; a line without end would be read into memory whole."""
+_CSV_LIMIT_BYTES = 64 * MAX_SAMPLES
+"""Two numbers of 25 digits, comma and line end, and some blanks. [B]"""
 UNEVEN_TOLERANCE = 0.05
+_TIME_LIMIT_S = 1e10
+"""Seconds since 1970 are 2e9; differences of larger times overflow or lose the samples. [s]"""
 _COLUMNS = {
     "voltage": ("volts",),
     "force_N": ("force_N", "newtons"),
@@ -49,72 +62,113 @@ def read_samples(folder: Path, name: str, quantity: str) -> tuple[NDArray[Any], 
     SampleFileError
         If the file is missing, lies outside the folder or does not hold such samples.
     """
-    if "\0" in name:
-        raise SampleFileError("is no file name.")
     path = (folder / name).resolve()
     if not path.is_relative_to(folder.resolve()):
         raise SampleFileError("lies outside the campaign's folder.")
-    if not path.is_file():
-        raise SampleFileError("does not exist.")
+    if path.suffix not in _LIMITS_BYTES:
+        raise SampleFileError("is neither .npy nor .csv.")
     try:
-        if path.suffix == ".npy":
-            return _read_npy(path), None
-        if path.suffix == ".csv":
-            return _read_csv(path, quantity)
-    except OSError as error:
-        raise SampleFileError(f"cannot be read ({error.strerror}).") from error
-    raise SampleFileError("is neither .npy nor .csv.")
-
-
-def _read_npy(path: Path) -> NDArray[Any]:
-    try:
-        # Mapped first: the header says shape and type before anything is read into memory.
-        mapped = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (ValueError, EOFError, SyntaxError) as error:
-        raise SampleFileError(f"is no .npy file of numbers ({_first_line(error)}).") from error
-    if not isinstance(mapped, np.ndarray) or mapped.ndim != 1:
-        shape = getattr(mapped, "shape", "unknown")
-        raise SampleFileError(f"has shape {shape}; it must be one-dimensional.")
-    if mapped.dtype.kind not in "iuf":
-        raise SampleFileError(f"holds {mapped.dtype}; it must hold integers or floats.")
-    if mapped.size > MAX_SAMPLES:
-        raise SampleFileError(f"has {mapped.size} samples; at most {MAX_SAMPLES} are read.")
-    return np.array(mapped, dtype=mapped.dtype.newbyteorder("="))
-
-
-def _read_csv(path: Path, quantity: str) -> tuple[NDArray[np.float64], float]:
-    try:
-        text = path.read_text(encoding="utf-8-sig")
+        with open_regular_file(path, _LIMITS_BYTES[path.suffix]) as file:
+            return (_read_npy(file), None) if path.suffix == ".npy" else _read_csv(file, quantity)
+    except FileNotFoundError as error:
+        raise SampleFileError("does not exist.") from error
     except UnicodeDecodeError as error:
         raise SampleFileError("is not UTF-8 text.") from error
-    header, _, body = text.partition("\n")
-    names = [name.strip() for name in header.split(",")]
-    wanted = _COLUMNS[quantity]
-    if len(names) != 2 or names[0] != "time_s" or names[1] not in wanted:
-        expected = " or ".join(f"'time_s,{name}'" for name in wanted)
-        raise SampleFileError(f"has the header {header.strip()[:60]!r}; it must be {expected}.")
+    except OSError as error:
+        raise SampleFileError(f"cannot be read: it {error.strerror}.") from error
+    except MemoryError as error:
+        raise SampleFileError("is larger than the free memory.") from error
+
+
+_LIMITS_BYTES = {".npy": _NPY_LIMIT_BYTES, ".csv": _CSV_LIMIT_BYTES}
+
+
+def _read_npy(file: BinaryIO) -> NDArray[Any]:
+    shape, dtype, start = _npy_header(file.read(_NPY_HEADER_BYTES))
+    if len(shape) != 1:
+        raise SampleFileError(f"has shape {shape}; it must be one-dimensional.")
+    if dtype.kind not in "iuf" or dtype.itemsize > 8:
+        kinds = "integers or floats of at most 64 bits"
+        raise SampleFileError(f"holds {dtype}; it must hold {kinds}.")
+    there = (os.fstat(file.fileno()).st_size - start) // dtype.itemsize
+    if not 0 <= shape[0] <= min(there, MAX_SAMPLES):
+        most = f"it has bytes for {there}, and at most {MAX_SAMPLES} are read"
+        raise SampleFileError(f"claims {shape[0]} samples; {most}.")
+    file.seek(start)
+    samples = np.frombuffer(file.read(shape[0] * dtype.itemsize), dtype)
+    return samples.astype(dtype.newbyteorder("="))
+
+
+_NPY_VERSIONS = {
+    (1, 0): np.lib.format.read_array_header_1_0,
+    (2, 0): np.lib.format.read_array_header_2_0,
+}
+
+
+def _npy_header(head: bytes) -> tuple[tuple[int, ...], np.dtype[Any], int]:
+    """Return shape, type and where the numbers begin."""
+    buffer = io.BytesIO(head)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # an empty table is refused below, in our words
-            table = np.loadtxt(io.StringIO(body), delimiter=",", ndmin=2)
-    except ValueError as error:
-        raise SampleFileError(f"is no table of numbers ({_first_line(error)}).") from error
+        version = np.lib.format.read_magic(buffer)
+        read = _NPY_VERSIONS.get(version)
+        if read is None:
+            raise SampleFileError(f"is of version {version} of the .npy format; 1 and 2 are read.")
+        shape, _, dtype = read(buffer)
+    except (ValueError, EOFError, SyntaxError, RecursionError) as error:
+        raise SampleFileError(f"is no .npy file of numbers ({_first_line(error)}).") from error
+    return shape, dtype, buffer.tell()
+
+
+def _read_csv(file: BinaryIO, quantity: str) -> tuple[NDArray[np.float64], float]:
+    with io.TextIOWrapper(file, encoding="utf-8-sig") as text:
+        lines = _lines(text)
+        header = next(lines, "")
+        names = [name.strip() for name in header.split(",")]
+        wanted = _COLUMNS[quantity]
+        if len(names) != 2 or names[0] != "time_s" or names[1] not in wanted:
+            expected = " or ".join(f"'time_s,{name}'" for name in wanted)
+            raise SampleFileError(f"has the header {header.strip()[:60]!r}; it must be {expected}.")
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # an empty table is refused below, in our words
+                table = np.loadtxt(lines, delimiter=",", ndmin=2)
+        except UnicodeDecodeError:
+            raise
+        except ValueError as error:
+            raise SampleFileError(f"is no table of numbers ({_first_line(error)}).") from error
     if table.shape[0] < 2 or table.shape[1] != 2:
         raise SampleFileError(f"holds a table of shape {table.shape}; two columns are needed.")
-    steps = np.diff(table[:, 0])
-    step_s = float(np.median(steps))
-    if not (np.all(np.isfinite(steps)) and step_s > 0.0):
+    return np.ascontiguousarray(table[:, 1]), _rate_hz(table[:, 0])
+
+
+def _lines(text: TextIO) -> Iterator[str]:
+    """Yield the lines of a table, none longer and not more of them than a record has."""
+    for _ in range(MAX_SAMPLES + 1):  # the header is one of them
+        line = text.readline(_LINE_LIMIT)
+        if not line:
+            return
+        if len(line) == _LINE_LIMIT:
+            raise SampleFileError(f"has a line of {_LINE_LIMIT} characters or more: no table.")
+        yield line
+    if text.readline(1):
+        raise SampleFileError(f"has more than {MAX_SAMPLES} lines, the most that are read.")
+
+
+def _rate_hz(times_s: NDArray[np.float64]) -> float:
+    """Return the rate of times that rise evenly. [Hz]"""
+    if not np.all(np.abs(times_s) <= _TIME_LIMIT_S):
+        raise SampleFileError(f"has times beyond {_TIME_LIMIT_S:g} s, or no times at all.")
+    step_s = float(np.median(np.diff(times_s)))
+    span_s = float(times_s[-1] - times_s[0])
+    if not (step_s > 0.0 and span_s > 0.0):
         raise SampleFileError("has a time column that does not rise.")
     # Times are often printed with few digits: judge each against the line, not against the last.
-    line = table[0, 0] + np.arange(table.shape[0]) * (
-        (table[-1, 0] - table[0, 0]) / (table.shape[0] - 1)
-    )
-    worst = int(np.argmax(np.abs(table[:, 0] - line)))
-    printed = abs(float(table[worst, 0])) * 1e-6
-    if abs(table[worst, 0] - line[worst]) > max(UNEVEN_TOLERANCE * step_s, printed):
-        raise SampleFileError(f"is not sampled evenly (row {worst + 1}, {table[worst, 0]:g} s).")
-    rate_hz = (table.shape[0] - 1) / float(table[-1, 0] - table[0, 0])
-    return np.ascontiguousarray(table[:, 1]), rate_hz
+    line = times_s[0] + np.arange(times_s.size) * (span_s / (times_s.size - 1))
+    worst = int(np.argmax(np.abs(times_s - line)))
+    printed = abs(float(times_s[worst])) * 1e-6
+    if abs(times_s[worst] - line[worst]) > max(UNEVEN_TOLERANCE * step_s, printed):
+        raise SampleFileError(f"is not sampled evenly (row {worst + 1}, {times_s[worst]:g} s).")
+    return (times_s.size - 1) / span_s
 
 
 def write_samples(path: Path, samples: NDArray[Any]) -> None:

@@ -9,6 +9,10 @@ from typing import Any
 
 from impactd.storage.errors import ArchiveError
 from impactd.storage.index import as_text
+from impactd.storage.regular_file import read_regular_file
+
+SEALED_LIMIT_BYTES = 256 * 1024 * 1024
+"""A report with the curves of 500 shots at 0.5 MB each. [B]"""
 
 
 def seal(record: Any) -> bytes:
@@ -47,11 +51,11 @@ def unseal(path: Path) -> Any:
     """
     remedy = "Restore it from a backup; `impactd verify` names every such file."
     try:
-        kept = json.loads(path.read_text())
+        kept = json.loads(read_regular_file(path, SEALED_LIMIT_BYTES))
         if not (isinstance(kept, dict) and kept.keys() & {"sha256", "record"}):
             return kept
         sound = _digest(kept["record"]) == kept["sha256"]
-    except (OSError, ValueError, KeyError) as error:
+    except (OSError, ValueError, KeyError, RecursionError) as error:
         raise ArchiveError(f"{path} cannot be read: {error!r}.", remedy=remedy) from error
     if not sound:
         raise ArchiveError(f"{path} is not what was written: its SHA-256 differs.", remedy=remedy)

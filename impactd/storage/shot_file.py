@@ -34,9 +34,9 @@ from impactd.storage.circumstances import circumstances, decoded
 from impactd.storage.clipping import is_clipped
 from impactd.storage.drops import Drop
 from impactd.storage.errors import CampaignError, CorruptShotError
-from impactd.storage.nexus import group, plain, put
+from impactd.storage.nexus import group, plain, put, refuse_foreign
 from impactd.storage.shot_about import VOLTAGE, Recording, ShotAbout
-from impactd.storage.shot_views import CHUNK_SAMPLES, DATA_PATH, write_views
+from impactd.storage.shot_views import CHUNK_SAMPLES, DATA_PATH, TIME_PATH, VIEW_LINKS, write_views
 
 _CIRCUMSTANCES = "entry/process/circumstances/data"
 
@@ -118,8 +118,15 @@ def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotAbout
     """
     try:
         with h5py.File(io.BytesIO(content), "r") as file:
-            samples = plain(file, DATA_PATH, len(content))[()]
-            facts = json.loads(plain(file, _CIRCUMSTANCES, len(content))[()])
+            refuse_foreign(
+                file,
+                len(content),
+                soft_links=VIEW_LINKS,
+                compressed=("/" + TIME_PATH,),
+                chunk_values=CHUNK_SAMPLES,
+            )
+            samples = plain(file, DATA_PATH)[()]
+            facts = json.loads(plain(file, _CIRCUMSTANCES)[()])
         return facts["number"], *decoded(facts, samples, path)
     except (OSError, KeyError, TypeError, ValueError, RecursionError, CampaignError) as error:
         raise CorruptShotError(path, f"it does not read as a shot ({error})") from error

@@ -12,12 +12,16 @@ from impactd.storage.drops import Drop
 from impactd.storage.errors import ArchiveError, CorruptShotError
 from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish, sync_directory
+from impactd.storage.regular_file import IrregularFileError, read_regular_file
+from impactd.storage.sample_file import MAX_SAMPLES
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import build_shot_file, read_shot_file
 from impactd.storage.shots import Shot
 
 SHOTS_NAME = "shots"
 PARTIAL_NAME = "partial"
+SHOT_LIMIT_BYTES = 2 * 8 * MAX_SAMPLES + 64 * 1024 * 1024
+"""Samples and their times at 8 bytes each, and a configuration of any length. [B]"""
 
 
 @dataclass(frozen=True)
@@ -176,7 +180,9 @@ def read_shot(path: Path, sha256: str) -> StoredShot:
 
 def _content(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        return read_regular_file(path, SHOT_LIMIT_BYTES)
+    except IrregularFileError as error:
+        raise CorruptShotError(str(path), f"it {error.strerror}") from error
     except (OSError, ValueError) as error:  # a name with a zero byte in it is a ValueError
         reason = getattr(error, "strerror", None) or str(error)
         raise CorruptShotError(str(path), f"it cannot be read ({reason})") from error

@@ -14,6 +14,9 @@ from impactd.storage.nexus import group, put
 from impactd.storage.shot_about import Recording
 
 DATA_PATH = "entry/instrument/digitizer/data"
+TIME_PATH = "entry/record/time"
+VIEW_LINKS = {"/entry/record/data": "/" + DATA_PATH}
+"""The one soft link of a shot file: the whole record is drawn from the raw samples."""
 CHUNK_SAMPLES = 65536
 VIEW_BEFORE_S = 0.5e-3
 VIEW_AFTER_S = 2e-3
@@ -45,7 +48,8 @@ def write_views(entry: h5py.Group, title: str, recording: Recording) -> None:
 
     record = group(entry, "record", "NXdata", signal="data", axes=["time"])
     put(record, "title", f"{title}, whole record")
-    record["data"] = h5py.SoftLink("/" + DATA_PATH)
+    for path, target in VIEW_LINKS.items():
+        entry[path] = h5py.SoftLink(target)
     time = _create_times(record, recording.samples.size)
     for offset, packed in _packed_times(recording.samples.size, rate_hz, trigger):
         time.id.write_direct_chunk(offset, packed)

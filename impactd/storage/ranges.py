@@ -1,0 +1,67 @@
+"""Between which limits a number of a campaign can lie, each with its reason.
+
+The limits are far outside what any rig measures. They keep out what arithmetic cannot carry: a
+squared 1e308 is infinite, and the inverse of a subnormal number, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+RELATIVE_RESOLUTION = 1e-12
+"""Smallest uncertainty beside its value. Doubles carry 16 digits; what a computation leaves of them
+is 12, so a smaller uncertainty cannot be told from none, and its inverse square overflows. [1]"""
+
+
+@dataclass(frozen=True)
+class Range:
+    """Closed limits of a number.
+
+    Attributes
+    ----------
+    low, high : float
+        [``unit``]
+    unit : str
+        As messages write it.
+    """
+
+    low: float
+    high: float
+    unit: str = "1"
+
+    def __str__(self) -> str:
+        return f"between {self.low:g} and {self.high:g} {self.unit}"
+
+
+# Slower than 1 Hz no impact is seen; no converter of such resolution is faster than 1 GHz.
+SAMPLE_RATE_HZ = Range(1.0, 1e9, "Hz")
+SAMPLE_RATE_U_HZ = Range(0.0, 1e9, "Hz")
+# A step below 1e-15 V is under the thermal noise of one ohm in one hertz (1.3e-10 V); newtons and
+# m/s^2 share the key. A step above the limit would leave SIGNAL with the code 1.
+PER_CODE = Range(1e-15, 1e9, "of its unit")
+# 1e9 V exceed any conditioner, 1e9 N any load cell, 1e9 m/s^2 what leaves a sphere whole.
+SIGNAL = Range(-1e9, 1e9, "of its unit")
+# From an asteroid to a centrifuge.
+GRAVITY_M_PER_S2 = Range(1e-4, 1e4, "m/s^2")
+REPEATABILITY = Range(0.0, 1.0)
+# Lower than a micrometre a fall is shorter than the sphere's deformation; 100 m is a drop tower.
+DROP_HEIGHT_M = Range(1e-6, 100.0, "m")
+# Of an impact that comes back at all, and none comes back faster than it went.
+RESTITUTION = Range(1e-6, 1.0)
+# From a grain of dust to a wrecking ball; the masses are those of such spheres.
+RADIUS_M = Range(1e-6, 10.0, "m")
+MASS_KG = Range(1e-15, 1e6, "kg")
+THICKNESS_M = Range(1e-9, 10.0, "m")
+# The softest gels have 1 Pa, diamond has 1.2e12 Pa.
+YOUNGS_MODULUS_PA = Range(1e-1, 1e14, "Pa")
+# Thermodynamics allows -1 to 0.5. At -1 itself the shear modulus would be infinite.
+POISSONS_RATIO = Range(-0.999, 0.5)
+# Piezoelectric cells have 1e-10 to 1e-7 m/V, 1e-3 to 1 kg, 1e7 to 1e10 N/m, 1 to 1e4 N.s/m and
+# 1e-1 to 1e4 N/V. Six orders of magnitude on either side let other cells and toy units through.
+COMPLIANCE_M_PER_V = Range(1e-16, 1e-1, "m/V")
+CRYSTAL_MASS_KG = Range(1e-9, 1e6, "kg")
+CRYSTAL_STIFFNESS_N_PER_M = Range(1e1, 1e16, "N/m")
+CRYSTAL_DAMPING_N_S_PER_M = Range(1e-6, 1e10, "N s/m")
+HSD_N_PER_V = Range(1e-7, 1e10, "N/V")
+# Variances of logarithms: 1e6 is a factor of e^1000, beyond what a double holds.
+LOG_COVARIANCE = Range(-1e6, 1e6)
