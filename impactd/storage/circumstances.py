@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Quantity
 from drivers.digitizer import DigitizerIdentity, TriggerSettings
+from impactd.storage import ranges
 from impactd.storage.drops import Drop, DropRequest
 from impactd.storage.errors import CorruptShotError
 from impactd.storage.json_fields import Fields
@@ -67,12 +68,36 @@ def decoded(
     if facts["format"] != FORMAT:
         raise CorruptShotError(path, f"its format is {facts['format']!r}, not {FORMAT!r}")
     recording = facts["recording"]
+    _refuse_impossible(recording, facts["about"], samples, path)
     recording["status_words"] = tuple(recording["status_words"])
     drop = facts["drop"]
     if drop is not None:
         drop["request"] = DropRequest(**drop["request"])
         drop = Drop(**drop)
     return Recording(samples=samples, **recording), _about_of(facts["about"], path), drop
+
+
+def _refuse_impossible(
+    recording: dict[str, Any], about: dict[str, Any], samples: NDArray[Any], path: str
+) -> None:
+    """Hold the numbers of a file to what a campaign may say; a reindex reads any file."""
+    record = Fields(recording, file=path, path="$.recording")
+    for key, within in (
+        ("sample_rate_hz", ranges.SAMPLE_RATE_HZ),
+        ("sample_rate_u_hz", ranges.SAMPLE_RATE_U_HZ),
+        ("per_code", ranges.PER_CODE),
+        ("offset", ranges.SIGNAL),
+    ):
+        if record.number(key, within) is None:
+            record.refuse(key, "is missing.")
+    trigger = record.whole("trigger_index")
+    if trigger is None or not trigger < samples.size:
+        record.refuse("trigger_index", f"is {trigger}; there are {samples.size} samples.")
+    around = Fields(about, file=path, path="$.about")
+    around.number("gravity_m_per_s2", ranges.GRAVITY_M_PER_S2)
+    around.number("drop_height_m", ranges.DROP_HEIGHT_M)
+    around.number("speed_repeatability", ranges.REPEATABILITY)
+    around.quantity("restitution", ranges.RESTITUTION)
 
 
 def _about_of(about: dict[str, Any], path: str) -> ShotAbout:

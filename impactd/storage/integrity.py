@@ -121,7 +121,7 @@ def verify_archive(
     known = {store.path(number) for number in numbers}
     for path in store.paths():
         if path not in known:
-            yield VerifyFinding(str(path), "no row in the index; `impactd reindex` takes it in.")
+            yield VerifyFinding(str(path), store.why_unknown(path))
     for path in store.drafts():
         yield VerifyFinding(str(path), "left by a writer that was killed; it can be deleted.")
     for findings in (

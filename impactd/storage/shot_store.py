@@ -147,6 +147,14 @@ class ShotStore:
             raise CorruptShotError(str(path), f"it holds shot {number}")
         return FoundShot(_row(number, content, recording, about), drop)
 
+    def why_unknown(self, path: Path) -> str:
+        """Return what to do about a file in ``shots`` that the index does not know."""
+        try:
+            self.find(path)
+        except CorruptShotError as error:
+            return f"no row in the index, and it is no shot: {error.reason}. Move it away."
+        return "no row in the index; `impactd reindex` takes it in."
+
 
 def read_shot(path: Path, sha256: str) -> StoredShot:
     """Return a shot from its file, without an index; workers do this.

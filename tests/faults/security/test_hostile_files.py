@@ -7,6 +7,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
@@ -17,7 +18,9 @@ from hypothesis import strategies as st
 
 from impactd.storage.archive import Archive, CampaignError, CorruptShotError
 from impactd.storage.campaign_folder import read_campaign
-from impactd.storage.shot_file import read_shot_file
+from impactd.storage.moment import utc_now
+from impactd.storage.shot_about import Recording, ShotAbout
+from impactd.storage.shot_file import build_shot_file, read_shot_file
 from impactd.storage.shot_views import DATA_PATH
 
 CIRCUMSTANCES = "entry/process/circumstances/data"
@@ -99,6 +102,86 @@ def test_a_hostile_shot_file_is_refused_before_it_is_read(make, outside: Path) -
     """No memory is taken for it and no other file opened."""
     with pytest.raises(CorruptShotError):
         read_shot_file(_content(make, outside), "shot")
+
+
+def _elsewhere_external(file: h5py.File, outside: Path) -> None:
+    file["entry/release"].create_dataset("more", (10,), "i1", external=[(str(outside), 0, 10)])
+
+
+def _elsewhere_link(file: h5py.File, outside: Path) -> None:
+    file["entry/release/more"] = h5py.ExternalLink(str(outside), "/data")
+
+
+def _elsewhere_soft_link(file: h5py.File, _outside: Path) -> None:
+    file["entry/release/more"] = h5py.SoftLink("/entry/title")
+
+
+def _elsewhere_virtual(file: h5py.File, outside: Path) -> None:
+    layout = h5py.VirtualLayout((10,), "i2")
+    layout[:] = h5py.VirtualSource(str(outside), "data", shape=(10,))
+    file["entry"].create_group("new").create_virtual_dataset("more", layout)
+
+
+def _elsewhere_gzip(file: h5py.File, _outside: Path) -> None:
+    file["entry/impact"].create_dataset("more", data=np.zeros(100_000), compression="gzip")
+
+
+def _elsewhere_lzf(file: h5py.File, _outside: Path) -> None:
+    file["entry"].create_dataset("more", data=np.zeros(100_000), compression="lzf")
+
+
+def _elsewhere_chunk(file: h5py.File, _outside: Path) -> None:
+    file["entry"].create_dataset("more", (10**9,), "f8", chunks=(10**8,))
+
+
+def _longer_times(file: h5py.File, _outside: Path) -> None:
+    del file["entry/record/time"]
+    file["entry/record"].create_dataset("time", (10**9,), "f8", compression="gzip", chunks=(65536,))
+
+
+def _hard_loop(file: h5py.File, _outside: Path) -> None:
+    file["entry/release/more"] = file["entry"]
+
+
+ELSEWHERE = [
+    _elsewhere_external, _elsewhere_link, _elsewhere_soft_link, _elsewhere_virtual,
+    _elsewhere_gzip, _elsewhere_lzf, _elsewhere_chunk, _longer_times, _hard_loop,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("change", ELSEWHERE, ids=lambda make: make.__name__)
+def test_foreign_data_beside_a_good_record_is_refused(
+    change: Callable[[h5py.File, Path], None], outside: Path, tmp_path: Path
+) -> None:
+    """In whatever group it stands; a reindex names the file and takes the others in."""
+    samples = (1000 * np.hanning(400)).astype(np.int16)
+    recording = Recording(samples, 3e-4, 0.0, "voltage", 1e6, 0.0, 100)
+    about = ShotAbout(utc_now(), 0, 9.81)
+    content = build_shot_file(1, recording, about, None)
+    assert read_shot_file(content, "shot")[0] == 1
+    data = tmp_path / "data"
+    Archive.open(data, reserve_bytes=0).close()
+    path = data / "shots" / "000001.h5"
+    path.write_bytes(content)
+    with h5py.File(path, "a") as file:
+        change(file, outside)
+    (data / "shots" / "000002.h5").write_bytes(build_shot_file(2, recording, about, None))
+    report = Archive.reindex(data)
+    assert report.shots == 1
+    assert len(report.damaged) == 1
+    assert "000001.h5" in report.damaged[0]
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("sample_rate_hz", 1e308), ("per_code", 5e-324), ("trigger_index", 400)]
+)
+def test_a_shot_file_of_impossible_numbers_is_refused(key: str, value: float) -> None:
+    """A shot file is held to the same ranges as a campaign."""
+    samples = (1000 * np.hanning(400)).astype(np.int16)
+    recording = Recording(samples, 3e-4, 0.0, "voltage", 1e6, 0.0, 100)
+    bad = replace(recording, **{key: value})
+    with pytest.raises(CorruptShotError, match=key):
+        read_shot_file(build_shot_file(1, bad, ShotAbout(utc_now(), 0, 9.81), None), "shot")
 
 
 @settings(max_examples=300, deadline=None, database=None, derandomize=True)
