@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from impactd.storage.lasting import why_not_lasting
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -35,3 +41,15 @@ def hardware_config(request: pytest.FixtureRequest) -> dict[str, Any]:
     if path is None:
         pytest.skip("needs --hardware-config FILE")
     return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture
+def lasting_folder() -> Iterator[Path]:
+    """Return a folder on a disk, outside the folders for temporary files; skip without one."""
+    for place in (Path.home(), Path("/var/lib"), Path.cwd()):
+        if why_not_lasting(place) is None and os.access(place, os.W_OK):
+            folder = Path(tempfile.mkdtemp(prefix="impactd-test-", dir=place))
+            yield folder
+            shutil.rmtree(folder)
+            return
+    pytest.skip("no folder here keeps files")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -92,24 +93,32 @@ def test_a_record_in_memory_is_stored_when_space_returns(disk: Disk, every: int)
 def test_a_record_in_memory_outlives_the_daemon(
     disk: Disk,
     tmp_path: Path,
+    lasting_folder: Path,
     monkeypatch: pytest.MonkeyPatch,
     capfd: pytest.CaptureFixture[str],
 ) -> None:
-    """Told to end with a full disk, it keeps the record elsewhere; the next start stores it."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    (tmp_path / "cache").mkdir()
+    """Told to end with a full disk, it keeps the record elsewhere; the next start stores it.
+
+    The folder for temporary files goes with the daemon, as systemd's PrivateTmp does.
+    """
+    private = tmp_path / "private"
+    private.mkdir()
+    monkeypatch.setenv("TMPDIR", str(private))
+    monkeypatch.setenv("CACHE_DIRECTORY", str(private))
     data = disk.path / "data"
-    with daemon_here(data) as here:
+    elsewhere = {"reserve_bytes": 0, "rescue_directory": lasting_folder}
+    with daemon_here(data, storage=elsewhere) as here:
         disk.leave(10 * STEP)
         number = here.drop("last").json()["number"]
         assert until(lambda: _where(here, number), bool) == "memory"
     said = "".join(capfd.readouterr())
-    assert str(tmp_path / "cache") in said
+    assert str(lasting_folder) in said
     assert "Traceback" not in said, "a log on a full disk takes one line for what it could not take"
-    kept = list((tmp_path / "cache").rglob("*.h5"))
+    shutil.rmtree(private)
+    kept = list(lasting_folder.rglob("*.h5"))
     assert [path.name for path in kept] == [f"{number:06d}.h5"]
     disk.leave(8 * 1024 * 1024)
-    with daemon_here(data) as here:
+    with daemon_here(data, storage=elsewhere) as here:
         assert here.get(f"/v1/drops/{number}")["state"] in ("stored", "analysed")
         here.daemon.archive.read_shot(number)
         assert here.drop("last").json()["number"] == number

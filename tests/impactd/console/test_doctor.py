@@ -14,9 +14,11 @@ from pathlib import Path
 import pytest
 import serial
 
+from impactd.console import doctor_rescue
 from impactd.console.doctor import examine
 from impactd.console.doctor_checks import Finding
-from impactd.settings import find_config
+from impactd.daemon import Daemon
+from impactd.settings import find_config, load_settings
 
 ROOT = Path(__file__).parents[3]
 NOBODY = 65534
@@ -190,3 +192,49 @@ def test_what_a_user_may_not_touch_is_told(settings, tmp_path):
     is_told(found["compiled code"], "/proc/none", "NUMBA_CACHE_DIR")
     is_told(found["data directory"], "cannot be written", "chown")
     is_told(found["valve"], "may not be opened", "dialout")
+
+
+def test_a_missing_rescue_directory_is_told_with_what_is_lost(settings, tmp_path):
+    """Not a fault, as a rig may have one disk; the sentence says what that costs."""
+    finding = told(settings(), tmp_path / "data")["rescue directory"]
+    assert finding.well
+    assert "none is configured" in finding.said
+    assert "lost" in finding.said
+    assert "/srv/impactd-rescue" in finding.mend
+
+
+def _with_rescue(place):
+    return (r"^reserve_bytes = .*", f'\\g<0>\nrescue_directory = "{place}"')
+
+
+def test_a_rescue_directory_is_tried_with_a_file_of_a_record(settings, tmp_path, lasting_folder):
+    """Written and synced, then removed; a daemon that ran leaves a mark that doctor finds."""
+    file, data = settings(_with_rescue(lasting_folder)), tmp_path / "data"
+    first = told(file, data)
+    assert first["rescue directory"].well
+    assert "took and synced" in first["rescue directory"].said
+    assert "there is none" in first["rescue mark"].said
+    assert not [path for path in lasting_folder.rglob("*") if path.is_file()]
+    daemon = Daemon(load_settings(file, data=data))
+    daemon.start()
+    assert "none is of an earlier run" in _mark(file, data)
+    daemon.stop()
+    assert "survived its end" in _mark(file, data)
+
+
+def _mark(file, data):
+    found = doctor_rescue.rescue_directory(load_settings(file, data=data))
+    return {finding.name: finding for finding in found}["rescue mark"].said
+
+
+def test_a_rescue_directory_that_is_no_rescue_is_told(settings, tmp_path, lasting_folder):
+    """Absent, emptied at a stop, or of somebody else."""
+    data = tmp_path / "data"
+    found = told(settings(_with_rescue(lasting_folder / "none")), data)["rescue directory"]
+    is_told(found, "is not there", "install -d")
+    found = told(settings(_with_rescue(tmp_path)), data)["rescue directory"]
+    is_told(found, "emptied", "/srv/impactd-rescue")
+    (lasting_folder / "impactd-rescued").mkdir(mode=0o777)
+    (lasting_folder / "impactd-rescued").chmod(0o777)
+    found = told(settings(_with_rescue(lasting_folder)), data)["rescue directory"]
+    is_told(found, "belongs to somebody else", "daemon's user")
