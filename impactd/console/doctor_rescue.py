@@ -84,7 +84,9 @@ def _tried(settings: Settings, place: Path) -> Finding:
     except (OSError, ArchiveError) as error:
         reason = getattr(error, "strerror", None) or str(error)
         said = f"{place} does not take {size_bytes / 1e6:.1f} MB from user {user}: {reason}"
-        mend = "Run this as the daemon's user (sudo -u impactd); else give it the folder, or room."
+        mend = (
+            "Run this as the daemon's user (runuser -u impactd); else give it the folder, or room."
+        )
         return Finding(_NAME, False, said, mend)
     mount = mount_of(place.resolve())
     said = f"{place} took and synced {size_bytes / 1e6:.1f} MB ({mount.kind} at {mount.point})"

@@ -155,3 +155,22 @@ def test_an_impossible_rebound_is_refused(rig, shot):
         answer = rig.operator.patch(f"/v1/drops/{shot['number']}", json=body)
         assert answer.status_code in {400, 422}, answer.text
         assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize(
+    ("operator", "said"),
+    [
+        ("ab\u202ecd", "U+202E RIGHT-TO-LEFT OVERRIDE"),
+        ("a\x1b[31m", "U+001B control character"),
+        ("a\x85b", "U+0085 control character"),
+        ("\u2066ab", "U+2066 LEFT-TO-RIGHT ISOLATE"),
+    ],
+)
+def test_an_operator_of_control_or_bidi_characters_is_refused(rig, operator, said):
+    """422 with the character's name; nothing is dropped."""
+    body = {"sphere": "acetal", "surface": "polycarbonate", "drop_height_m": 0.04}
+    answer = rig.operator.post(
+        "/v1/drops", json={**body, "operator": operator}, headers={"Idempotency-Key": "deceit"}
+    )
+    assert answer.status_code == 422, answer.text
+    assert said in answer.json()["detail"]

@@ -53,7 +53,7 @@ def test_the_configured_folder_comes_first_then_the_cache(
     assert rescue.places(None) == [lasting_folder / "service"]
 
 
-def test_a_rescued_record_outlives_the_folders_for_temporary_files(
+def test_a_rescued_record_outlives_the_folders_for_temporary_files(  # noqa: PLR0917 - fixtures
     tmp_path: Path,
     lasting_folder: Path,
     record: Callable[..., Record],
@@ -61,7 +61,7 @@ def test_a_rescued_record_outlives_the_folders_for_temporary_files(
     request_body: DropRequest,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The daemon ends, its private TMPDIR is deleted with it, and the next start stores the shot."""
+    """The daemon ends, its private TMPDIR is deleted, and the next start stores the shot."""
     private = tmp_path / "private"
     private.mkdir()
     monkeypatch.setenv("TMPDIR", str(private))
