@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from analysis import moduli_checks
 from analysis.campaign import Sphere, Surface
 from analysis.errors import AnalysisError
-from analysis.moduli_network import SensorCovariance, build, solve
+from analysis.moduli_network import SensorCovariance, build, grouped, solve
 from analysis.moduli_result import ModuliResult
 from analysis.pair_observation import (
     PairObservation,
@@ -78,9 +78,9 @@ def adjust_moduli(
         )
     system = build(observations, spheres, surfaces, sensor_covariance)
     checks, contradicting = moduli_checks.snoop(system)
-    as_stated = moduli_checks.consistency(system, *solve(system))
+    as_stated = moduli_checks.consistency(system)
     system, dark_u = moduli_checks.with_dark_uncertainty(system)
-    x, covariance = solve(system)
+    x, covariance = solve(system, grouped(system))
     n = len(system.names)
     return ModuliResult(
         model=models[0],

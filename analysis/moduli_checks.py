@@ -10,7 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from analysis.moduli_network import System, linearise, solve
+from analysis.moduli_network import (
+    System,
+    chi2,
+    errors_of_rows,
+    grouped,
+    information,
+    linearise,
+    solve,
+)
 from analysis.moduli_result import NETWORK_P, Network, PairCheck, contradiction_limit
 
 Array = NDArray[np.float64]
@@ -19,15 +27,13 @@ LARGEST_DARK_U = 2.0
 """A between-recording uncertainty of ln E* beyond this is no measurement any more."""
 
 
-def pair_checks(system: System, x: Array, covariance: Array) -> tuple[PairCheck, ...]:
+def pair_checks(system: System) -> tuple[PairCheck, ...]:
     """Return how each pair's observations agree with all the rest.
 
     Parameters
     ----------
     system : System
         The network.
-    x, covariance : ndarray
-        As `solve` returned them.
 
     Returns
     -------
@@ -39,66 +45,67 @@ def pair_checks(system: System, x: Array, covariance: Array) -> tuple[PairCheck,
     The residuals' covariance is that of the observations less that of their adjusted values; a pair
     that nothing else controls has none left and no score.
     """
-    r, design = linearise(system, x)
+    groups = grouped(system)
+    x, covariance = solve(system, groups)
+    r, design = linearise(system, groups, x)
     n = len(system.names)
     calibrations = np.linalg.inv(system.precision[n:, n:])
+    # without the pair's own part, which is the same in all its observations
+    free = system.observed - errors_of_rows(system, x)
     found = []
-    pairs = list(dict.fromkeys(o.pair for o in system.observations))
-    for pair in pairs:
-        rows = np.array([i for i, o in enumerate(system.observations) if o.pair == pair])
-        share = system.weight[rows] / float(system.weight[rows].sum())
-        mean_design = share @ design[rows]
-        own = float(share**2 @ (1 / system.weight[rows]))
+    for number, (sphere, surface) in enumerate(system.pairs):
+        mine = system.group_pair == number
+        weight = float(groups.weight[mine].sum())
+        share = groups.weight[mine] / weight
+        mean_design = share @ design[mine]
+        own = 1 / weight
         left = own - float(mean_design @ covariance @ mean_design)
         # the calibration's error is the same in every shot of the pair: no mean takes it away
-        together = share @ system.common[rows]
+        together = share @ groups.common[mine]
         common = float(together @ calibrations @ together)
-        residual = float(share @ r[rows])
-        log = float(share @ [system.observations[i].log_reduced_modulus for i in rows])
-        scatter = float(system.weight[rows] @ (r[rows] - residual) ** 2)
-        first = system.observations[rows[0]]
+        residual = float(share @ r[mine])
+        log = float(share @ groups.observed[mine])
+        rows = system.pair == number
+        mean_free = float(system.weight[rows] @ free[rows]) / weight
         found.append(
             PairCheck(
-                sphere=first.sphere,
-                surface=first.surface,
-                observations=int(rows.size),
+                sphere=sphere,
+                surface=surface,
+                observations=int(rows.sum()),
                 log_observed=log,
                 log_adjusted=log - residual,
                 u_observed=math.sqrt(own + common),
                 score=residual / math.sqrt(left) if left > 1e-6 * own else None,
-                scatter_chi2=scatter,
+                scatter_chi2=float(system.weight[rows] @ (free[rows] - mean_free) ** 2),
             )
         )
     return tuple(found)
 
 
-def consistency(system: System, x: Array, covariance: Array) -> Network:
+def consistency(system: System) -> Network:
     """Return chi2 of observations, references and calibrations, and its degrees of freedom.
 
     Parameters
     ----------
     system : System
         The network.
-    x, covariance : ndarray
-        As `solve` returned them.
 
     Returns
     -------
     Network
         The weak prior of an unknown modulus is no observation.
     """
-    r, design = linearise(system, x)
+    groups = grouped(system)
+    x, covariance = solve(system, groups)
     stated = system.precision.copy()
     for j, prior in enumerate(system.priors):
         if prior is None:
             stated[j, j] = 0.0  # the weak prior of an unknown is no observation
-    d = x - system.mean
-    chi2 = float(system.weight @ r**2 + d @ stated @ d)
-    information = design.T @ (system.weight[:, None] * design) + stated
-    fitted = float(np.trace(covariance @ information))
+    _, design = linearise(system, groups, x)
+    fitted = float(np.trace(covariance @ information(system, groups, design, stated)))
     references = sum(p is not None for p in system.priors)
-    count = len(system.observations) + references + system.common.shape[1]
-    return Network(chi2, max(round(count - fitted), 0))
+    count = system.observed.size + references + groups.slope.size
+    return Network(chi2(system, groups, x, stated), max(round(count - fitted), 0))
 
 
 def anchored(system: System) -> list[bool]:
@@ -123,8 +130,9 @@ def anchored(system: System) -> list[bool]:
 
 def _without(system: System, pairs: Sequence[str]) -> System:
     """Return the system with these pairs' observations given no weight to speak of."""
-    out = np.array([o.pair in pairs for o in system.observations])
-    return dataclasses.replace(system, weight=np.where(out, system.weight * 1e-12, system.weight))
+    out = np.array([f"{sphere}/{surface}" in pairs for sphere, surface in system.pairs])
+    weight = np.where(out[system.pair], system.weight * 1e-12, system.weight)
+    return dataclasses.replace(system, weight=weight)
 
 
 def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
@@ -150,7 +158,7 @@ def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
     aside: dict[str, PairCheck] = {}
     while True:
         current = _without(system, list(aside))
-        checks = pair_checks(current, *solve(current))
+        checks = pair_checks(current)
         scored = [c for c in checks if c.score is not None and c.pair not in aside]
         worst = max(scored, key=lambda c: abs(c.score or 0.0), default=None)
         limit = contradiction_limit(len(checks))
@@ -186,11 +194,10 @@ def with_dark_uncertainty(system: System) -> tuple[System, float]:
 
     def excess(log_dark_u: float) -> float:
         """Return chi2 beyond its expectation."""
-        trial = wider(math.exp(log_dark_u))
-        found = consistency(trial, *solve(trial))
+        found = consistency(wider(math.exp(log_dark_u)))
         return found.chi2 - found.degrees_of_freedom
 
-    p = consistency(system, *solve(system)).p_value
+    p = consistency(system).p_value
     if p is None or p >= NETWORK_P:
         return system, 0.0
     low, high = math.log(1e-6), math.log(LARGEST_DARK_U)

@@ -31,6 +31,7 @@ from impactd.events import EventBus
 from impactd.jobs.orders import request_diagnosis, request_fit
 from impactd.jobs.runner import JobRunner
 from impactd.materials import Materials, load_materials
+from impactd.moduli_service import ModuliAnswer, ModuliService
 from impactd.rig import Rig, build_rig
 from impactd.sd_notify import notify, watchdog_interval_s
 from impactd.settings import Settings
@@ -102,6 +103,7 @@ class Daemon:
         self.jobs = JobRunner(self.archive, settings, publish, materials=self.materials)
         self.service = AcquisitionService(self.rig, self.archive, settings, self.materials, publish)
         self.calibrations = CalibrationRunner(self.service, self.archive, settings)
+        self._moduli = ModuliService(self.archive)
         self._heart = Heart(self)
 
     def start(self) -> None:
@@ -110,6 +112,7 @@ class Daemon:
         self._leave_mark()
         self.jobs.start()
         self.service.start()
+        self._moduli.start(self.archive.models.active(), self.jobs.wait_warm)
 
     def _leave_mark(self) -> None:
         """Let `impactd doctor` see later whether the rescue directory keeps files."""
@@ -127,6 +130,7 @@ class Daemon:
         steps = (
             self.service.stop,
             self.calibrations.stop,
+            self._moduli.stop,
             self.jobs.stop,
             self.rig.close,
             self.archive.close,
@@ -218,7 +222,7 @@ class Daemon:
 
     def moduli(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None
-    ) -> dict[str, Any]:
+    ) -> ModuliAnswer:
         """Return what all stored fits together say about each material.
 
         Parameters
@@ -232,7 +236,7 @@ class Daemon:
 
         Returns
         -------
-        dict
+        ModuliAnswer
             ``impactd-moduli/1``.
 
         Raises
@@ -240,12 +244,10 @@ class Daemon:
         UnknownModelError
             If this version does not know the model.
         """
-        from impactd.moduli_service import moduli
-
         name = model or self.archive.models.active()
         check_model(name)
-        return moduli(
-            self.archive, self.materials, specimen=specimen, since=since, until=until, model=name
+        return self._moduli.answer(
+            self.materials, specimen=specimen, since=since, until=until, model=name
         )
 
     def models(self) -> list[dict[str, Any]]:

@@ -1,139 +1,236 @@
 """Moduli over the archive: the stored fit of every shot goes into one network of materials.
 
-No trace is read and nothing is fitted here; the answer follows the archive at once.
+No trace is read and nothing is fitted here; the answer follows the archive at once. What it costs
+is kept: the observations of all shots, and the adjusted network of each choice of shots until a
+fit is written.
 """
+
+# ruff: noqa: PLC0415 - imported when first asked for: the rig must not wait for the fits to load
 
 from __future__ import annotations
 
+import json
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import structlog
 from numpy.typing import NDArray
 
-from analysis import PairObservation, adjust_moduli, observation_from_fit, sensor_from_json
 from impactd.materials import Materials
-from impactd.storage.archive import Archive, Calibration, Fit, NotFoundError, Shot
+from impactd.moduli_observations import CERTIFICATE, Observations, ShotUse
+from impactd.storage.archive import Archive, Calibration
 from impactd.storage.moment import utc_now
 from impactd.storage.version import software
 
+if TYPE_CHECKING:
+    from analysis import PairObservation
+
 FORMAT = "impactd-moduli/1"
-CERTIFICATE = "certificate"
-"""What the cell's values came from before the first calibration."""
 RIGID_CELL_MODEL = "hsd"
+MODELS_KEPT = 3
+"""Observations of so many models: both bases and the active one. About 1 kB a shot each."""
+NETWORKS_KEPT = 8
+"""Adjusted networks of so many choices of model and time. About 0.1 kB a shot each."""
+ENTRIES_AT_ONCE = 500
+"""So many entries are encoded without letting another thread in: less than a millisecond."""
 
 Json = dict[str, Any]
+_WAIT_S = 0.5
+_log = structlog.get_logger("impactd.moduli")
 
 
 @dataclass(frozen=True)
-class _Use:
-    """A stored fit and what the network makes of it."""
+class ModuliAnswer:
+    """What all stored fits together say.
 
-    fit: Fit
-    shot: Shot
-    observation: PairObservation | None
-    why_not: str | None
+    Attributes
+    ----------
+    head : dict
+        All members of ``impactd-moduli/1`` but the lists.
+    lists : dict of bytes
+        ``shots`` and ``excluded`` as JSON in UTF-8: together they have an entry for every shot.
+    """
+
+    head: Json
+    lists: dict[str, bytes]
 
 
-def moduli(
-    archive: Archive,
-    materials: Materials,
-    *,
-    specimen: str | None = None,
-    since: str | None = None,
-    until: str | None = None,
-    model: str = "kv",
-) -> Json:
-    """Return what all stored fits together say about each material.
+@dataclass(frozen=True)
+class _Network:
+    """An adjusted network, with the state of knowledge it was made from."""
+
+    version: int
+    observations: Observations
+    materials: Materials
+    found: Json
+    lists: dict[str, bytes]
+
+
+class ModuliService:
+    """Answers what all stored fits together say about each material. Thread safe.
 
     Parameters
     ----------
     archive : Archive
         Fits and calibrations.
-    materials : Materials
-        Spheres and surfaces with what is known of them.
-    specimen : str, optional
-        Only report this surface and its pairs. All shots still take part: a sphere that was dropped
-        on a reference tells about the specimen too.
-    since, until : str, optional
-        First moment of a shot that counts and first that does not, in the archive's form.
-    model : str
-        Model of the fits.
-
-    Returns
-    -------
-    dict
-        ``impactd-moduli/1`` with, beside the network's result, ``calibration`` (which, its date,
-        until when it is valid, whether it is overdue), ``shots`` (numbers and SHA-256 of the files)
-        and ``excluded``. Every modulus carries ``calibration_overdue``. Without any usable fit
-        ``moduli`` is empty and ``warnings`` says so.
-
-    Raises
-    ------
-    AnalysisError
-        If a shot names a material that is unknown today.
     """
-    uses = [
-        _use(archive, fit) for fit in archive.fits.latest(model=model, since=since, until=until)
-    ]
-    observations = [use.observation for use in uses if use.observation is not None]
-    current = archive.calibrations.current()
-    found = _adjusted(archive, materials, observations, model)
-    if specimen is not None:
-        found = _only(found, specimen)
-    state = _calibration_state(current)
-    for entry in found["moduli"].values():
-        entry["calibration_overdue"] = state["overdue"]
-    if state["sentence"]:
-        found["warnings"] = [*found["warnings"], state["sentence"]]
+
+    def __init__(self, archive: Archive) -> None:
+        self._archive = archive
+        self._lock = threading.Lock()
+        self._stop = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._observations: OrderedDict[str, Observations] = OrderedDict()
+        self._networks: OrderedDict[tuple[str | None, ...], _Network] = OrderedDict()
+
+    def start(self, model: str, wait: Callable[[float], bool]) -> None:
+        """Take the archive in beforehand, in a thread.
+
+        Parameters
+        ----------
+        model : str
+            Of the fits.
+        wait : callable
+            Waits for at most so many seconds and tells whether more urgent work is done.
+        """
+
+        def fill() -> None:
+            while not wait(_WAIT_S):
+                if self._stop.is_set():
+                    return
+            try:
+                with self._lock:
+                    self._observations_of(model).update(self._stop.is_set)
+            except Exception:  # whoever asks for moduli meets the same error and is told
+                _log.exception("the fits could not be read beforehand")
+
+        self._thread = threading.Thread(target=fill, name="moduli", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread; the archive may then be closed."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+
+    def answer(
+        self,
+        materials: Materials,
+        *,
+        specimen: str | None = None,
+        since: str | None = None,
+        until: str | None = None,
+        model: str = "kv",
+    ) -> ModuliAnswer:
+        """Return what all stored fits together say about each material.
+
+        Parameters
+        ----------
+        materials : Materials
+            Spheres and surfaces with what is known of them.
+        specimen : str, optional
+            Only report this surface and its pairs. All shots still take part: a sphere that was
+            dropped on a reference tells about the specimen too.
+        since, until : str, optional
+            First moment of a shot that counts and first that does not, in the archive's form.
+        model : str
+            Model of the fits.
+
+        Returns
+        -------
+        ModuliAnswer
+            ``impactd-moduli/1`` with, beside the network's result, ``calibration`` (which, its
+            date, until when it is valid, whether it is overdue), ``shots`` (numbers and SHA-256 of
+            the files) and ``excluded``. Every modulus carries ``calibration_overdue``. Without any
+            usable fit ``moduli`` is empty and ``warnings`` says so.
+
+        Raises
+        ------
+        AnalysisError
+            If a shot names a material that is unknown today.
+        """
+        network = self._network(materials, model, since, until)
+        state = _calibration_state(self._archive.calibrations.current())
+        found = network.found if specimen is None else _only(network.found, specimen)
+        head = {
+            **found,
+            "moduli": {
+                key: entry | {"calibration_overdue": state["overdue"]}
+                for key, entry in found["moduli"].items()
+            },
+            "warnings": found["warnings"] + ([state["sentence"]] if state["sentence"] else []),
+            "specimen": specimen,
+            "since": since,
+            "until": until,
+            "calibration": state,
+            "software": software(),
+        }
+        return ModuliAnswer(head, network.lists)
+
+    def _network(
+        self, materials: Materials, model: str, since: str | None, until: str | None
+    ) -> _Network:
+        key = (model, since, until)
+        with self._lock:  # computed once: whoever asks for the same meanwhile waits for it
+            observations = self._observations_of(model)
+            observations.update()
+            kept = self._networks.pop(key, None)
+            if (
+                kept is None
+                or kept.observations is not observations
+                or kept.version != observations.version
+                or kept.materials is not materials
+            ):
+                kept = self._adjust(materials, model, observations, since, until)
+            self._networks[key] = kept
+            if len(self._networks) > NETWORKS_KEPT:
+                self._networks.popitem(last=False)
+            return kept
+
+    def _observations_of(self, model: str) -> Observations:
+        found = self._observations.pop(model, None) or Observations(self._archive, model)
+        self._observations[model] = found
+        if len(self._observations) > MODELS_KEPT:
+            self._observations.popitem(last=False)
+        return found
+
+    def _adjust(
+        self,
+        materials: Materials,
+        model: str,
+        observations: Observations,
+        since: str | None,
+        until: str | None,
+    ) -> _Network:
+        uses = observations.chosen(since, until)
+        seen = [use.observation for use in uses if use.observation is not None]
+        found = _adjusted(self._archive, materials, seen, model)
+        found.pop("shots", None)  # by name only; the answer's list has the hashes too
+        return _Network(observations.version, observations, materials, found, _lists(uses))
+
+
+def _lists(uses: Sequence[ShotUse]) -> dict[str, bytes]:
     return {
-        **found,
-        "specimen": specimen,
-        "since": since,
-        "until": until,
-        "calibration": state,
-        "shots": [
-            {"number": use.shot.number, "sha256": use.shot.sha256}
-            for use in uses
-            if use.why_not is None
-        ],
-        "excluded": [
-            {"shot": use.shot.number, "reason": use.why_not}
-            for use in uses
-            if use.why_not is not None
-        ],
-        "software": software(),
+        "shots": _encoded(
+            [{"number": use.number, "sha256": use.sha256} for use in uses if use.why_not is None]
+        ),
+        "excluded": _encoded(
+            [{"shot": use.number, "reason": use.why_not} for use in uses if use.why_not is not None]
+        ),
     }
 
 
-def _use(archive: Archive, fit: Fit) -> _Use:
-    assert fit.shot is not None  # `latest` gives fits of single shots only
-    shot = archive.shot(fit.shot)
-    why_not = _why_not(archive, fit, shot)
-    if why_not is not None:
-        return _Use(fit, shot, None, why_not)
-    calibration = CERTIFICATE if fit.calibration is None else str(fit.calibration)
-    seen = observation_from_fit(fit.result, shot=f"shot {shot.number}", calibration=calibration)
-    return _Use(fit, shot, seen, None if seen else "its fit gives no reduced modulus")
-
-
-def _why_not(archive: Archive, fit: Fit, shot: Shot) -> str | None:
-    """Return why a shot stays out of the network, ``None`` when it takes part."""
-    if shot.source == "import":
-        return "it was recorded elsewhere; fit its campaign instead"
-    outcome = fit.result["outcome"]
-    if outcome["status"] != "converged":
-        return str(outcome["message"])
-    if shot.clipped:
-        return "it sits on a limit of the converter or amplifier"
-    try:
-        drop = archive.drop(shot.number)
-    except NotFoundError:
-        return None
-    if drop.calibration is not None:
-        # The cell's calibration rests on it already; counted again, it would vouch for itself.
-        return f"it belongs to calibration {drop.calibration}"
-    return None
+def _encoded(entries: list[Json]) -> bytes:
+    parts = [
+        json.dumps(entries[at : at + ENTRIES_AT_ONCE], ensure_ascii=False, separators=(",", ":"))
+        for at in range(0, len(entries), ENTRIES_AT_ONCE)
+    ]
+    # A lone surrogate is valid in a JSON escape and in no UTF-8 answer.
+    return f"[{','.join(part[1:-1] for part in parts)}]".encode("utf-8", "replace")
 
 
 def _adjusted(
@@ -150,6 +247,8 @@ def _adjusted(
             "calibrations": [],
             "warnings": [f"No stored shot has a usable {model} fit for this choice."],
         }
+    from analysis import adjust_moduli
+
     covariances: dict[str, NDArray[np.float64]] = {}
     for name in {one.calibration for one in observations}:
         covariance = _cell_covariance(archive, name, model)
@@ -166,6 +265,8 @@ def _cell_covariance(archive: Archive, name: str, model: str) -> NDArray[np.floa
     calibration = archive.calibrations.get(int(name))
     if calibration.result is None:
         return None
+    from analysis import sensor_from_json
+
     sensor = sensor_from_json(calibration.result)
     if model.partition("+")[0] != RIGID_CELL_MODEL:
         return sensor.covariance

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import anyio
 from fastapi import Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
@@ -97,6 +98,7 @@ def create_app(daemon: Daemon) -> FastAPI:
     app.state.limits = Limits()
     app.state.sessions = Sessions()
     app.state.metrics = metrics
+    app.state.moduli = anyio.CapacityLimiter(1)
     app.add_middleware(
         Gate,
         allowed_hosts=allowed_hosts(daemon),

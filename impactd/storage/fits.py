@@ -42,6 +42,33 @@ class Fit:
     created_utc: str
 
 
+@dataclass(frozen=True)
+class ShotFit:
+    """A fit of one shot, with what decides whether it counts.
+
+    Attributes
+    ----------
+    fit : Fit
+        The result.
+    number : int
+        The shot.
+    sha256, started_utc, source : str
+        As in its row.
+    clipped : bool
+        The record sits on a limit.
+    series : int or None
+        The calibration run that its drop belongs to.
+    """
+
+    fit: Fit
+    number: int
+    sha256: str
+    started_utc: str
+    source: str
+    clipped: bool
+    series: int | None
+
+
 class FitTable:
     """The table of fits.
 
@@ -135,38 +162,44 @@ class FitTable:
         )
         return [_fit_of(row) for row in rows]
 
-    def latest(
-        self,
-        *,
-        model: str = "kv",
-        surface: str | None = None,
-        since: str | None = None,
-        until: str | None = None,
-    ) -> list[Fit]:
-        """Return the latest fit of every shot under one model, in the order of the shots.
+    def last_id(self) -> int:
+        """Return the id of the newest fit, 0 before the first."""
+        return self._index.number("SELECT max(id) FROM fits")
+
+    def of_shots(self, model: str, *, after: int, last: int) -> list[ShotFit]:
+        """Return the fits of single shots under one model, with what the index knows of the shots.
 
         Parameters
         ----------
         model : str
             E.g. ``kv``.
-        surface : str, optional
-            Only shots on this surface.
-        since, until : str, optional
-            First moment of the shot that counts and first that does not.
+        after, last : int
+            Only ids above the one, up to the other.
 
         Returns
         -------
-        list of Fit
-            May be empty.
+        list of ShotFit
+            In the order of their ids, which is that of writing.
         """
         rows = self._index.rows(
-            "SELECT fits.* FROM fits JOIN shots ON shots.number = fits.shot WHERE fits.id IN "
-            "(SELECT max(id) FROM fits WHERE model=? AND shot IS NOT NULL GROUP BY shot) "
-            "AND (? IS NULL OR shots.surface = ?) AND (? IS NULL OR shots.started_utc >= ?) "
-            "AND (? IS NULL OR shots.started_utc < ?) ORDER BY fits.shot",
-            (model, surface, surface, since, since, until, until),
+            "SELECT fits.*, shots.sha256, shots.started_utc, shots.source, shots.clipped, "
+            "drops.calibration AS series FROM fits JOIN shots ON shots.number = fits.shot "
+            "LEFT JOIN drops ON drops.number = fits.shot "
+            "WHERE fits.id > ? AND fits.id <= ? AND fits.model = ? ORDER BY fits.id",
+            (after, last, model),
         )
-        return [_fit_of(row) for row in rows]
+        return [
+            ShotFit(
+                fit=_fit_of(row),
+                number=row["shot"],
+                sha256=row["sha256"],
+                started_utc=row["started_utc"],
+                source=row["source"],
+                clipped=bool(row["clipped"]),
+                series=row["series"],
+            )
+            for row in rows
+        ]
 
     def of_job(self, job: int) -> list[Fit]:
         """Return the fits that a job wrote."""

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +16,8 @@ import pytest
 from analysis.campaign import Quantity, Sphere, Surface
 from drivers.digitizer import Record
 from impactd.materials import Materials
-from impactd.moduli_service import moduli
-from impactd.storage.archive import Archive, DropRequest, ShotAbout
+from impactd.moduli_service import MODELS_KEPT, NETWORKS_KEPT, ModuliService
+from impactd.storage.archive import Archive, DropRequest, Recording, ShotAbout
 from impactd.storage.moment import utc_after, utc_now
 
 NU = Quantity(0.35, 0.01)
@@ -27,6 +29,14 @@ MATERIALS = Materials(
         "specimen": Surface("specimen", None, NU),
     },
 )
+
+
+def moduli(
+    archive: Archive, materials: Materials, service: ModuliService | None = None, **choice: Any
+) -> dict[str, Any]:
+    """Return the answer as a client sees it, by default of a service that has seen nothing yet."""
+    answer = (service or ModuliService(archive)).answer(materials, **choice)
+    return answer.head | {name: json.loads(text) for name, text in answer.lists.items()}
 
 
 @pytest.fixture
@@ -41,7 +51,9 @@ def fitted(archive: Archive) -> Callable[..., int]:
     """Return a function that stores a shot and a fit which saw the true moduli."""
     generator = np.random.default_rng(0)
 
-    def make(surface: str = "specimen", *, clip: bool = False, **begin: Any) -> int:
+    def make(
+        surface: str = "specimen", *, clip: bool = False, cell: int | None = None, **begin: Any
+    ) -> int:
         codes = generator.normal(0, 5, 3000)
         codes[1000:1100] += 9000 * np.sin(np.linspace(0, np.pi, 100))
         if clip:
@@ -79,7 +91,7 @@ def fitted(archive: Archive) -> Callable[..., int]:
             "outcome": {"status": "converged", "message": "ok"},
             "pairs": {f"acetal/{surface}": pair},
         }
-        archive.fits.add(number, "kv", None, result)
+        archive.fits.add(number, "kv", cell, result)
         return number
 
     return make
@@ -169,3 +181,156 @@ def test_an_overdue_calibration_shows_on_every_modulus(
     assert {one["calibration_overdue"] for one in found["moduli"].values()} == {overdue}
     assert found["calibration"]["overdue"] is overdue
     assert any("calibrat" in one for one in found["warnings"]) is overdue
+
+
+CELL = {
+    "format": "impactd-calibration/1",
+    "outcome": {"status": "converged", "message": "ok"},
+    "parameters": {},
+    "covariance": {"matrix": np.diag([9e-4, 4e-4, 1e-4, 4e-6]).tolist()},
+    "hsd": None,
+}
+
+
+def _from_the_tables(archive: Archive, model: str, since: str, until: str) -> dict[str, Any]:
+    """Return which shots count and why others do not, row by row, with nothing kept."""
+    latest = {}
+    for row in archive._index.rows(
+        "SELECT * FROM fits WHERE model=? AND shot > 0 ORDER BY id", (model,)
+    ):
+        latest[row["shot"]] = json.loads(row["result"])
+    shots, excluded = [], []
+    for number in sorted(latest):
+        shot, outcome = archive.shot(number), latest[number]["outcome"]
+        if not since <= shot.started_utc < until:
+            continue
+        if shot.source == "import":
+            reason = "it was recorded elsewhere; fit its campaign instead"
+        elif outcome["status"] != "converged":
+            reason = outcome["message"]
+        elif shot.clipped:
+            reason = "it sits on a limit of the converter or amplifier"
+        elif (series := archive.drop(number).calibration) is not None:
+            reason = f"it belongs to calibration {series}"
+        else:
+            shots.append({"number": number, "sha256": shot.sha256})
+            continue
+        excluded.append({"shot": number, "reason": reason})
+    return {"shots": shots, "excluded": excluded}
+
+
+def _import(archive: Archive, origin: str) -> int:
+    generator = np.random.default_rng(5)
+    signal = generator.normal(0, 1e-3, 3000)
+    signal[1000:1100] += np.sin(np.linspace(0, np.pi, 100))
+    recording = Recording(signal, 1.0, 0.0, "voltage", 1e6, 10.0, 1000)
+    about = ShotAbout(utc_now(), 0, 9.81, source="import", origin=origin)
+    return archive.store_import(recording, about).number
+
+
+def test_what_is_kept_gives_the_answer_of_the_tables(
+    archive: Archive, fitted: Callable[..., int]
+) -> None:
+    """A service that watched an archive grow answers as one that reads it anew, for any choice."""
+    watching = ModuliService(archive)
+    moments = [utc_now()]
+    archive.calibrations.begin(None, [], "timer")
+    for number, surface in enumerate(("aluminium", "specimen", "specimen")):
+        fitted(surface), fitted(surface, clip=number == 1), fitted("aluminium", calibration=1)
+        moduli(archive, MATERIALS, watching)
+        moments.append(utc_now())
+    archive.calibrations.finish(1, CELL, utc_after(30))
+    failed, again = fitted(cell=1), fitted("aluminium", cell=1)
+    moments.append(utc_now())
+    outcome = {"status": "not_converged", "message": "moving \ud800 on"}
+    archive.fits.add(failed, "kv", 1, {"model": "kv", "outcome": outcome})
+    archive.fits.add(again, "kv", None, archive.fits.for_shot(1)[0].result)
+    imported = _import(archive, "elsewhere")
+    archive.fits.add(imported, "kv", None, archive.fits.for_shot(1)[0].result)
+    archive.fits.add(1, "hsd", None, {"model": "hsd", "outcome": outcome})
+    archive.fits.add(None, "kv", None, {"model": "kv", "outcome": outcome})
+    moments.append(utc_now())
+
+    for model in ("kv", "hsd"):
+        for since in moments:
+            for until in moments:
+                choice = {"model": model, "since": since, "until": until}
+                kept = moduli(archive, MATERIALS, watching, **choice, specimen="specimen")
+                assert kept == moduli(archive, MATERIALS, **choice, specimen="specimen")
+                expected = _from_the_tables(archive, model, since, until)
+                for one in expected["excluded"]:
+                    one["reason"] = one["reason"].encode("utf-8", "replace").decode()
+                assert {name: kept[name] for name in expected} == expected
+
+
+def test_an_unchanged_archive_is_not_read_again(
+    archive: Archive, fitted: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only fits that were written since are read, and a network is adjusted once."""
+    fitted("aluminium"), fitted()
+    service = ModuliService(archive)
+    first = service.answer(MATERIALS)
+    read: list[int] = []
+    of_shots = archive.fits.of_shots
+
+    def counted(model: str, *, after: int, last: int) -> list[Any]:
+        found = of_shots(model, after=after, last=last)
+        read.extend(one.fit.id for one in found)
+        return found
+
+    monkeypatch.setattr(archive.fits, "of_shots", counted)
+
+    assert service.answer(MATERIALS).lists is first.lists
+    assert read == []
+    new = fitted()
+    assert service.answer(MATERIALS).lists is not first.lists
+    assert read == [archive.fits.for_shot(new)[0].id]
+
+
+def test_changed_materials_give_another_network(
+    archive: Archive, fitted: Callable[..., int]
+) -> None:
+    """What is kept belongs to the materials it was made with."""
+    fitted("aluminium"), fitted()
+    service = ModuliService(archive)
+    before = moduli(archive, MATERIALS, service)
+    stiffer = replace(MATERIALS.spheres["acetal"], youngs_modulus_pa=Quantity(3.4e9, 6e7))
+    others = Materials({"acetal": stiffer}, MATERIALS.surfaces)
+
+    after = moduli(archive, others, service)
+
+    assert after == moduli(archive, others)
+    assert after["moduli"] != before["moduli"]
+
+
+def test_only_so_many_networks_are_kept(archive: Archive, fitted: Callable[..., int]) -> None:
+    """Whatever choices are asked for, memory stays bounded."""
+    fitted()
+    service = ModuliService(archive)
+
+    for number in range(3 * NETWORKS_KEPT):
+        service.answer(MATERIALS, since=f"2026-01-01T00:00:{number:02d}.000000Z")
+        service.answer(MATERIALS, model=f"kv+{number}")
+
+    assert len(service._networks) == NETWORKS_KEPT
+    assert len(service._observations) == MODELS_KEPT
+
+
+def test_the_archive_is_taken_in_beforehand_and_the_thread_ends(
+    archive: Archive, fitted: Callable[..., int]
+) -> None:
+    """The thread waits for what is more urgent, takes the fits in, and ends when it is told to."""
+    fitted("aluminium"), fitted()
+    urgent = threading.Event()
+    service = ModuliService(archive)
+    service.start("kv", urgent.wait)
+    urgent.set()
+    assert service._thread is not None
+    service._thread.join(60)
+    assert service._observations["kv"].version == 2
+    service.stop()
+
+    waiting = ModuliService(archive)
+    waiting.start("kv", threading.Event().wait)
+    waiting.stop()
+    assert not waiting._observations

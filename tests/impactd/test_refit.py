@@ -68,7 +68,7 @@ def test_every_shot_is_fitted_once_and_a_second_start_finds_nothing_to_do(
     again = run(archive, settings)
     assert (again.run, again.before, again.fitted) == (first.run, SHOTS, 0)
     assert set(fits_per_shot(archive).values()) == {1}
-    fit = archive.fits.latest(model="kv")[0]
+    fit = archive.fits.for_shot(1)[0]
     assert fit.result["outcome"]["status"] == "converged"
     other = run(archive, settings, label="again")
     assert other.run != first.run

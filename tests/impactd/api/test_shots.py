@@ -153,6 +153,18 @@ def test_moduli_hold_value_unit_and_uncertainty(rig, shot):
     assert rig.reader.get("/v1/moduli", params={"specimen": "nothing such"}).status_code == 200
 
 
+def test_unchanged_moduli_are_not_sent_again(rig, shot):
+    """A client that has the answer gets 304 without a body, until a shot changes it."""
+    answer = rig.reader.get("/v1/moduli")
+    numbers = [one["number"] for one in answer.json()["shots"] + answer.json()["excluded"]]
+    assert answer.headers["content-type"] == "application/json"
+    known = {"If-None-Match": answer.headers["etag"]}
+    repeated = rig.reader.get("/v1/moduli", headers=known)
+    assert shot["number"] in numbers
+    assert (repeated.status_code, repeated.content) == (304, b"")
+    assert rig.reader.get("/v1/moduli", params={"model": "hsd"}, headers=known).status_code == 200
+
+
 def test_a_downloaded_shot_is_fitted_as_the_daemon_fitted_it(rig, shot, tmp_path):
     """A picture and the answer to a drop give one modulus: both take the bounce into account."""
     number = shot["number"]

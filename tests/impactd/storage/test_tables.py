@@ -118,9 +118,9 @@ def test_fits_are_kept_and_the_latest_counts(archive: Archive, stored: Callable[
     assert archive.fits.get(old.id).result == {"r2": 0.9}
     assert [fit.model for fit in archive.fits.for_shot(one)] == ["hsd", "kv"]
     assert archive.fits.for_shot(one)[1] == new
-    assert [fit.shot for fit in archive.fits.latest(model="kv")] == [one, two]
-    assert archive.fits.latest(model="kv", surface="aluminium") == []
-    assert archive.fits.latest(model="kv", until="2026-03-01T12:00:00.000000Z") == []
+    seen = archive.fits.of_shots("kv", after=old.id, last=archive.fits.last_id())
+    assert [(found.number, found.fit.result["r2"]) for found in seen] == [(one, 0.99), (two, 0.98)]
+    assert archive.fits.of_shots("kv", after=0, last=old.id)[0].fit == old
     assert archive.fits.of_job(5) == [new]
 
 
