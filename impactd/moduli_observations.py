@@ -1,0 +1,147 @@
+"""What every shot's latest fit tells the network of moduli, kept in memory and up to date.
+
+The index holds several kilobytes of result per shot; the network needs six numbers of it. They are
+read once, and from then on only fits that were written since.
+"""
+
+# ruff: noqa: PLC0415 - imported when first asked for: the rig must not wait for the fits to load
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from impactd.storage.archive import Archive
+from impactd.storage.fits import ShotFit
+
+if TYPE_CHECKING:
+    from analysis import PairObservation
+
+CERTIFICATE = "certificate"
+"""What the cell's values came from before the first calibration."""
+IDS_AT_ONCE = 50
+"""A fit is decoded in 0.1-0.2 ms: so many hold the reading connection for less than 10 ms."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShotUse:
+    """What the network makes of a shot.
+
+    Attributes
+    ----------
+    number : int
+        The shot.
+    sha256, started_utc : str
+        As in its row.
+    observation : PairObservation or None
+        What its fit says, ``None`` where it stays out.
+    why_not : str or None
+        Why it stays out.
+    """
+
+    number: int
+    sha256: str
+    started_utc: str
+    observation: PairObservation | None
+    why_not: str | None
+
+
+class Observations:
+    """The latest fit of every shot under one model. Not thread safe.
+
+    Parameters
+    ----------
+    archive : Archive
+        Whose fits.
+    model : str
+        Of the fits.
+
+    Attributes
+    ----------
+    version : int
+        Grows whenever a shot's fit is taken in.
+    """
+
+    def __init__(self, archive: Archive, model: str) -> None:
+        self._archive = archive
+        self._model = model
+        self._seen = 0
+        self._uses: dict[int, ShotUse] = {}
+        self.version = 0
+
+    def update(self, stopped: Callable[[], bool] = lambda: False) -> None:
+        """Take in what was written since the last time.
+
+        Parameters
+        ----------
+        stopped : callable
+            Asked between batches; what is missing then is taken in the next time.
+        """
+        # Ids grow in the order of commits: the index has one writer at a time.
+        fits, newest = self._archive.fits, self._archive.fits.last_id()
+        while self._seen < newest and not stopped():
+            last = min(self._seen + IDS_AT_ONCE, newest)
+            for found in fits.of_shots(self._model, after=self._seen, last=last):
+                self._uses[found.number] = _use(found)
+                self.version += 1
+            self._seen = last
+            time.sleep(0)  # others may want the interpreter
+
+    def chosen(self, since: str | None, until: str | None) -> list[ShotUse]:
+        """Return the shots of a time in the order of their numbers.
+
+        Parameters
+        ----------
+        since, until : str or None
+            First moment that counts and first that does not, in the archive's form.
+
+        Returns
+        -------
+        list of ShotUse
+            May be empty.
+        """
+        return [
+            use
+            for _, use in sorted(self._uses.items())
+            if (since is None or use.started_utc >= since)
+            and (until is None or use.started_utc < until)
+        ]
+
+
+def _use(found: ShotFit) -> ShotUse:
+    from analysis import observation_from_fit
+
+    why_not, seen = _why_not(found), None
+    if why_not is None:
+        calibration = CERTIFICATE if found.fit.calibration is None else str(found.fit.calibration)
+        seen = observation_from_fit(
+            found.fit.result, shot=f"shot {found.number}", calibration=calibration
+        )
+        why_not = None if seen else "its fit gives no reduced modulus"
+    return ShotUse(
+        found.number, found.sha256, found.started_utc, seen and _with_shared_names(seen), why_not
+    )
+
+
+def _with_shared_names(seen: PairObservation) -> PairObservation:
+    """Return the same with one copy of each name for all shots: JSON makes a new one each time."""
+    names = ("sphere", "surface", "model", "calibration")
+    return replace(seen, **{name: sys.intern(getattr(seen, name)) for name in names})
+
+
+def _why_not(found: ShotFit) -> str | None:
+    """Return why a shot stays out of the network, ``None`` when it takes part."""
+    if found.source == "import":
+        return "it was recorded elsewhere; fit its campaign instead"
+    outcome = found.fit.result["outcome"]
+    if outcome["status"] != "converged":
+        return str(outcome["message"])
+    if found.clipped:
+        return "it sits on a limit of the converter or amplifier"
+    if found.series is not None:
+        # The cell's calibration rests on it already; counted again, it would vouch for itself.
+        return f"it belongs to calibration {found.series}"
+    return None
