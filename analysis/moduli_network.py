@@ -134,7 +134,7 @@ def grouped(system: System) -> Groups:
         In the order of the groups' numbers.
     """
     count, errors = system.group_pair.size, system.precision.shape[0] - len(system.names)
-    weight = np.bincount(system.group, system.weight, count)
+    weight = np.asarray(np.bincount(system.group, system.weight, count), dtype=np.float64)
     observed = np.bincount(system.group, system.weight * system.observed, count) / weight
     common = np.zeros((count, errors))
     scatter, slope = np.zeros((errors, errors)), np.zeros(errors)
@@ -162,7 +162,7 @@ def _blocks(
     for number, name in enumerate(calibrations):
         known = covariance.get(name) if isinstance(covariance, Mapping) else covariance
         rows = np.flatnonzero(calibration == number)
-        mine = [observations[i] for i in rows]
+        mine = [observations[i] for i in rows.tolist()]
         if known is None:
             # one error common to all; the sign cannot matter to a fully correlated part
             slopes = np.array([[o.u_calibration] for o in mine])

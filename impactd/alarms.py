@@ -58,10 +58,9 @@ class Alarms:
             return
         try:
             alarm = self._table.raise_alarm(kind, *words)
-        except ArchiveError as error:  # what raised it has been told already
+            self._bus.publish("alarm.raised", {"id": alarm.id, "sentence": alarm.sentence})
+        except ArchiveError as error:  # what raised it has been told already, and is told once
             _log.warning("an alarm could not be kept", kind=kind, why=error.what)
-            return
-        self._bus.publish("alarm.raised", {"id": alarm.id, "sentence": alarm.sentence})
 
     def acknowledge(self, number: int, *, by: str) -> Alarm:
         """Say that an alarm was seen.

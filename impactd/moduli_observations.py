@@ -128,8 +128,13 @@ def _use(found: ShotFit) -> ShotUse:
 
 def _with_shared_names(seen: PairObservation) -> PairObservation:
     """Return the same with one copy of each name for all shots: JSON makes a new one each time."""
-    names = ("sphere", "surface", "model", "calibration")
-    return replace(seen, **{name: sys.intern(getattr(seen, name)) for name in names})
+    return replace(
+        seen,
+        sphere=sys.intern(seen.sphere),
+        surface=sys.intern(seen.surface),
+        model=sys.intern(seen.model),
+        calibration=sys.intern(seen.calibration),
+    )
 
 
 def _why_not(found: ShotFit) -> str | None:

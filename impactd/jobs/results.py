@@ -1,14 +1,14 @@
-"""What becomes of a finished job: fits and calibrations are written, drops move on, events go out.
+"""What becomes of a finished job: fits and calibrations are written, drops move on.
 
 Everything one job brings is one transaction where it matters: a drop is ``analysed`` only when its
-fits can be read.
+fits can be read. The events come back to the caller: what is written is never undone because
+somebody could not be told, and nobody is told twice because a write was tried again.
 """
 
 # ruff: noqa: PLC0415 - imported when first asked for: the rig must not wait for the fits to load
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from impactd.jobs.orders import CALIBRATE, FIT_SHOT
@@ -21,7 +21,8 @@ from impactd.storage.moment import utc_after
 
 CANCELLED = "It was cancelled."
 Json = dict[str, Any]
-Announce = Callable[[str, Json], None]
+Told = tuple[str, Json]
+"""Kind and data of an event."""
 
 
 class ResultWriter:
@@ -33,23 +34,18 @@ class ResultWriter:
         Where it goes.
     settings : Settings
         How long a calibration is valid.
-    announce : callable
-        Gets kind and data of each event.
     """
 
-    def __init__(self, archive: Archive, settings: Settings, announce: Announce) -> None:
+    def __init__(self, archive: Archive, settings: Settings) -> None:
         self._archive = archive
         self._settings = settings
-        self._announce = announce
 
-    def finish(self, job: Job, result: Json) -> None:
-        """Write the result of a job."""
+    def finish(self, job: Job, result: Json) -> list[Told]:
+        """Write the result of a job; return the events of it."""
         if job.kind == CALIBRATE:
-            self._finish_calibration(job, result["calibration"])
-            return
+            return self._finish_calibration(job, result["calibration"])
         if job.kind == DIAGNOSE:
-            self._finish_diagnosis(job, result)
-            return
+            return self._finish_diagnosis(job, result)
         shot = job.payload["shot"] if job.kind == FIT_SHOT else None
         results = result["fits"] if job.kind == FIT_SHOT else [result["fit"]]
         with self._archive.transaction():
@@ -61,13 +57,15 @@ class ResultWriter:
             drop = self._drop(shot)
             if drop is not None and drop.state == "stored":
                 self._archive.set_drop_state(drop.number, "analysed")
+        events: list[Told] = []
         for fit in fits:
             told = {"id": fit.id, "job": job.id, "shot": shot, "model": fit.model}
-            self._announce("fit.done", {**told, "outcome": fit.result["outcome"]["status"]})
+            events.append(("fit.done", {**told, "outcome": fit.result["outcome"]["status"]}))
         if drop is not None:
-            self._announce("drop.analysed", {"number": drop.number, "shot": shot})
+            events.append(("drop.analysed", {"number": drop.number, "shot": shot}))
+        return events
 
-    def fail(self, job: Job, reason: str, *, retry: bool) -> None:
+    def fail(self, job: Job, reason: str, *, retry: bool) -> list[Told]:
         """Write why a job gave no result; with ``retry`` it is tried once more."""
         # One transaction: whoever sees the job failed sees what waited for it failed, and a process
         # that dies here leaves no calibration fitting for ever.
@@ -77,13 +75,14 @@ class ResultWriter:
                 self._fail_what_waits(job, reason)
         told = {"job": job.id, "kind": job.kind, "subject": job.subject, "reason": reason}
         if failed.state == "queued":
-            self._announce("job.retried", told)
-            return
-        if job.kind == CALIBRATE:
-            self._announce(
-                "calibration.failed", {"number": job.payload["calibration"], "reason": reason}
-            )
-        self._announce("job.failed", told)
+            return [("job.retried", told)]
+        if job.kind != CALIBRATE:
+            return [("job.failed", told)]
+        number = job.payload["calibration"]
+        return [
+            ("calibration.failed", {"number": number, "reason": reason}),
+            ("job.failed", told),
+        ]
 
     def _fail_what_waits(self, job: Job, reason: str) -> None:
         problem = Problem(
@@ -108,7 +107,7 @@ class ResultWriter:
         except NotFoundError:  # an import has no drop
             return None
 
-    def _finish_diagnosis(self, job: Job, result: Json) -> None:
+    def _finish_diagnosis(self, job: Job, result: Json) -> list[Told]:
         found = result["diagnosis"]
         model, named = None, None
         with self._archive.transaction():
@@ -125,21 +124,20 @@ class ResultWriter:
             done = self._archive.jobs.finish(job.id, {**result, "model": model})
             self._archive.diagnoses.publish(done, named)
         told = {"id": job.id, "verdict": found["verdict"], "sentence": found["sentence"]}
-        self._announce("diagnosis.done", {**told, "model": model})
+        return [("diagnosis.done", {**told, "model": model})]
 
-    def cancel(self, job: Job) -> None:
+    def cancel(self, job: Job) -> list[Told]:
         """Write that a running job was cancelled."""
         self._archive.jobs.cancelled(job.id, CANCELLED)
-        self._announce("job.cancelled", {"job": job.id, "kind": job.kind, "subject": job.subject})
+        return [("job.cancelled", {"job": job.id, "kind": job.kind, "subject": job.subject})]
 
-    def _finish_calibration(self, job: Job, result: Json) -> None:
+    def _finish_calibration(self, job: Job, result: Json) -> list[Told]:
         number = job.payload["calibration"]
         outcome = result["outcome"]
         if outcome["status"] != "converged":
-            self.fail(
+            return self.fail(
                 job, f"The calibration {outcome['status']}: {outcome['message']}", retry=False
             )
-            return
         previous = self._archive.calibrations.current()
         if previous is not None and previous.result is not None:
             from analysis.cell_drift import drift
@@ -150,4 +148,4 @@ class ResultWriter:
         with self._archive.transaction():
             self._archive.calibrations.finish(number, result, valid_until)
             self._archive.jobs.finish(job.id, {"calibration": number})
-        self._announce("calibration.done", {"number": number, "valid_until_utc": valid_until})
+        return [("calibration.done", {"number": number, "valid_until_utc": valid_until})]

@@ -14,8 +14,9 @@ import structlog
 from impactd.jobs.errors import StoppedError, TaskCancelledError, TaskError, WorkerLostError
 from impactd.jobs.executors import WorkerExecutor
 from impactd.jobs.orders import order_for
-from impactd.jobs.results import CANCELLED, ResultWriter
+from impactd.jobs.results import CANCELLED, ResultWriter, Told
 from impactd.jobs.worker_process import WorkerLimits
+from impactd.jobs.write_queue import Write, WriteQueue, will_pass
 from impactd.materials import Materials, load_materials
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError
@@ -76,7 +77,8 @@ class JobRunner:
         self._tasks = TASKS if tasks is None else tasks
         self._warm_up = _WARM_UP if tasks is None else None
         self._import_paths = import_paths
-        self._results = ResultWriter(archive, settings, on_event)
+        self._results = ResultWriter(archive, settings)
+        self._writes = WriteQueue()
         self._executor: WorkerExecutor | None = None
         self._thread: threading.Thread | None = None
         self._stop = threading.Event()
@@ -100,11 +102,16 @@ class JobRunner:
             on_progress=self._on_progress,
         )
         self._last_turn_s = time.monotonic()
+        self._writes.start()
         self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """End the workers; a job that runs waits again, as if it had not been started."""
+        """End the workers; a job that runs waits again, as if it had not been started.
+
+        What could not be written is tried once more. A job whose end is not written then waits
+        again when the archive is next opened, as after a crash.
+        """
         if self._thread is None or self._executor is None:
             return
         self._stop.set()
@@ -112,6 +119,7 @@ class JobRunner:
         self._free.release()
         self._thread.join()
         self._executor.shutdown()
+        self._writes.stop()
         self._thread = None
         self._executor = None
         self._free = threading.Semaphore(self._settings.jobs.workers)
@@ -119,7 +127,9 @@ class JobRunner:
     def alive(self) -> bool:
         """Return whether the queue was looked at lately; fits may take as long as they do."""
         thread, executor = self._thread, self._executor
-        if thread is None or executor is None or not thread.is_alive() or not executor.alive():
+        if thread is None or executor is None or not self._writes.alive():
+            return False
+        if not thread.is_alive() or not executor.alive():
             return False
         return time.monotonic() - self._last_turn_s < ALIVE_S
 
@@ -183,7 +193,9 @@ class JobRunner:
             arrival.clear()
             job = None
             try:
-                job = None if self._stop.is_set() else self._archive.jobs.claim()
+                # Results that cannot be written stay in memory: no more of them until they can.
+                wait = self._stop.is_set() or self._writes.stuck
+                job = None if wait else self._archive.jobs.claim()
             except ArchiveError:
                 _log.exception("the queue does not answer")
                 self._stop.wait(POLL_S)
@@ -201,7 +213,8 @@ class JobRunner:
         except Exception as error:  # whatever is wrong with one job must not stop the queue
             self._end(job, error)
             return
-        self._announce("job.started", {"job": job.id, "kind": job.kind, "subject": job.subject})
+        started = {"job": job.id, "kind": job.kind, "subject": job.subject}
+        self._writes.put(self._telling(("job.started", started)))
         limit_s = self._settings.jobs.fit_time_limit_s
         time_s = DIAGNOSIS_TIMES * limit_s if job.kind == DIAGNOSE else None
         future = self._executor.submit_within(time_s, task, order)
@@ -218,37 +231,50 @@ class JobRunner:
     def _done(self, future: Future[Any]) -> None:
         job = self._running.pop(future)
         self._progress.pop(job.id, None)
-        self._unwanted.discard(job.id)
-        error = future.exception()
-        if error is not None:
-            self._end(job, error)
-            return
-        try:
-            self._results.finish(job, future.result())
-        except Exception as problem:  # a result that cannot be written is this job's failure
-            self._end(job, problem)
-        else:
-            self._free.release()
+        self._end(job, future.exception() or future.result())
 
-    def _end(self, job: Job, error: BaseException) -> None:
+    def _end(self, job: Job, outcome: BaseException | dict[str, Any]) -> None:
+        """Have the end of a job written; its place is free at once."""
+        if isinstance(outcome, Exception) and not isinstance(outcome, TaskError | ArchiveError):
+            _log.error("a job failed in the daemon", job=job.id, exc_info=outcome)
+
+        def write() -> list[Write]:
+            events = self._write_end(job, outcome)
+            self._unwanted.discard(job.id)
+            self._archive.jobs.arrival.set()  # it may be one that is tried again
+            return [self._telling(event) for event in events]
+
+        self._writes.put(write)
+        self._free.release()
+
+    def _write_end(self, job: Job, outcome: BaseException | dict[str, Any]) -> list[Told]:
+        if isinstance(outcome, StoppedError):
+            self._archive.jobs.give_back(job.id)
+            return []
+        if isinstance(outcome, TaskCancelledError):
+            return self._results.cancel(job)
+        if isinstance(outcome, BaseException):
+            retry = isinstance(outcome, WorkerLostError)
+            return self._results.fail(job, str(outcome), retry=retry)
         try:
-            if isinstance(error, StoppedError):
-                self._archive.jobs.give_back(job.id)
-            elif isinstance(error, TaskCancelledError):
-                self._results.cancel(job)
-            else:
-                if not isinstance(error, TaskError | ArchiveError):
-                    _log.error("a job failed in the daemon", job=job.id, exc_info=error)
-                retry = isinstance(error, WorkerLostError)
-                self._results.fail(job, str(error), retry=retry)
-        except Exception:  # the thread of a worker must live on
-            _log.exception("a job's failure could not be written", job=job.id)
-        finally:
-            self._free.release()
+            return self._results.finish(job, outcome)
+        except Exception as problem:  # a result that can never be written is this job's failure
+            if will_pass(problem):
+                raise
+            _log.exception("a result could not be written", job=job.id)
+            return self._results.fail(job, str(problem), retry=False)
+
+    def _telling(self, event: Told) -> Write:
+        def tell() -> list[Write]:
+            self._announce(*event)
+            return []
+
+        return tell
 
     def _on_progress(self, future: Future[Any], text: str, share: float) -> None:
         job = self._running.get(future)
         if job is not None:
             self._progress[job.id] = (text, share)
             told = {"job": job.id, "subject": job.subject, "text": text, "share": share}
-            self._announce("job.progress", told)
+            if not self._writes.stuck:  # the next one says the same
+                self._writes.put(self._telling(("job.progress", told)))

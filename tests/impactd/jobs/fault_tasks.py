@@ -86,3 +86,10 @@ def crashes_once(order: Json) -> Json:
         mark.touch()
         os._exit(1)
     return order
+
+
+def at_the_gate(order: Json) -> Json:
+    """Wait until a file is there, then go on as the order says."""
+    while not Path(order["gate"]).exists():
+        time.sleep(0.01)
+    return order if order["then"] == "well" else raises(order)

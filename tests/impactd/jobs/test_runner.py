@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import sqlite3
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -19,6 +21,7 @@ from impactd.storage.campaign_folder import read_campaign
 HERE = Path(__file__).parent
 SHARED = Path(__file__).resolve().parents[4] / "shared"
 Running = Callable[[JobRunner], JobRunner]
+FIT = {"model": "kv", "calibration": None, "outcome": {"status": "converged", "message": "ok"}}
 
 
 def _load() -> ModuleType:
@@ -248,3 +251,88 @@ def test_a_waiting_job_is_cancelled_without_being_started(bench: Any) -> None:
     job = request_diagnosis(bench.archive, [bench.store()], "kv")
     assert runner.cancel(job.id).state == "cancelled"
     assert bench.archive.jobs.claim() is None
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let an archive that is opened afterwards wait for its index only this long."""
+    monkeypatch.setattr("impactd.storage.index.BUSY_TIMEOUT_S", 0.1)
+
+
+@contextmanager
+def locked(bench: Any) -> Iterator[None]:
+    """Hold the index's write lock from another connection, as `impactd token create` could."""
+    with closing(sqlite3.connect(bench.archive.directory / "index.sqlite")) as other:
+        other.isolation_level = None
+        other.execute("BEGIN IMMEDIATE")
+        yield
+        other.execute("ROLLBACK")
+
+
+def _until_stuck(runner: JobRunner) -> None:
+    deadline = time.monotonic() + 60
+    while not runner._writes.stuck:
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("task", "state", "kinds"),
+    [
+        ("well", "done", ["job.started", "fit.done", "drop.analysed"]),
+        ("raises", "failed", ["job.started", "job.failed"]),
+    ],
+)
+@pytest.mark.usefixtures("impatient")
+def test_the_end_of_a_job_is_written_once_the_index_takes_it(
+    bench: Any, running: Running, *, task: str, state: str, kinds: list[str]
+) -> None:
+    """An index locked for longer than its timeout delays a job's end, and tells it once."""
+    number = bench.store()
+    gate = bench.archive.directory / "gate"
+    runner = running(
+        bench.runner(
+            tasks={"fit_shot": tasks.at_the_gate, "fit_campaign": tasks.well}, import_paths=[HERE]
+        )
+    )
+    order = {"gate": str(gate), "then": task, "fits": [{**FIT, "shot": number}]}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("impactd.jobs.runner.order_for", lambda *_: order)
+        job = bench.archive.jobs.enqueue("fit_shot", {"shot": number}, "shot 1")
+        bench.kinds(1)
+        with locked(bench):
+            gate.touch()
+            _until_stuck(runner)
+            assert bench.archive.jobs.get(job.id).state == "running"
+            assert runner.alive()
+        done = bench.wait(job.id)
+
+    assert done.state == state, done.reason
+    assert bench.kinds(len(kinds)) == kinds
+    assert len(bench.archive.fits.of_job(job.id)) == (state == "done")
+
+
+@pytest.mark.usefixtures("impatient")
+def test_an_end_that_cannot_be_written_until_the_stop_lets_the_job_wait_again(
+    bench: Any, running: Running
+) -> None:
+    """The next process that opens the archive finds the job queued; the runner ends nonetheless."""
+    number = bench.store()
+    gate = bench.archive.directory / "gate"
+    runner = running(bench.runner(tasks={"fit_shot": tasks.at_the_gate}, import_paths=[HERE]))
+    order = {"gate": str(gate), "then": "well", "fits": [{**FIT, "shot": number}]}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("impactd.jobs.runner.order_for", lambda *_: order)
+        job = bench.archive.jobs.enqueue("fit_shot", {"shot": number}, "shot 1")
+        bench.kinds(1)
+        with locked(bench):
+            gate.touch()
+            _until_stuck(runner)
+            runner.stop()
+    assert bench.archive.jobs.get(job.id).state == "running"
+
+    with bench.archive.transaction():  # as it is for a process that is not ours
+        bench.archive._index.write("UPDATE jobs SET runner='1:1'")
+    bench.archive.jobs.requeue_abandoned()
+
+    assert bench.archive.jobs.get(job.id).state == "queued"
