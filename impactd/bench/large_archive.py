@@ -73,7 +73,7 @@ def fitted_shots(settings: Settings, materials: Materials, *, seed: int = 0) -> 
     """
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
-        simulated = simulate_campaign(CampaignSettings(repeats=1), seed)
+        simulated = simulate_campaign(CampaignSettings(drop_heights_m=(0.03,), repeats=1), seed)
         with Archive.open(folder / "archive", reserve_bytes=0) as archive:
             report = archive.import_campaign(write_campaign_folder(folder / "campaign", simulated))
             order = order_without_shots(archive, settings, materials, SHOT_MODELS)
@@ -94,7 +94,7 @@ def fill_archive(
     Parameters
     ----------
     directory : Path
-        Of the archive; created when absent. Nobody else may have it open.
+        Of the archive; created when absent. A daemon may serve it meanwhile.
     templates : list of FittedShot
         Whose results are copied, in turns.
     shots : int
