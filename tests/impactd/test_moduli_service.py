@@ -16,6 +16,7 @@ import pytest
 from analysis.campaign import Quantity, Sphere, Surface
 from drivers.digitizer import Record
 from impactd.materials import Materials
+from impactd.moduli_observations import IDS_AT_ONCE, Observations
 from impactd.moduli_service import MODELS_KEPT, NETWORKS_KEPT, ModuliService
 from impactd.storage.archive import Archive, DropRequest, Recording, ShotAbout
 from impactd.storage.moment import utc_after, utc_now
@@ -334,3 +335,21 @@ def test_the_archive_is_taken_in_beforehand_and_the_thread_ends(
     waiting.start("kv", threading.Event().wait)
     waiting.stop()
     assert not waiting._observations
+
+
+def test_taking_fits_in_stops_between_batches_and_goes_on_later(
+    archive: Archive, fitted: Callable[..., int]
+) -> None:
+    """No step holds the index for long; what a stop left out is taken in the next time."""
+    number = fitted()
+    result = archive.fits.for_shot(number)[0].result
+    with archive.transaction():
+        for _ in range(2 * IDS_AT_ONCE):
+            archive.fits.add(number, "kv", None, result)
+    observations = Observations(archive, "kv")
+    answers = iter([False, True])
+
+    observations.update(lambda: next(answers))
+    assert observations.version == IDS_AT_ONCE
+    observations.update()
+    assert observations.version == 2 * IDS_AT_ONCE + 1

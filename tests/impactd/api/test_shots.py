@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 
+import httpx2
 import numpy as np
 import pytest
 
@@ -177,3 +179,22 @@ def test_a_downloaded_shot_is_fitted_as_the_daemon_fitted_it(rig, shot, tmp_path
     fitted = next(fit["result"] for fit in now["fits"] if fit["model"] == "hsd")
     value = fitted["reduced_modulus_Pa"]["value"]
     assert pair["reduced_modulus_Pa"]["value"] == pytest.approx(value, rel=1e-4)
+
+
+def test_readers_that_wait_for_the_moduli_hold_nobody_up(rig, shot):
+    """However many wait for one computation, lists and abort are answered meanwhile."""
+    with ThreadPoolExecutor(60) as pool:
+        with rig.daemon._moduli._lock:  # as a computation holds it
+            asked = [pool.submit(httpx2.get, f"{rig.url}/v1/moduli", **_as(rig)) for _ in range(60)]
+            until(lambda: rig.reader.get("/v1/drops").status_code, lambda code: code == 200)
+            assert rig.operator.post("/v1/abort").status_code == 200
+            assert not any(one.done() for one in asked)
+        assert {one.result().status_code for one in asked} == {200}
+
+
+def _as(rig):
+    return {
+        "headers": {"Authorization": rig.reader.headers["Authorization"]},
+        "timeout": 60,
+        "trust_env": False,
+    }
