@@ -20,8 +20,8 @@ SensorCovariance = Array | Mapping[str, Array]
 ITERATIONS = 50
 TOLERANCE = 1e-10
 ROUNDING = 1e-13
-"""A decrease of chi2 by this share of it drowns in the rounding of its sum: no search along the step
-could see it. With chi2 = 1e4 the step is 3e-5 of the standard uncertainties."""
+"""A decrease of chi2 by this share of it drowns in the rounding of its sum: no search along the
+step could see it. With chi2 = 1e4 the step is 3e-5 of the standard uncertainties."""
 
 
 @dataclass(frozen=True)

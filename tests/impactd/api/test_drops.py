@@ -6,6 +6,8 @@ import threading
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 
+import pytest
+
 from .conftest import ACETAL_ON_ALUMINIUM, ENDED, until
 
 
