@@ -8,6 +8,7 @@ read once, and from then on only fits that were written since.
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Callable
@@ -32,21 +33,18 @@ class ShotUse:
 
     Attributes
     ----------
-    number : int
-        The shot.
-    sha256, started_utc : str
+    started_utc : str
         As in its row.
     observation : PairObservation or None
         What its fit says, ``None`` where it stays out.
-    why_not : str or None
-        Why it stays out.
+    entry : str
+        JSON of its entry among the answer's ``shots``: number and SHA-256; where it stays out, of
+        that among ``excluded``: number and reason.
     """
 
-    number: int
-    sha256: str
     started_utc: str
     observation: PairObservation | None
-    why_not: str | None
+    entry: str
 
 
 class Observations:
@@ -121,9 +119,16 @@ def _use(found: ShotFit) -> ShotUse:
             found.fit.result, shot=f"shot {found.number}", calibration=calibration
         )
         why_not = None if seen else "its fit gives no reduced modulus"
-    return ShotUse(
-        found.number, found.sha256, found.started_utc, seen and _with_shared_names(seen), why_not
-    )
+    if seen is None:
+        return ShotUse(found.started_utc, None, _encoded({"shot": found.number, "reason": why_not}))
+    entry = _encoded({"number": found.number, "sha256": found.sha256})
+    return ShotUse(found.started_utc, _with_shared_names(seen), entry)
+
+
+def _encoded(entry: dict[str, object]) -> str:
+    text = json.dumps(entry, ensure_ascii=False, separators=(",", ":"))
+    # A lone surrogate is valid in a JSON escape and in no UTF-8 answer.
+    return text.encode("utf-8", "replace").decode()
 
 
 def _with_shared_names(seen: PairObservation) -> PairObservation:

@@ -9,7 +9,6 @@ fit is written.
 
 from __future__ import annotations
 
-import json
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -35,8 +34,6 @@ MODELS_KEPT = 3
 """Observations of so many models: both bases and the active one. About 1 kB a shot each."""
 NETWORKS_KEPT = 8
 """Adjusted networks of so many choices of model and time. About 0.1 kB a shot each."""
-ENTRIES_AT_ONCE = 500
-"""So many entries are encoded without letting another thread in: less than a millisecond."""
 
 Json = dict[str, Any]
 _WAIT_S = 0.5
@@ -214,23 +211,13 @@ class ModuliService:
 
 
 def _lists(uses: Sequence[ShotUse]) -> dict[str, bytes]:
-    return {
-        "shots": _encoded(
-            [{"number": use.number, "sha256": use.sha256} for use in uses if use.why_not is None]
-        ),
-        "excluded": _encoded(
-            [{"shot": use.number, "reason": use.why_not} for use in uses if use.why_not is not None]
-        ),
-    }
+    taking_part = [use.entry for use in uses if use.observation is not None]
+    excluded = [use.entry for use in uses if use.observation is None]
+    return {"shots": _joined(taking_part), "excluded": _joined(excluded)}
 
 
-def _encoded(entries: list[Json]) -> bytes:
-    parts = [
-        json.dumps(entries[at : at + ENTRIES_AT_ONCE], ensure_ascii=False, separators=(",", ":"))
-        for at in range(0, len(entries), ENTRIES_AT_ONCE)
-    ]
-    # A lone surrogate is valid in a JSON escape and in no UTF-8 answer.
-    return f"[{','.join(part[1:-1] for part in parts)}]".encode("utf-8", "replace")
+def _joined(entries: list[str]) -> bytes:
+    return f"[{','.join(entries)}]".encode()
 
 
 def _adjusted(
