@@ -375,6 +375,7 @@ def solve(system: System, groups: Groups) -> tuple[Array, Array]:
     """
 
     def cost_at(place: Array) -> float:
+        """Return what is minimised."""
         return chi2(system, groups, place, system.precision)
 
     n = len(system.names)

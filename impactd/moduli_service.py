@@ -96,6 +96,7 @@ class ModuliService:
         """
 
         def fill() -> None:
+            """Wait, then read."""
             while not wait(_WAIT_S):
                 if self._stop.is_set():
                     return

@@ -43,6 +43,7 @@ async def moduli(  # noqa: PLR0917 - the framework fills them by name
     )
 
     def encoded() -> tuple[bytes, str]:
+        """Return body and tag."""
         body = _encoded(ask())
         return body, f'"{hashlib.blake2b(body, digest_size=16).hexdigest()}"'
 
