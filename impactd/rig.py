@@ -18,10 +18,9 @@ from drivers.daq3500.device import Daq3500
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.digitizer import Digitizer
 from drivers.errors import ConfigurationError
-from drivers.relay.lcus import LcusSettings, LcusValve
-from drivers.relay.numato import NumatoSettings, NumatoValve
 from drivers.valve import Valve
 from impactd.materials import Materials
+from impactd.relay_board import build_valve
 from impactd.settings import Settings
 
 if TYPE_CHECKING:
@@ -174,7 +173,7 @@ def build_rig(settings: Settings, materials: Materials) -> Rig:
         raise ConfigurationError("valve.port is missing.", remedy="Name the relay's serial port.")
     return Rig(
         digitizer=Daq3500(digitizer_settings(settings)),
-        valve=build_valve(settings, settings.valve.port),
+        valve=build_valve(settings.valve, settings.valve.port),
         loader=PersonLoader(),
         name=settings.rig.name,
         simulated=False,
@@ -212,35 +211,4 @@ def digitizer_settings(settings: Settings) -> Daq3500Settings:
         ring_seconds=section.ring_seconds,
         transfer_bytes=section.transfer_bytes,
         wire_log_file=section.wire_log_file,
-    )
-
-
-def build_valve(settings: Settings, port: str) -> Valve:
-    """Return the driver of the relay board, unopened.
-
-    Parameters
-    ----------
-    settings : Settings
-        Checked whole.
-    port : str
-        Serial port or pseudo-terminal.
-
-    Returns
-    -------
-    Valve
-        Numato or LCUS-1.
-    """
-    section = settings.valve
-    if section.driver == "lcus":
-        return LcusValve(LcusSettings(port=port, timeout_s=section.timeout_s))
-    return NumatoValve(
-        NumatoSettings(
-            port=port,
-            relay=section.relay,
-            adc_channel=section.adc_channel,
-            adc_volts_per_code=section.adc_volts_per_code,
-            held_threshold_v=section.held_threshold_v,
-            held_above=section.held_above is not False,
-            timeout_s=section.timeout_s,
-        )
     )

@@ -45,6 +45,7 @@ __all__ = [
     "find_config",
     "json_schema",
     "load_settings",
+    "read_toml",
 ]
 
 ENVIRONMENT_KEY = "IMPACTD_CONFIG"
@@ -126,8 +127,7 @@ def load_settings(path: Path | None = None, *, data: Path | None = None) -> Sett
         If no file is found, it cannot be read, a key is unknown, missing or wrong, or the
         calibration plan names materials that do not exist or are no references.
     """
-    file = _locate(path)
-    content = _read_toml(file)
+    file, content = read_toml(path)
     try:
         settings = Settings.model_validate(content)
     except ValidationError as error:
@@ -194,9 +194,27 @@ def _locate(path: Path | None) -> Path:
     return path.expanduser()
 
 
-def _read_toml(file: Path) -> dict[str, Any]:
+def read_toml(path: Path | None) -> tuple[Path, dict[str, Any]]:
+    """Return where the settings are, and what is written there, unchecked.
+
+    Parameters
+    ----------
+    path : Path or None
+        As in `load_settings`.
+
+    Returns
+    -------
+    tuple of Path and dict
+        The file and its tables.
+
+    Raises
+    ------
+    SettingsError
+        If there is no such file, or it is not TOML.
+    """
+    file = _locate(path)
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
+        return file, tomllib.loads(file.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(file, "", f"this is not valid TOML: {error}") from None
     except UnicodeDecodeError as error:

@@ -29,7 +29,8 @@ from drivers.simulated.usb_device import SimulatedDaq3500
 from drivers.simulated.world import World
 from drivers.simulated.world_settings import WorldSettings
 from impactd.materials import Materials
-from impactd.rig import Rig, build_valve, digitizer_settings, in_words
+from impactd.relay_board import build_valve
+from impactd.rig import Rig, digitizer_settings, in_words
 from impactd.settings import Settings, SettingsError
 from impactd.settings_sections import SimulationSection
 
@@ -119,7 +120,7 @@ def build_simulated_rig(settings: Settings, materials: Materials) -> Rig:
             replace(digitizer_settings(settings), pace_checked=section.clock_speed == 1.0),
             backend=SimulatedDaq3500(world, serial_number=f"SIM-{section.seed:04d}"),
         ),
-        valve=build_valve(settings, terminal.port),
+        valve=build_valve(settings.valve, terminal.port),
         loader=SimulatedTechnician(world, section.technician_delay_s),
         name=settings.rig.name,
         simulated=True,

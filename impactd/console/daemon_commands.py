@@ -1,4 +1,4 @@
-"""Commands that run something here: serve, demo, bench, doctor."""
+"""Commands that run something here: serve, make-safe, demo, bench, doctor."""
 
 # ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
 
@@ -13,10 +13,15 @@ import typer
 
 from impactd.console.options import Config, Data, Json, settings_of
 
+# A daemon that ends holds the port until its last words are out, and a board that was reset takes a
+# second or two to come back on the bus. A third of the unit's TimeoutStopSec; the most that may be
+# asked for is two thirds.
+MAKE_SAFE_WAIT_S = 10.0
+
 
 def add_to(app: typer.Typer) -> None:
     """Add these commands."""
-    for command in (serve, demo, bench, doctor):
+    for command in (serve, make_safe, demo, bench, doctor):
         app.command()(command)
 
 
@@ -46,6 +51,24 @@ def serve(
 
 def _announce(url: str) -> None:
     print(json.dumps({"url": url, "pid": os.getpid()}), flush=True)
+
+
+def make_safe(
+    config: Config = None,
+    wait: Annotated[
+        float,
+        typer.Option(
+            "--wait", min=0.0, max=20.0, help="Ask a board that does not answer again. [s]"
+        ),
+    ] = MAKE_SAFE_WAIT_S,
+) -> None:
+    """Put the vacuum on without a daemon.
+
+    For the time after one that was killed; while one runs, use abort.
+    """
+    from impactd.console import make_safe as console
+
+    console.run(config, wait)
 
 
 def demo(

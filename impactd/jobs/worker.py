@@ -36,6 +36,7 @@ def main() -> int:
     blas_threads.keep_to_one()  # nothing has imported numpy yet
     options = _options()
     os.nice(_NICENESS)  # the sample stream goes first
+    _be_ended_first()
     _die_with_parent(options.parent)
     # Whatever a library prints must not end up between the answers.
     answers = os.fdopen(os.dup(1), "w", buffering=1)
@@ -85,6 +86,14 @@ def _die_with_parent(parent: int) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it died before the line above
         raise SystemExit(1)
+
+
+def _be_ended_first() -> None:
+    """Let the kernel, when memory runs out, end this process and not the daemon."""
+    try:
+        Path("/proc/self/oom_score_adj").write_text("1000")  # the largest there is, proc(5)
+    except OSError as error:  # no /proc, or it is not ours to write: the fit runs all the same
+        print(f"impactd: the fit may take the daemon with it: {error}", file=sys.stderr)
 
 
 def _limit_memory(memory_bytes: int) -> None:

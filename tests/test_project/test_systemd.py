@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import configparser
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+
+from impactd.console.daemon_commands import MAKE_SAFE_WAIT_S
 
 ROOT = Path(__file__).parents[2]
 SYSTEMD = ROOT / "systemd"
@@ -102,3 +105,20 @@ def test_readme_installs_every_file() -> None:
             assert sources
             for source in sources:
                 assert (ROOT / source).is_file(), f"{source} is named in systemd/README.md"
+
+
+def test_the_valve_is_made_safe_after_every_end() -> None:
+    """After the daemon's end, however it came, the unit asks the relay for less than it has."""
+    unit = configparser.RawConfigParser(strict=False)
+    unit.read_string((SYSTEMD / "impactd.service").read_text())
+    service = unit["Service"]
+    assert service["ExecStopPost"].startswith("/opt/impactd/bin/impactd make-safe ")
+    assert service.getfloat("TimeoutStopSec") > MAKE_SAFE_WAIT_S
+    assert "ExecReload" not in service
+
+
+def test_one_fit_cannot_take_the_service_with_it() -> None:
+    """When the kernel ends a process for its memory, the unit goes on."""
+    unit = configparser.RawConfigParser(strict=False)
+    unit.read_string((SYSTEMD / "impactd.service").read_text())
+    assert unit["Service"]["OOMPolicy"] == "continue"

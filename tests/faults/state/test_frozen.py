@@ -3,135 +3,30 @@
 from __future__ import annotations
 
 import configparser
-import json
-import os
-import shutil
 import signal
-import socket
-import subprocess
-import sys
 import time
-import uuid
-from collections.abc import Callable
 from pathlib import Path
 
 import httpx2
 import pytest
 
-from drivers.simulated.relay_terminal import RelayTerminal
-from drivers.simulated.world import World, WorldSettings
-from impactd.data_lock import LOCK_NAME
-from impactd.settings import find_config
-from impactd.storage.archive import Archive
+from .supervisor import Supervisor, until
 
-HERE = Path(__file__).parent
 UNIT = Path(__file__).parents[3] / "systemd" / "impactd.service"
-DROP = {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.03, "operator": "ab"}
 # The promise is 30 s; machines that run tests are noisy, so the figure is printed.
 RESTART_LIMIT_S = 90.0
 
 
-class Supervisor:
-    """Does with the daemon what systemd does: listens to its heart, ends it, starts it again.
-
-    A stand-in, because a test may run where systemd does not.
-    """
-
-    def __init__(self, folder: Path, *, watchdog_s: float, abort_s: float, pause_s: float) -> None:
-        self._watchdog_s, self._abort_s, self._pause_s = watchdog_s, abort_s, pause_s
-        self._folder = folder
-        self._heart = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._heart.bind(str(folder / "notify"))
-        self.world = World(WorldSettings())
-        self.board = RelayTerminal(self.world)
-        self.data = folder / "data"
-        config = find_config("simulated.toml").read_text()
-        config = config.replace("loading_s", "impact_margin_s = 10.0\nloading_s")
-        (folder / "rig.toml").write_text(config)
-        shutil.copy(find_config("materials.toml"), folder)
-        with Archive.open(self.data, reserve_bytes=0) as archive:
-            secret = archive.tokens.create("tester", "operate")[1]
-        self.headers = {"Authorization": f"Bearer {secret}"}
-        self.process: subprocess.Popen[bytes]
-        self.url = ""
-
-    def start(self) -> None:
-        """Start the daemon and wait for its READY=1."""
-        command = [sys.executable, str(HERE / "daemon_on_a_port.py"), "serve", "--port", "0"]
-        with (self._folder / "log").open("ab") as log:
-            self.process = subprocess.Popen(
-                [*command, "--config", str(self._folder / "rig.toml"), "--data", str(self.data)],
-                stderr=log,
-                env={
-                    **os.environ,
-                    "NOTIFY_SOCKET": str(self._folder / "notify"),
-                    "WATCHDOG_USEC": str(round(self._watchdog_s * 1e6)),
-                    "RELAY_PORT": self.board.port,
-                },
-            )
-        assert self._hear("READY=1", 60.0), (self._folder / "log").read_text()
-        self.url = str(json.loads((self.data / LOCK_NAME).read_text())["url"])
-
-    def _hear(self, word: str, limit_s: float) -> bool:
-        """Wait for a word of the daemon; return whether it came."""
-        ends_s = time.monotonic() + limit_s
-        while (left_s := ends_s - time.monotonic()) > 0:
-            self._heart.settimeout(left_s)
-            try:
-                if word in self._heart.recv(4096).decode():
-                    return True
-            except TimeoutError:
-                break
-        return False
-
-    def watch(self) -> None:
-        """Let the daemon live as long as its heart beats, then replace it."""
-        while self._hear("WATCHDOG=1", self._watchdog_s):
-            continue
-        self.process.send_signal(signal.SIGABRT)
-        try:
-            self.process.wait(self._abort_s)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        time.sleep(self._pause_s)
-        self.start()
-
-    def end(self) -> None:
-        """End the daemon and its board."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGCONT)
-            self.process.terminate()
-            self.process.wait(60)
-        self.board.close()
-        self._heart.close()
-
-
-def _until(look: Callable[[], bool], what: str) -> None:
-    ends_s = time.monotonic() + 60.0
-    while not look():
-        assert time.monotonic() < ends_s, what
-        time.sleep(0.002)
-
-
 def _freeze_with_an_open_valve(supervisor: Supervisor) -> None:
     try:
-        supervisor.start()
-        with httpx2.Client(
-            base_url=supervisor.url, headers=supervisor.headers, timeout=30, trust_env=False
-        ) as client:
-            _until(lambda: client.get("/v1/status").json()["ready"], "never ready")
-            supervisor.world.load("acetal", "aluminium", 0.03)
-            key = {"Idempotency-Key": str(uuid.uuid4())}
-            assert client.post("/v1/drops", json=DROP, headers=key).status_code == 202
-        _until(lambda: supervisor.board.relay_on, "the valve never opened")
+        supervisor.open_valve()
         supervisor.process.send_signal(signal.SIGSTOP)
         began_s = time.monotonic()
         assert supervisor.board.relay_on
         supervisor.watch()
         with httpx2.Client(base_url=supervisor.url, headers=supervisor.headers) as client:
-            _until(lambda: not supervisor.board.relay_on, "the valve stayed open")
-            _until(lambda: client.get("/v1/status").json()["ready"], "never ready again")
+            until(lambda: not supervisor.board.relay_on, "the valve stayed open")
+            until(lambda: client.get("/v1/status").json()["ready"], "never ready again")
             took_s = time.monotonic() - began_s
             drop = client.get("/v1/drops/1").json()
         assert drop["state"] == "interrupted"
