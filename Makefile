@@ -18,8 +18,11 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 # How the recipes below call things; give your own on the command line, e.g. `make demo ARGS="--seed 7"`.
 ARGS ?=
 WORKERS ?= 2
+LOCK ?= systemd/requirements.txt
+SBOM ?= impactd.cdx.json
 
-.PHONY: help demo serve bench check test test-faults lint types contracts docstrings units audit clean
+.PHONY: help demo serve bench check test test-faults test-system soak lint types contracts docstrings \
+  units audit lock sbom clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -75,6 +78,15 @@ test: check  ## `make check`, then the tests with warnings as errors
 test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds
 	@$(BIN)/pytest -s tests/faults $(ARGS)
 	@$(BIN)/pytest -m slow --ignore=tests/faults $(ARGS)
+
+lock: $(TOOLS)  ## systemd/requirements.txt anew: what an installation gets, with hashes
+	@$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])' \
+	  | $(BIN)/uv pip compile --quiet --universal --upgrade --generate-hashes --python-version 3.11 \
+	    --no-emit-index-url --no-annotate --custom-compile-command "make lock" --output-file $(LOCK) pyproject.toml -
+
+sbom: $(TOOLS)  ## the bill of materials of the locked packages (CycloneDX): impactd.cdx.json
+	@$(BIN)/python -W ignore -m cyclonedx_py requirements --pyproject pyproject.toml --mc-type application \
+	  --output-reproducible --output-format JSON --output-file $(SBOM) $(LOCK)
 
 clean:  ## remove the virtual environment and every cache
 	@rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
