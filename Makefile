@@ -75,9 +75,15 @@ check: lint types contracts docstrings units audit  ## ruff, mypy, import contra
 test: check  ## `make check`, then the tests with warnings as errors
 	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ARGS)
 
-test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds
-	@$(BIN)/pytest -s tests/faults $(ARGS)
-	@$(BIN)/pytest -m slow --ignore=tests/faults $(ARGS)
+test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds; half an hour
+	@$(BIN)/pytest -s tests/faults -m "not soak and not system" $(ARGS)
+	@$(BIN)/pytest -m "slow and not soak" --ignore=tests/faults $(ARGS)
+
+soak: $(TOOLS)  ## the faults whose counts take hours
+	@$(BIN)/pytest -s -m soak $(ARGS)
+
+test-system: $(TOOLS)  ## the shipped units under a real systemd, in a container; needs root
+	@$(BIN)/pytest -s -m system tests/faults/system $(ARGS)
 
 lock: $(TOOLS)  ## systemd/requirements.txt anew: what an installation gets, with hashes
 	@$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"])' \

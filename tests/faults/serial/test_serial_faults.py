@@ -130,11 +130,12 @@ def test_no_script_makes_a_wrong_belief(script: list[Mishap], names: list[str]) 
 
 @pytest.mark.slow
 @pytest.mark.timeout(0)
-def test_ten_thousand_scripts_make_no_wrong_belief() -> None:
-    """The same, ten thousand times."""
+@pytest.mark.parametrize("count", [2000, pytest.param(10_000, marks=pytest.mark.soak)])
+def test_thousands_of_scripts_make_no_wrong_belief(count: int) -> None:
+    """The same, many times."""
     figures.update(scripts=0, reports=0, errors=0, slowest_safe_s=0.0)
     try:
-        settings(max_examples=10_000, **_quiet)(given(script=scripts, names=calls)(_run))()
+        settings(max_examples=count, **_quiet)(given(script=scripts, names=calls)(_run))()
     finally:
         _tell()
 

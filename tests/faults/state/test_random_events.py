@@ -159,13 +159,15 @@ def _runs(directory: Path, runs: int) -> None:
         watched.laboratory.close()
 
 
-def test_random_events_fire_only_when_armed_and_end_every_row(tmp_path: Path) -> None:
-    """Forty runs of fifty events on a rig that breaks and heals."""
-    _runs(tmp_path / "data", 40)
-
-
-@pytest.mark.slow
+@pytest.mark.parametrize(
+    "runs",
+    [
+        40,
+        pytest.param(200, marks=pytest.mark.slow),
+        pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
+    ],
+)
 @pytest.mark.timeout(0)
-def test_a_thousand_runs_fire_only_when_armed_and_end_every_row(tmp_path: Path) -> None:
-    """The same, a thousand times."""
-    _runs(tmp_path / "data", 1000)
+def test_random_events_fire_only_when_armed_and_end_every_row(tmp_path: Path, runs: int) -> None:
+    """Runs of fifty events on a rig that breaks and heals."""
+    _runs(tmp_path / "data", runs)

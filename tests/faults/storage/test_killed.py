@@ -22,7 +22,14 @@ PLAN = [{"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.02, "rep
 LONGEST_S = 1.2
 
 
-@pytest.mark.parametrize("moments", [8, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "moments",
+    [
+        8,
+        pytest.param(60, marks=pytest.mark.slow),
+        pytest.param(200, marks=[pytest.mark.slow, pytest.mark.soak]),
+    ],
+)
 @pytest.mark.timeout(3600)
 def test_nothing_is_lost_and_nothing_fires_twice(tmp_path: Path, moments: int) -> None:
     """Killed at any moment: no half file, what was told stored is there, nothing falls again."""

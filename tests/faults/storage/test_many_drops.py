@@ -49,7 +49,14 @@ class Held:
         )
 
 
-@pytest.mark.parametrize("drops", [100, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "drops",
+    [
+        100,
+        pytest.param(1000, marks=pytest.mark.slow),
+        pytest.param(10_000, marks=[pytest.mark.slow, pytest.mark.soak]),
+    ],
+)
 @pytest.mark.timeout(7200)
 def test_drops_leave_nothing_behind_but_their_shots(tmp_path: Path, drops: int) -> None:
     """From the first tenth to the end: 5 % more memory at most, no descriptor, no thread."""

@@ -53,7 +53,7 @@ class Board:
         shutil.rmtree(FOLDER, ignore_errors=True)
 
     def switched(self) -> list[tuple[float, bool]]:
-        """Return each switching: moment on the monotonic clock [s], and whether the relay pulled."""
+        """Return each switching: when, on the monotonic clock [s], and whether the relay pulled."""
         lines = (FOLDER / "log").read_text().splitlines()
         return [(float(when), what == "on") for when, what in map(str.split, lines)]
 

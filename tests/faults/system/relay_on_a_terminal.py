@@ -1,7 +1,7 @@
 """A relay board on a pseudo-terminal that outlives every daemon.
 
-``relay_on_a_terminal.py FOLDER``: the port is the link ``FOLDER/port``, and each switching is a line
-``<monotonic seconds> on|off`` of ``FOLDER/log``. SIGUSR1 hangs a sphere.
+``relay_on_a_terminal.py FOLDER``: the port is the link ``FOLDER/port``, and each switching is a
+line ``<monotonic seconds> on|off`` of ``FOLDER/log``. SIGUSR1 hangs a sphere.
 """
 
 from __future__ import annotations
@@ -21,9 +21,7 @@ def main(folder: Path) -> None:
     """Switch until somebody ends it."""
     world = World(WorldSettings())
     board = RelayTerminal(world)
-    signal.signal(
-        signal.SIGUSR1, lambda _number, _frame: world.load("acetal", "aluminium", 0.03)
-    )
+    signal.signal(signal.SIGUSR1, lambda _number, _frame: world.load("acetal", "aluminium", 0.03))
     log = (folder / "log").open("w", buffering=1)
     (folder / "port").symlink_to(board.port)
     was_on = None

@@ -11,6 +11,7 @@ CANNOT_RUN = 77
 
 
 @pytest.mark.slow
+@pytest.mark.system
 @pytest.mark.timeout(1800)
 def test_the_shipped_units_keep_their_word() -> None:
     """Started, stopped on a full disk, locked, frozen, killed: nothing lost, the valve closed."""

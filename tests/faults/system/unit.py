@@ -171,5 +171,3 @@ def memory_is_bounded() -> bool:
     """Tell whether systemd can bound a unit's memory here: the controller must be delegated."""
     controllers = Path("/sys/fs/cgroup/cgroup.controllers")
     return controllers.exists() and "memory" in controllers.read_text().split()
-
-

@@ -20,6 +20,7 @@ from ...impactd.acquisition.conftest import REQUEST, Laboratory
 # The promises are 250 ms and 5 s; machines that run tests are noisy, so the figures are printed.
 DETECTED_LIMIT_S = 5.0
 BACK_LIMIT_S = 20.0
+MANY = [25, pytest.param(100, marks=pytest.mark.soak)]
 
 
 def _laboratory(directory: Path, clock_speed: float) -> Laboratory:
@@ -118,10 +119,11 @@ def test_a_digitizer_that_breaks_mid_record_fails_the_drop_and_comes_back(
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
+@pytest.mark.parametrize("times", MANY)
 @pytest.mark.parametrize("fault", ["usb_unplugged", "stall_endpoint"])
-def test_a_hundred_breaks_mid_record_leave_no_thread(tmp_path: Path, fault: str) -> None:
-    """Unplugged or stalled a hundred times in one daemon's life."""
-    _repeat(tmp_path, fault, 100)
+def test_many_breaks_mid_record_leave_no_thread(tmp_path: Path, fault: str, times: int) -> None:
+    """Unplugged or stalled again and again in one daemon's life."""
+    _repeat(tmp_path, fault, times)
 
 
 def _lose(laboratory: Laboratory, fault: str, at: int, missed: list[int]) -> bool:
@@ -184,20 +186,22 @@ def test_each_gap_in_a_record_is_flagged(tmp_path: Path, fault: str) -> None:
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
+@pytest.mark.parametrize("times", MANY)
 @pytest.mark.parametrize("fault", GAPS)
-def test_a_hundred_gaps_are_flagged(tmp_path: Path, fault: str) -> None:
-    """One packet of 256 samples at a hundred random places of each kind."""
-    _gaps(tmp_path, fault, 100)
+def test_many_gaps_are_flagged(tmp_path: Path, fault: str, times: int) -> None:
+    """One packet of 256 samples at random places, of each kind."""
+    _gaps(tmp_path, fault, times)
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_hundred_good_records_raise_no_alarm(tmp_path: Path) -> None:
+@pytest.mark.parametrize("records", MANY)
+def test_good_records_raise_no_alarm(tmp_path: Path, records: int) -> None:
     """What looks for gaps finds none where none is."""
     laboratory = _laboratory(tmp_path / "data", 1.0)
     drops = []
     try:
-        for _ in range(100):
+        for _ in range(records):
             laboratory.wait_for(lambda: laboratory.service.status().ready)
             drops.append(laboratory.drop())
     finally:
