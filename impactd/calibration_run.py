@@ -23,8 +23,8 @@ import structlog
 from impactd.acquisition.errors import (
     CalibrationRefusedError,
     NotReadyError,
+    RequestAbortedError,
     RequestRefusedError,
-    VoidedByAbortError,
 )
 from impactd.acquisition.failures import failure_of
 from impactd.acquisition.hands import Reservation
@@ -126,7 +126,7 @@ class CalibrationRunner:
             If the rig is not declared safe for unattended runs, cannot see its spheres, or the
             plan is empty or names materials that are no references.
         UnknownMaterialError, DropHeightError, IdempotencyConflictError, BusyError, NotReadyError,
-        VoidedByAbortError
+        RequestAbortedError
             As for a drop.
         """
         wanted = self._plan(plan)
@@ -327,8 +327,8 @@ class CalibrationRunner:
     def _fail(self, run: Calibration, error: Exception) -> None:
         if isinstance(error, _EndedEarlyError):
             problem = error.problem
-        elif isinstance(error, VoidedByAbortError):
-            problem = _aborted(run, Problem("aborted", "", 409, f"{error.by} aborted the rig.", ""))
+        elif isinstance(error, RequestAbortedError):
+            problem = _aborted(run, Problem("aborted", "", 409, str(error), ""))
         elif isinstance(error, NotReadyError):
             problem = Problem(
                 "not-ready", "The rig was not ready", 409, error.sentence, error.remedy

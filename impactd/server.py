@@ -1,23 +1,31 @@
 """`impactd serve`: the daemon behind uvicorn, until a signal ends it.
 
-On SIGTERM the valve is made safe first; only then are connections closed.
+On SIGTERM, SIGINT or SIGHUP the valve is made safe first; only then are connections closed.
 """
 
 from __future__ import annotations
 
+import asyncio
 import logging
-import signal
 import socket
 import sys
 from collections.abc import Callable
-from types import FrameType
 
 import anyio
 import structlog
 import uvicorn
+from starlette.datastructures import State
 
+from impactd.abort_door import AbortDoor
 from impactd.api.app import create_app
+from impactd.api.arrivals import ACCEPT_BATCH, ACCEPT_QUEUE, Arrivals
+from impactd.api.connection import connection_class
+from impactd.api.connection_limit import Connections, most_connections, raise_descriptor_limit
+from impactd.api.failed_logins import FailedLogins
+from impactd.api.token_memory import TokenMemory
 from impactd.daemon import Daemon
+from impactd.end_signals import EndSignals
+from impactd.repeat_limit import RepeatLimit
 from impactd.settings import Settings
 
 _GRACE_S = 3
@@ -56,6 +64,8 @@ class Server(uvicorn.Server):
         With the application of `daemon`.
     daemon : Daemon
         Started; the caller stops it in the end.
+    state : starlette.datastructures.State
+        Of the application: arrivals, tokens, failed logins.
     announce : callable, optional
         Told the address once it listens.
     """
@@ -64,33 +74,52 @@ class Server(uvicorn.Server):
         self,
         config: uvicorn.Config,
         daemon: Daemon,
+        state: State,
         announce: Callable[[str], None] | None = None,
     ) -> None:
         super().__init__(config)
         self._daemon = daemon
+        self._arrivals: Arrivals = state.arrivals
+        self._tokens: TokenMemory = state.token_memory
+        self._failed_logins: FailedLogins = state.failed_logins
         self._announce = announce
         self.url = ""
+
+    def run(self, sockets: list[socket.socket] | None = None) -> None:
+        """Serve until the end; the abort socket opens before and closes after the rest."""
+        port = sockets[0].getsockname()[1] if sockets else self.config.port
+        with AbortDoor(self._daemon.service, self._arrivals, port):
+            super().run(sockets)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Bind, then announce the address."""
         await super().startup(sockets)
         if self.started:
+            # asyncio accepts as many in one round as it lets the kernel keep; the kernel may have
+            # more, so that a crowd at the port does not make the next client wait a second.
+            for one in sockets or []:
+                one.listen(ACCEPT_QUEUE)
+            self._arrivals.serve_on(asyncio.get_running_loop())
+            self._tokens.start()
             self.url = _url(self.servers[0].sockets[0].getsockname())
             await anyio.to_thread.run_sync(self._daemon.announce, self.url)
             structlog.get_logger("impactd").info("listening", url=self.url)
             if self._announce is not None:
                 self._announce(self.url)
 
-    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-        """End event streams too, which would otherwise never end."""
-        self._daemon.bus.close()
-        super().handle_exit(sig, frame)
+    async def on_tick(self, counter: int) -> bool:
+        """Tell of failed logins now and then; ten ticks are a second."""
+        if counter % 10 == 0:
+            self._failed_logins.summarize()
+        return await super().on_tick(counter)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Make the valve safe, then close connections."""
-        self._daemon.bus.close()
+        self._daemon.bus.close()  # event streams would never end by themselves
+        self._tokens.stop()
         await anyio.to_thread.run_sync(self._daemon.service.stop)
         await super().shutdown(sockets)
+        self._arrivals.serve_on(None)
 
 
 def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -> Server:
@@ -109,8 +138,9 @@ def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -
         ``run()`` serves until a signal; ``url`` is known once ``started``.
     """
     server = daemon.settings.server
+    app = create_app(daemon)
     config = uvicorn.Config(
-        create_app(daemon),
+        app,
         host=server.host,
         port=server.port,
         lifespan="off",
@@ -119,13 +149,16 @@ def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -
         server_header=False,
         date_header=True,
         ws="none",
+        loop="asyncio",  # `Arrivals.settle` counts its rounds
+        http=connection_class(app.state.arrivals, Connections(most_connections())),
+        backlog=ACCEPT_BATCH,
         timeout_graceful_shutdown=_GRACE_S,
     )
-    return Server(config, daemon, announce)
+    return Server(config, daemon, app.state, announce)
 
 
 def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> None:
-    """Run the daemon until SIGTERM or SIGINT.
+    """Run the daemon until SIGTERM, SIGINT or SIGHUP.
 
     Parameters
     ----------
@@ -143,14 +176,18 @@ def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> 
     """
     configure_log()
     sys.setswitchinterval(_SWITCH_INTERVAL_S)
-    # uvicorn raises the signal again once it is done; ending on request is a success.
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, _ignore)
+    raise_descriptor_limit()
+    # Before any device is touched. uvicorn raises its signals again once it is done: they end here,
+    # because ending on request is a success.
+    signals = EndSignals()
+    signals.catch()
     daemon = Daemon(settings)
     try:
         listener = listen(settings.server.host, settings.server.port)
         daemon.start()
-        make_server(daemon, announce).run(sockets=[listener])
+        server = make_server(daemon, announce)
+        signals.pass_on(server.handle_exit)
+        server.run(sockets=[listener])
     finally:
         daemon.stop()
 
@@ -212,10 +249,8 @@ def configure_log() -> None:
     logging.basicConfig(
         level=logging.WARNING, stream=sys.stderr, format="%(levelname)s %(message)s"
     )
-
-
-def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """Take the place of the default action, which is death."""
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(RepeatLimit())
 
 
 def _url(address: tuple[object, ...]) -> str:

@@ -15,6 +15,9 @@ from __future__ import annotations
 
 import threading
 
+from impactd.acquisition.errors import RequestAbortedError
+from impactd.storage.moment import utc_now
+
 
 class AbortEpoch:
     """A counter that only grows. Thread safe.
@@ -28,13 +31,12 @@ class AbortEpoch:
     def __init__(self) -> None:
         self._value = 1
         self._closed = False
-        self._aborted_by = ""
+        self._last = RequestAbortedError("nobody", "no time")
         self._lock = threading.Lock()
 
-    @property
-    def aborted_by(self) -> str:
-        """Who advanced it last; empty before the first abort."""
-        return self._aborted_by
+    def refusal(self) -> RequestAbortedError:
+        """Return why what was accepted before the last abort is void."""
+        return self._last
 
     def now(self) -> int:
         """Return the present epoch."""
@@ -44,7 +46,7 @@ class AbortEpoch:
         """Begin the next epoch and return it; everything accepted before is void."""
         with self._lock:
             self._value += 1
-            self._aborted_by = by
+            self._last = RequestAbortedError(by, utc_now())
             return self._value
 
     def close(self, by: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import structlog
 
 from impactd.acquisition.drop_run import DropRun
-from impactd.acquisition.errors import VoidedByAbortError
+from impactd.acquisition.errors import RequestAbortedError
 from impactd.acquisition.failures import Doubt, Failure, failure_of
 from impactd.storage.archive import Archive, ArchiveError, Drop, DropStateError
 from impactd.storage.problem import Problem
@@ -40,9 +40,8 @@ def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
     return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
 
 
-def voided_problem(by: str) -> Problem:
+def voided_problem(error: RequestAbortedError) -> Problem:
     """Return why a drop was never begun that somebody aborted on its way in."""
-    error = VoidedByAbortError(by)
     return Problem("aborted", "Drop aborted", 409, str(error), "Look at the rig, then ask again.")
 
 

@@ -4,7 +4,7 @@
 
     RequestRefusedError             nothing was begun and nothing moved
     ├── BusyError                   somebody else's drop is under way
-    ├── VoidedByAbortError          somebody aborted after the request was accepted
+    ├── RequestAbortedError         somebody aborted after the request had arrived
     ├── NotReadyError               the rig cannot take a drop now
     │   └── CalibrationRefusedError a calibration run cannot be started
     └── DropHeightError             the height is none that this rig allows
@@ -35,18 +35,23 @@ class BusyError(RequestRefusedError):
         super().__init__(f"The rig is busy: {what}. Wait for its end, or abort it.")
 
 
-class VoidedByAbortError(RequestRefusedError):
-    """Somebody aborted the rig after the request had been accepted.
+class RequestAbortedError(RequestRefusedError):
+    """Somebody aborted after the request had arrived.
 
     Parameters
     ----------
     by : str
-        Who did.
+        Who aborted.
+    aborted_utc : str
+        When.
     """
 
-    def __init__(self, by: str) -> None:
+    def __init__(self, by: str, aborted_utc: str) -> None:
         self.by = by
-        super().__init__(f"{by} aborted the rig after this was asked for, so nothing was moved.")
+        self.aborted_utc = aborted_utc
+        super().__init__(
+            f"Aborted: accepted before the abort at {aborted_utc} by {by}, so it moves nothing."
+        )
 
 
 class NotReadyError(RequestRefusedError):

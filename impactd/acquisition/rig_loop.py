@@ -175,7 +175,7 @@ class RigLoop:
                 self.machine.apply(Event.REQUESTED)
                 self.run = run
         if void:
-            self._refuse(drop, "aborted", voided_problem(self._epoch.aborted_by))
+            self._refuse(drop, "aborted", voided_problem(self._epoch.refusal()))
             return False
         if not idle:
             self._refuse(drop, "failed", not_ready_problem(self.fault))

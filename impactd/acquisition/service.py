@@ -22,7 +22,7 @@ from impactd.acquisition.abort_epoch import AbortEpoch
 from impactd.acquisition.admission import REMEDY, Admission
 from impactd.acquisition.devices import make_safe
 from impactd.acquisition.endings import about_drop
-from impactd.acquisition.errors import NotReadyError, VoidedByAbortError
+from impactd.acquisition.errors import NotReadyError
 from impactd.acquisition.events import Event
 from impactd.acquisition.hands import AbortReport, Reservation, report_of
 from impactd.acquisition.progress_writer import ProgressWriter
@@ -134,6 +134,12 @@ class AcquisitionService:
         """What requests are stamped with as they arrive."""
         return self._epoch
 
+    @property
+    def drop_under_way(self) -> Drop | None:
+        """The drop under way as it was begun, without asking the database."""
+        with self._loop.present:
+            return self._loop.run.drop if self._loop.run is not None else None
+
     def request_drop(
         self,
         request: DropRequest,
@@ -170,7 +176,7 @@ class AcquisitionService:
             If the rig does not know or allow what is asked.
         IdempotencyConflictError
             If the key belongs to another request.
-        VoidedByAbortError
+        RequestAbortedError
             If somebody aborted since it was received.
         BusyError
             If somebody else holds the rig.
@@ -200,7 +206,7 @@ class AcquisitionService:
         if self._loop.ending.is_set():
             return  # the daemon ends, and says so itself
         if not self._epoch.is_present(epoch):
-            raise VoidedByAbortError(self._epoch.aborted_by)
+            raise self._epoch.refusal()
 
     def reserve(
         self, owner: str, calibration: int | None = None, accepted: int | None = None
@@ -223,7 +229,7 @@ class AcquisitionService:
 
         Raises
         ------
-        VoidedByAbortError
+        RequestAbortedError
             If somebody aborted since it was asked for.
         BusyError
             If somebody else holds the rig.

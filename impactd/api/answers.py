@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from impactd.advice import advice, best_fit, in_words
+from impactd.api.client_keys import own_part
 from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
 from impactd.api.schemas import (
@@ -129,7 +130,7 @@ def calibration_answer(calibration: Calibration) -> CalibrationAnswer:
         number=calibration.number,
         kind=calibration.kind,
         state=calibration.state,
-        slot=calibration.slot,
+        slot=None if calibration.slot is None else own_part(calibration.slot),
         owner=calibration.owner,
         plan=calibration.plan,
         drops=list(calibration.drops),

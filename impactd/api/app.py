@@ -11,12 +11,15 @@ from fastapi.responses import JSONResponse
 from starlette.exceptions import HTTPException
 
 from impactd import __version__
+from impactd.api.arrivals import Arrivals
 from impactd.api.audit import Audit
+from impactd.api.failed_logins import FailedLogins
 from impactd.api.finite import without_nan
 from impactd.api.gate import MAX_BODY_BYTES, Gate
 from impactd.api.links import add_links, mark_open_routes
 from impactd.api.metrics import Metrics
 from impactd.api.problems import MEDIA_TYPE, ProblemError, document_schema, from_status
+from impactd.api.read_limit import ReadLimit, in_turn
 from impactd.api.routes import (
     alarms,
     calibrations,
@@ -37,6 +40,7 @@ from impactd.api.routes import (
 )
 from impactd.api.security import Limits, authorize, methods_of
 from impactd.api.sessions import Sessions
+from impactd.api.token_memory import TokenMemory
 from impactd.api.translation import TRANSLATIONS, as_problem
 from impactd.daemon import Daemon
 
@@ -86,7 +90,7 @@ def create_app(daemon: Daemon) -> FastAPI:
         description=_DESCRIPTION,
         docs_url=None,  # the stock pages load scripts from the web; a rig may have none
         redoc_url=None,
-        dependencies=[Depends(authorize)],
+        dependencies=[Depends(authorize), in_turn],
         strict_content_type=True,
         telemetry={"tracing": False},
         responses={
@@ -97,6 +101,10 @@ def create_app(daemon: Daemon) -> FastAPI:
     app.state.daemon = daemon
     app.state.limits = Limits()
     app.state.sessions = Sessions()
+    app.state.token_memory = TokenMemory(daemon.archive.tokens)
+    app.state.failed_logins = FailedLogins()
+    app.state.read_limit = ReadLimit()
+    app.state.arrivals = Arrivals(daemon.service.epoch)
     app.state.metrics = metrics
     app.state.moduli = anyio.CapacityLimiter(1)
     app.add_middleware(

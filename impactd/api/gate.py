@@ -87,6 +87,8 @@ class Gate:
         self._hosts = frozenset(name.lower() for name in allowed_hosts)
         self._observe = observe
         self._record = record
+        # A disk that hangs holds these threads and none that answers.
+        self._recorders = anyio.CapacityLimiter(2)
         self._max_body_bytes = max_body_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -116,7 +118,7 @@ class Gate:
             )
         if scope["method"] in WRITES and reply.started:
             written = Written(scope, reply.status, reply.location)
-            await anyio.to_thread.run_sync(self._record, written)
+            await anyio.to_thread.run_sync(self._record, written, limiter=self._recorders)
 
     def _check(self, scope: Scope) -> None:
         headers = Headers(scope=scope)

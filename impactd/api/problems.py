@@ -91,8 +91,13 @@ _TYPES = (
         "Use one of the methods in the `Allow` header.",
     ),
     ProblemType("busy", 409, "The rig is busy", "Wait for the drop that is running, or abort it."),
-    ProblemType("aborted", 409, "Somebody aborted the rig", "Look at the rig, then ask again."),
     ProblemType("not-ready", 409, "The rig is not ready", "Mend the named cause, then ask again."),
+    ProblemType(
+        "aborted",
+        409,
+        "An abort came first",
+        "Nothing moved. Look why the rig was aborted, then ask again with a fresh Idempotency-Key.",
+    ),
     ProblemType(
         "idempotency-conflict",
         409,

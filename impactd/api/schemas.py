@@ -6,6 +6,7 @@ Numbers carry their unit in their name, SI throughout.
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Any, Literal
 
 from fastapi import Header, Path, Query
@@ -296,6 +297,8 @@ class CalibrationBody(Request):
     @model_validator(mode="after")
     def _one_way_only(self) -> CalibrationBody:
         weights = (self.readings, self.hold_time_s, self.discharge_time_constant_s)
+        if self.slot is not None and re.match(r"token \d", self.slot):
+            raise ValueError("a slot that begins like `token 1` is kept for Idempotency-Keys")
         if self.method == "drops" and any(given is not None for given in weights):
             raise ValueError("readings and times belong to the method static_weights")
         if self.method == "static_weights":
@@ -330,7 +333,12 @@ class AbortAnswer(Answer):
     aborted: bool
     drop: int | None
     sentence: str
-    took_ms: float
+    took_ms: float = Field(
+        description="From the receipt of the request to valve and digitizer confirmed safe. [ms]"
+    )
+    safe_after_ms: float = Field(
+        description="From the receipt to this answer: what was sent before it moves nothing. [ms]"
+    )
 
 
 class StatusAnswer(Answer):

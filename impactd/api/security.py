@@ -10,16 +10,19 @@ from __future__ import annotations
 
 import ipaddress
 import re
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import anyio
 from fastapi import Depends, Request, Security
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
 
+from impactd.api.failed_logins import FailedLogins
 from impactd.api.problems import ProblemError
 from impactd.api.sessions import COOKIE, CSRF_HEADER, Session, Sessions, csrf_holds
+from impactd.api.token_memory import TokenMemory
 from impactd.daemon import Daemon
 from impactd.storage.tokens import Token
 
@@ -32,6 +35,7 @@ class Scope(IntEnum):
     ADMIN = 3
 
 
+Asked = TypeVar("Asked", str, int)
 PUBLIC = "public"
 """Anybody who reaches the port."""
 LOOPBACK = "loopback"
@@ -138,6 +142,8 @@ class Limits:
     def __init__(self) -> None:
         self.status = anyio.CapacityLimiter(4)
         self.abort = anyio.CapacityLimiter(8)
+        self.abort_token = anyio.CapacityLimiter(8)
+        self.abort_answer = anyio.CapacityLimiter(8)
         self.token = anyio.CapacityLimiter(8)
 
 
@@ -201,12 +207,11 @@ async def authorize(
     if needed == PUBLIC or (needed == LOOPBACK and credentials is None and _is_local(request)):
         return Caller("anonymous", None)
     scope = needed if isinstance(needed, Scope) else Scope.READ
-    limits: Limits = request.app.state.limits
-    limiter = limits.abort if route in ABORT_ROUTES else limits.token
+    urgent = route in ABORT_ROUTES
     if credentials is None and cookie is not None:
-        caller = await _caller_of_cookie(request, cookie, limiter)
+        caller = await _caller_of_cookie(request, cookie, urgent=urgent)
     else:
-        caller = await _caller(request, credentials, limiter)
+        caller = await _caller(request, credentials, urgent=urgent)
     request.state.caller_name = caller.name  # for the log of who asked for what, refused or not
     if caller.scope is None or caller.scope < scope:
         held = caller.scope.name.lower() if caller.scope else "no"
@@ -221,9 +226,7 @@ async def authorize(
 
 
 async def _caller(
-    request: Request,
-    credentials: HTTPAuthorizationCredentials | None,
-    limiter: anyio.CapacityLimiter,
+    request: Request, credentials: HTTPAuthorizationCredentials | None, *, urgent: bool
 ) -> Caller:
     if credentials is None:
         raise ProblemError(
@@ -231,11 +234,12 @@ async def _caller(
             "The request carries no bearer token.",
             headers={"WWW-Authenticate": 'Bearer realm="impactd"'},
         )
-    daemon: Daemon = request.app.state.daemon
-    token = await anyio.to_thread.run_sync(
-        daemon.archive.tokens.check, credentials.credentials, limiter=limiter
+    memory: TokenMemory = request.app.state.token_memory
+    token = await _look_up(
+        request, memory.check if urgent else memory.ask, credentials.credentials, urgent=urgent
     )
     if token is None:
+        await _note_failure(request, "token", urgent=urgent)
         raise ProblemError(
             "token-invalid",
             "The token is unknown, expired or revoked.",
@@ -244,19 +248,18 @@ async def _caller(
     return Caller(token.name, Scope[token.scope.upper()], token.id)
 
 
-async def _caller_of_cookie(
-    request: Request, cookie: str, limiter: anyio.CapacityLimiter
-) -> Caller:
+async def _caller_of_cookie(request: Request, cookie: str, *, urgent: bool) -> Caller:
     daemon: Daemon = request.app.state.daemon
+    memory: TokenMemory = request.app.state.token_memory
     sessions: Sessions = request.app.state.sessions
     session = sessions.find(cookie)
     token: Token | None = None
     if session is not None:
         # Asked each time, so that revoking a token ends its sessions, too.
-        token = await anyio.to_thread.run_sync(
-            daemon.archive.tokens.valid, session.token_id, limiter=limiter
-        )
+        valid = memory.valid if urgent else daemon.archive.tokens.valid
+        token = await _look_up(request, valid, session.token_id, urgent=urgent)
     if session is None or token is None:
+        await _note_failure(request, "session", urgent=urgent)
         raise ProblemError(
             "token-invalid",
             "The session is unknown or over, or its token was revoked.",
@@ -268,6 +271,24 @@ async def _caller_of_cookie(
     ):
         raise ProblemError("csrf", f"A write with a cookie lacks its header {CSRF_HEADER}.")
     return Caller(token.name, Scope[token.scope.upper()], token.id, session)
+
+
+async def _look_up(
+    request: Request, look_up: Callable[[Asked], Token | None], asked: Asked, *, urgent: bool
+) -> Token | None:
+    """Ask memory or database in a thread; whoever aborts has threads of his own for that."""
+    limits: Limits = request.app.state.limits
+    limiter = limits.abort_token if urgent else limits.token
+    return await anyio.to_thread.run_sync(look_up, asked, limiter=limiter)
+
+
+async def _note_failure(request: Request, what: str, *, urgent: bool) -> None:
+    """Log a refusal, and let it wait where there were many; an abort's never waits."""
+    failed: FailedLogins = request.app.state.failed_logins
+    address = request.client.host if request.client else "unknown"
+    delay_s = failed.note(address, what, request.url.path)
+    if not urgent:
+        await failed.slow_down(delay_s)
 
 
 def _is_local(request: Request) -> bool:

@@ -23,7 +23,8 @@ from impactd.storage.tokens import Token
 COOKIE = "impactd_session"
 CSRF_HEADER = "X-CSRF-Token"
 LIFE_S = 12 * 3600.0
-_MOST = 64
+# Page, tablet and telephone of one person, with as many left from before.
+_MOST_PER_TOKEN = 8
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Session:
 
 
 class Sessions:
-    """All sessions, by the hash of their cookie; the oldest makes room for a new one."""
+    """All sessions, by the hash of their cookie; the oldest of a token makes room for its next."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -68,8 +69,9 @@ class Sessions:
         secret = secrets.token_urlsafe(32)
         session = Session(token.id, secrets.token_urlsafe(32), time.monotonic() + LIFE_S)
         with self._lock:
-            while len(self._by_hash) >= _MOST:
-                self._by_hash.pop(next(iter(self._by_hash)))
+            of_token = [key for key, one in self._by_hash.items() if one.token_id == token.id]
+            for key in of_token[: len(of_token) - _MOST_PER_TOKEN + 1]:
+                del self._by_hash[key]
             self._by_hash[_hash(secret)] = session
         return session, secret
 

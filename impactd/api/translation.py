@@ -11,9 +11,10 @@ from impactd.acquisition.errors import (
     BusyError,
     DropHeightError,
     NotReadyError,
+    RequestAbortedError,
     RequestRefusedError,
-    VoidedByAbortError,
 )
+from impactd.api.client_keys import own_part
 from impactd.api.problems import ProblemError
 from impactd.materials import UnknownMaterialError
 from impactd.storage.errors import (
@@ -40,9 +41,11 @@ def _not_ready(error: NotReadyError) -> ProblemError:
 
 
 def _conflict(error: IdempotencyConflictError) -> ProblemError:
-    return ProblemError(
-        "idempotency-conflict", error.what, remedy=error.remedy, number=error.number
+    what = (
+        f"The idempotency key {own_part(error.key)!r} already belongs to number {error.number} "
+        "with another body."
     )
+    return ProblemError("idempotency-conflict", what, remedy=error.remedy, number=error.number)
 
 
 def _full(error: StorageFullError) -> ProblemError:
@@ -77,7 +80,7 @@ TRANSLATIONS: dict[type[Exception], Translate] = {
     BusyError: _busy,
     NotReadyError: _not_ready,
     DropHeightError: _plain("invalid"),
-    VoidedByAbortError: _plain("aborted"),
+    RequestAbortedError: _plain("aborted"),
     RequestRefusedError: _plain("conflict"),
     UnknownMaterialError: _plain("unknown-material"),
     NotFoundError: _said("not-found"),

@@ -201,7 +201,12 @@ def token_from_environment() -> str | None:
 
 def connect(url: str | None) -> Client:
     """Return a client for an address and the token of the environment."""
-    return Client(url or os.environ.get("IMPACTD_URL") or DEFAULT_URL, token_from_environment())
+    return Client(address(url), token_from_environment())
+
+
+def address(url: str | None) -> str:
+    """Return where the daemon is: as given, by the environment, or where it listens by default."""
+    return url or os.environ.get("IMPACTD_URL") or DEFAULT_URL
 
 
 def fresh_key() -> str:

@@ -1,4 +1,4 @@
-"""Idempotency keys: each belongs to a namespace, so that nobody's key meets another one's."""
+"""A key of whoever uses it: the same words of two clients are two keys."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class RequestKey:
-    """A key and whose it is.
+    """An idempotency key within a namespace.
 
     Attributes
     ----------
     namespace : str
-        ``token 3``, or ``calibration`` for the drops of a series.
+        Whose, e.g. ``token 3`` or ``token 3 fit``.
     key : str
-        The client's own part.
+        As the client sent it.
     """
 
     namespace: str
@@ -22,5 +22,5 @@ class RequestKey:
 
     @property
     def text(self) -> str:
-        """Return the form that is stored."""
+        """As it is stored."""
         return f"{self.namespace} {self.key}"

@@ -112,6 +112,11 @@ class TokenTable:
         )
         return None if row is None else _token_of(row)
 
+    def by_hash(self) -> dict[str, Token]:
+        """Return the tokens that are not revoked, by the SHA-256 of their secrets."""
+        rows = self._index.rows("SELECT * FROM tokens WHERE revoked_utc IS NULL")
+        return {row["secret_sha256"]: _token_of(row) for row in rows}
+
     def list(self) -> list[Token]:
         """Return all tokens, oldest first."""
         return [_token_of(row) for row in self._index.rows("SELECT * FROM tokens ORDER BY id")]

@@ -9,6 +9,8 @@ from typing import Any
 from fastapi import APIRouter, Response
 
 from impactd.api.answers import calibration_answer, next_page
+from impactd.api.arrivals import Accepted
+from impactd.api.client_keys import CALIBRATION, job_key
 from impactd.api.problems import ProblemError
 from impactd.api.routes.drops import required_key
 from impactd.api.schemas import (
@@ -27,11 +29,12 @@ router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
 
 
 @router.post("", status_code=202)
-def request_calibration(
+def request_calibration(  # noqa: PLR0917 - the framework fills them by name
     body: CalibrationBody,
     response: Response,
     daemon: TheDaemon,
     caller: TheCaller,
+    accepted: Accepted,
     key: Key = None,
 ) -> CalibrationAnswer:
     """Ask for a calibration run: a series of drops of reference spheres, then a joint fit.
@@ -54,15 +57,15 @@ def request_calibration(
                 body.hold_time_s,
                 body.discharge_time_constant_s,
             ),
-            slot=body.slot or key,
+            slot=body.slot or job_key(caller, CALIBRATION, key),
             owner=caller.name,
         )
         response.headers["Location"] = f"/v1/calibrations/{weighed.number}"
         return calibration_answer(weighed)
-    slot = body.slot or required_key(key, "run a series of drops")
+    slot = body.slot or job_key(caller, CALIBRATION, required_key(key, "run a series of drops"))
     plan = None if body.plan is None else [item.model_dump() for item in body.plan]
     calibration = daemon.calibrations.request(
-        plan, slot=slot, owner=caller.name, unattended=body.unattended
+        plan, slot=slot, owner=caller.name, unattended=body.unattended, accepted=accepted
     )
     response.headers["Location"] = f"/v1/calibrations/{calibration.number}"
     return calibration_answer(calibration)

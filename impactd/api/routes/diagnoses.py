@@ -5,6 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter, Response
 from fastapi.responses import HTMLResponse
 
+from impactd.api.arrivals import Accepted
+from impactd.api.client_keys import DIAGNOSIS, job_key
 from impactd.api.diagnosis_schemas import (
     DiagnosisAnswer,
     DiagnosisBody,
@@ -29,10 +31,14 @@ _PAGE_POLICY = (
 
 @router.post("", status_code=202)
 def request_diagnosis(
-    body: DiagnosisBody, response: Response, daemon: TheDaemon, key: Key = None
+    body: DiagnosisBody,
+    response: Response,
+    daemon: TheDaemon,
+    caller: TheCaller,
+    key: Key = None,
 ) -> DiagnosisAnswer:
     """Find out what a model misses on these shots, name it, and what adding it changes."""
-    job = daemon.request_diagnosis(body.shots, body.base, key=key)
+    job = daemon.request_diagnosis(body.shots, body.base, key=job_key(caller, DIAGNOSIS, key))
     response.headers["Location"] = f"/v1/diagnoses/{job.id}"
     return diagnosis_answer(job, daemon.jobs.progress(job.id))
 
@@ -68,6 +74,7 @@ def make_next_drop(  # noqa: PLR0917 - the framework fills them by name
     response: Response,
     daemon: TheDaemon,
     caller: TheCaller,
+    accepted: Accepted,
     key: Key = None,
 ) -> DropAnswer:
     """Make the drop that a diagnosis asks for; the answer is that of `POST /v1/drops`.
@@ -92,7 +99,7 @@ def make_next_drop(  # noqa: PLR0917 - the framework fills them by name
         float(proposed["drop_height_m"]),
         body.operator,
     )
-    return begin_drop(asked, response, daemon, caller, key)
+    return begin_drop(asked, response, daemon, caller, key, accepted)
 
 
 @router.get("/{diagnosis_id}/report.html", response_class=HTMLResponse)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import anyio
 from fastapi import APIRouter, Request, Response
 
 from analysis.bounce import restitution_from_rebound_height
 from analysis.campaign import Quantity
 from impactd.api.answers import drop_answer, next_page
+from impactd.api.arrivals import Accepted, Arrivals
+from impactd.api.client_keys import drop_key
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import (
     Before,
@@ -22,9 +26,12 @@ from impactd.api.schemas import (
 from impactd.api.security import Caller, Limits, TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.jobs.orders import request_fit, shot_models
-from impactd.storage.drops import DropRequest
+from impactd.storage.drops import Drop, DropRequest
+from impactd.storage.errors import ArchiveError, NotFoundError
 
 router = APIRouter(prefix="/v1/drops", tags=["drops"])
+# A row is read in a millisecond; a person does not notice a tenth of a second.
+_ROW_PATIENCE_S = 0.1
 
 
 def required_key(key: str | None, what: str) -> str:
@@ -61,11 +68,12 @@ def owner_name(operator: str, caller: Caller) -> str:
 
 
 @router.post("", status_code=202)
-def request_drop(
+def request_drop(  # noqa: PLR0917 - the framework fills them by name
     body: DropBody,
     response: Response,
     daemon: TheDaemon,
     caller: TheCaller,
+    accepted: Accepted,
     key: Key = None,
 ) -> DropAnswer:
     """Ask for a drop.
@@ -74,11 +82,16 @@ def request_drop(
     key and body again give the same drop. 409 names who holds the rig.
     """
     asked = DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator)
-    return begin_drop(asked, response, daemon, caller, key)
+    return begin_drop(asked, response, daemon, caller, key, accepted)
 
 
-def begin_drop(
-    asked: DropRequest, response: Response, daemon: Daemon, caller: Caller, key: str | None
+def begin_drop(  # noqa: PLR0917 - what a request brings, as the routes have it
+    asked: DropRequest,
+    response: Response,
+    daemon: Daemon,
+    caller: Caller,
+    key: str | None,
+    accepted: int,
 ) -> DropAnswer:
     """Begin a drop, whoever described it, and say where it can be watched.
 
@@ -94,6 +107,8 @@ def begin_drop(
         Whose token was used.
     key : str or None
         The idempotency key, without which nothing moves.
+    accepted : int
+        The abort epoch at which the request arrived; an abort since then refuses it.
 
     Returns
     -------
@@ -108,7 +123,8 @@ def begin_drop(
     drop = daemon.service.request_drop(
         asked,
         owner=owner_name(asked.operator, caller),
-        idempotency_key=required_key(key, "drop a sphere"),
+        idempotency_key=drop_key(caller, required_key(key, "drop a sphere")),
+        accepted=accepted,
     )
     response.headers["Location"] = f"/v1/drops/{drop.number}"
     return drop_answer(drop)
@@ -153,18 +169,51 @@ async def abort_drop(
     number: Number, request: Request, daemon: TheDaemon, caller: TheCaller
 ) -> DropAnswer:
     """Abort a drop that is under way; 409 when it has ended."""
+    arrivals: Arrivals = request.app.state.arrivals
     limits: Limits = request.app.state.limits
-    return await anyio.to_thread.run_sync(_abort, daemon, number, caller.name, limiter=limits.abort)
-
-
-def _abort(daemon: Daemon, number: int, by: str) -> DropAnswer:
-    daemon.archive.drop(number)  # 404 before anything is touched
-    report = daemon.service.abort(by=by, number=number)
-    drop = daemon.archive.drop(number)
-    if not report.aborted:
-        raise ProblemError(
-            "conflict",
-            f"Drop {number} is {drop.state}; only a drop under way can be aborted.",
-            state=drop.state,
+    arrivals.begin()
+    try:
+        before, report = await anyio.to_thread.run_sync(
+            lambda: (
+                daemon.service.drop_under_way,
+                daemon.service.abort(by=caller.name, number=number),
+            ),
+            limiter=limits.abort,
         )
-    return drop_answer(drop)
+    except BaseException:
+        arrivals.cancel()
+        raise
+    if report.aborted:
+        await arrivals.settle()
+    else:
+        arrivals.cancel()
+    drop = await _read_in_time(daemon, number, limits)
+    if report.aborted:
+        if drop is None and before is not None and before.number == number:
+            drop = replace(before, state="aborted")
+        if drop is not None:
+            return drop_answer(drop)
+        raise ProblemError("storage", f"Drop {number} is aborted; its row cannot be read now.")
+    is_what = f"is {drop.state}" if drop else "is not under way"
+    raise ProblemError(
+        "conflict",
+        f"Drop {number} {is_what}; only a drop under way can be aborted.",
+        state=drop.state if drop else None,
+    )
+
+
+async def _read_in_time(daemon: Daemon, number: int, limits: Limits) -> Drop | None:
+    """Return a drop's row; ``None`` where the disk does not answer before an aborting hand does."""
+    with anyio.move_on_after(_ROW_PATIENCE_S):
+        try:
+            return await anyio.to_thread.run_sync(
+                daemon.archive.drop,
+                number,
+                limiter=limits.abort_answer,
+                abandon_on_cancel=True,
+            )
+        except NotFoundError:
+            raise
+        except ArchiveError:
+            return None
+    return None

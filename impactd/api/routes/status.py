@@ -8,6 +8,7 @@ import anyio
 from fastapi import APIRouter, Request
 
 from impactd.api.answers import plain
+from impactd.api.arrivals import Arrivals
 from impactd.api.schemas import AbortAnswer, StatusAnswer
 from impactd.api.security import Limits, TheCaller, TheDaemon
 
@@ -27,13 +28,22 @@ async def status(request: Request, daemon: TheDaemon) -> StatusAnswer:
 async def abort(request: Request, daemon: TheDaemon, caller: TheCaller) -> AbortAnswer:
     """Abort whatever runs, at once; never queued behind other requests."""
     limits: Limits = request.app.state.limits
-    began_s = time.perf_counter()
-    report = await anyio.to_thread.run_sync(
-        lambda: daemon.service.abort(by=caller.name), limiter=limits.abort
+    arrivals: Arrivals = request.app.state.arrivals
+    received_s: float = getattr(request.state, "received_s", time.monotonic())
+    arrivals.begin()
+    try:
+        began_s, report = await anyio.to_thread.run_sync(
+            lambda: (time.monotonic(), daemon.service.abort(by=caller.name)), limiter=limits.abort
+        )
+    finally:
+        await arrivals.settle()
+    return AbortAnswer(
+        aborted=report.aborted,
+        drop=report.drop,
+        sentence=report.sentence,
+        took_ms=1e3 * (began_s - received_s + report.took_s),
+        safe_after_ms=1e3 * (time.monotonic() - received_s),
     )
-    members = plain(report)
-    members["took_ms"] = 1e3 * (time.perf_counter() - began_s)
-    return AbortAnswer(**members)
 
 
 @router.post("/acknowledge")

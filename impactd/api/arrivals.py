@@ -1,0 +1,121 @@
+"""The abort epoch at which a request arrived.
+
+::
+
+    bytes arrive ── stamp() ──> request.state.abort_epoch ──> request_drop(accepted=...)
+    abort begins ── begin() ──> each stamp is NEVER ──> settle(): what was waiting has been read
+
+What a client has sent lies in the kernel until the event loop reads it, and a busy loop reads late.
+So a request that is read after an abort may have been sent before it. From the beginning of an
+abort until the loop has read everything that was waiting, requests therefore get a stamp that is
+older than every abort: what they ask to move is refused, and never moves after the abort's answer.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import concurrent.futures
+import threading
+from typing import Annotated
+
+from fastapi import Depends, Request
+
+from impactd.acquisition.abort_epoch import AbortEpoch
+
+ACCEPT_BATCH = 64
+"""Most connections that the event loop accepts in one round."""
+ACCEPT_QUEUE = 512
+"""Connections that the kernel keeps ready for the event loop."""
+NEVER = 0
+"""A stamp older than every abort; the epoch begins at 1."""
+
+# From the kernel's queue to a stamp asyncio takes four rounds: accept, make the transport, watch
+# its socket, read it. A full queue is accepted in so many more.
+_ROUNDS = 4 + ACCEPT_QUEUE // ACCEPT_BATCH
+
+
+class Arrivals:
+    """Stamps requests, also while an abort is being answered.
+
+    Parameters
+    ----------
+    epoch : AbortEpoch
+        The rig's.
+    """
+
+    def __init__(self, epoch: AbortEpoch) -> None:
+        self._epoch = epoch
+        self._lock = threading.Lock()
+        self._unsettled = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+
+    def serve_on(self, loop: asyncio.AbstractEventLoop | None) -> None:
+        """Name the event loop that reads requests, ``None`` once there is none."""
+        self._loop = loop
+
+    def stamp(self) -> int:
+        """Return the epoch of a request that is read now."""
+        # In this order: an abort says begin() before it advances the epoch.
+        epoch = self._epoch.now()
+        return NEVER if self._unsettled else epoch
+
+    def begin(self) -> None:
+        """Begin an abort, before the epoch advances; `settle` or `settle_from_thread` ends it."""
+        with self._lock:
+            self._unsettled += 1
+
+    async def settle(self) -> None:
+        """Let the event loop read what arrived before; then the abort may be answered."""
+        try:
+            for _ in range(_ROUNDS):
+                await asyncio.sleep(0)
+        finally:
+            self.cancel()
+
+    def cancel(self) -> None:
+        """End an abort at once: nothing was aborted, or the loop has read what was waiting."""
+        with self._lock:
+            self._unsettled -= 1
+
+    def settle_from_thread(self, timeout_s: float) -> bool:
+        """Do as `settle` from a thread that is not the event loop's.
+
+        Parameters
+        ----------
+        timeout_s : float
+            Longest wait. [s]
+
+        Returns
+        -------
+        bool
+            Whether the loop came round in time. Where it did not, requests stay refused until it
+            does.
+        """
+        loop = self._loop
+        if loop is None or loop.is_closed():
+            self.cancel()
+            return True
+        settling = self.settle()
+        try:
+            future = asyncio.run_coroutine_threadsafe(settling, loop)
+        except RuntimeError:  # the loop was closed in this moment: it reads nothing any more
+            settling.close()
+            self.cancel()
+            return True
+        try:
+            future.result(timeout_s)
+        except (TimeoutError, concurrent.futures.CancelledError):
+            return False
+        return True
+
+
+async def _accepted(request: Request) -> int:
+    stamped: int | None = getattr(request.state, "abort_epoch", None)
+    if stamped is not None:
+        return stamped
+    arrivals: Arrivals = request.app.state.arrivals  # behind a server that stamps nothing
+    return arrivals.stamp()
+
+
+Accepted = Annotated[int, Depends(_accepted)]
+"""The abort epoch at which the request arrived."""

@@ -1,0 +1,50 @@
+"""The signals that end the daemon: each ends it with the valve safe, whenever it arrives."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from types import FrameType
+
+# SIGHUP: a closed terminal, or a habitual reload; it ends like the others, because a daemon that
+# dies of it leaves the valve as it is.
+_ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
+
+
+class EndSignals:
+    """Remembers that the daemon is to end, from before its first device is touched.
+
+    Attributes
+    ----------
+    arrived : bool
+        Whether one came.
+    """
+
+    def __init__(self) -> None:
+        self.arrived = False
+        self._tell: Callable[[int, FrameType | None], None] | None = None
+
+    def catch(self) -> None:
+        """Take the place of the default action, which is death."""
+        for number in _ENDING:
+            # `nohup impactd serve` wants to outlive its terminal.
+            if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
+                continue
+            signal.signal(number, self._handle)
+
+    def pass_on(self, tell: Callable[[int, FrameType | None], None]) -> None:
+        """Tell somebody of each from now on, and at once of one that came before.
+
+        Parameters
+        ----------
+        tell : callable
+            Gets number and frame, as a handler does.
+        """
+        self._tell = tell
+        if self.arrived:
+            tell(signal.SIGTERM, None)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.arrived = True
+        if self._tell is not None:
+            self._tell(number, frame)
