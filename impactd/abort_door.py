@@ -156,7 +156,8 @@ class AbortDoor:
         try:
             listener.bind(str(path))
             path.chmod(0o660)  # before anybody can connect
-            listener.listen(_MOST)
+            # A client whose connection finds no room here is refused at once, so there is much.
+            listener.listen(socket.SOMAXCONN)
         except OSError:
             listener.close()
             raise

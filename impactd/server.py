@@ -20,7 +20,12 @@ from impactd.abort_door import AbortDoor
 from impactd.api.app import create_app
 from impactd.api.arrivals import ACCEPT_BATCH, ACCEPT_QUEUE, Arrivals
 from impactd.api.connection import connection_class
-from impactd.api.connection_limit import Connections, most_connections, raise_descriptor_limit
+from impactd.api.connection_limit import (
+    Connections,
+    descriptor_limit,
+    most_connections,
+    raise_descriptor_limit,
+)
 from impactd.api.failed_logins import FailedLogins
 from impactd.api.token_memory import TokenMemory
 from impactd.daemon import Daemon
@@ -150,7 +155,9 @@ def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -
         date_header=True,
         ws="none",
         loop="asyncio",  # `Arrivals.settle` counts its rounds
-        http=connection_class(app.state.arrivals, Connections(most_connections())),
+        http=connection_class(
+            app.state.arrivals, Connections(most_connections(descriptor_limit()))
+        ),
         backlog=ACCEPT_BATCH,
         timeout_graceful_shutdown=_GRACE_S,
     )

@@ -54,10 +54,26 @@ def raise_descriptor_limit() -> None:
         resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
 
 
-def most_connections() -> int:
-    """Return how many connections fit beside everything else that needs a descriptor."""
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    limit = _SELECT_LIMIT if soft == resource.RLIM_INFINITY else min(soft, _SELECT_LIMIT)
+def descriptor_limit() -> int:
+    """Return how many descriptors this process may have now."""
+    return resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+
+
+def most_connections(descriptors: int) -> int:
+    """Return how many connections fit beside everything else that needs a descriptor.
+
+    Parameters
+    ----------
+    descriptors : int
+        What the process may have; -1 is without limit.
+
+    Returns
+    -------
+    int
+        16 to 512.
+    """
+    unlimited = descriptors == resource.RLIM_INFINITY
+    limit = _SELECT_LIMIT if unlimited else min(descriptors, _SELECT_LIMIT)
     return max(_FEWEST, min(_MOST, limit - _RESERVED - _IN_TRANSIT))
 
 

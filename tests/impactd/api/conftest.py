@@ -27,9 +27,10 @@ ENDED = ("stored", "analysed", "failed", "aborted", "interrupted")
 class Rig:
     """A daemon that answers, and one client per scope."""
 
-    def __init__(self, daemon: Daemon, url: str) -> None:
+    def __init__(self, daemon: Daemon, server: Server) -> None:
         self.daemon = daemon
-        self.url = url
+        self.server = server
+        self.url = server.url
         self.anybody = self.client(None)
         self.reader = self.client("read")
         self.operator = self.client("operate")
@@ -95,7 +96,7 @@ def run_daemon(settings: Settings) -> Iterator[Rig]:
     )
     thread.start()
     until(lambda: server.url, bool)
-    rig = Rig(daemon, server.url)
+    rig = Rig(daemon, server)
     try:
         until(lambda: rig.anybody.get("/v1/status").json(), lambda status: status["ready"])
         yield rig

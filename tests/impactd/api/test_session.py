@@ -90,12 +90,23 @@ def test_an_invented_cookie_is_refused(rig, cookie):
     assert answer.status_code == 401
 
 
+def test_many_logins_of_one_token_end_nobody_elses_session(rig, browser):
+    """Seventy logins with a read token make room among themselves."""
+    client, _ = browser
+    bearer = {"Authorization": f"Bearer {rig.token('read')}"}
+    with httpx2.Client(base_url=rig.url, headers=bearer, timeout=30, trust_env=False) as reader:
+        for _ in range(70):
+            assert reader.post("/v1/session").status_code == 201
+            reader.cookies.clear()
+    assert client.get("/v1/drops").status_code == 200
+
+
 def test_sessions_end_by_time_and_make_room(monkeypatch):
-    """Twelve hours, and sixty-four at most; the oldest goes first."""
+    """Twelve hours, and eight at most of one token; the oldest goes first."""
     token = Token(1, "page", "read", "", None, None)
     kept = Sessions()
     _, first = kept.begin(token)
-    others = [kept.begin(token)[1] for _ in range(64)]
+    others = [kept.begin(token)[1] for _ in range(8)]
     assert kept.find(first) is None
     assert kept.find(others[-1]) is not None
     monkeypatch.setattr(sessions, "LIFE_S", -1.0)
