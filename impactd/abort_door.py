@@ -36,9 +36,6 @@ SYSTEM_FOLDER = Path("/run/impactd")
 _MOST = 16
 _LIMIT_S = 1.0
 _LONGEST_LINE = 256
-# The event loop comes round within a switch interval or two; where it does not, the answer does
-# not wait for it: until it does, every request it reads is refused.
-_SETTLE_S = 0.05
 _HINT = b"Say `abort NAME` and a line feed; see `impactd abort --help`.\n"
 _log = structlog.get_logger("impactd.abort_door")
 
@@ -251,7 +248,7 @@ class AbortDoor:
             began_s = time.monotonic()
             report = self._service.abort(by=who)
         finally:
-            in_time = self._arrivals.settle_from_thread(_SETTLE_S)
+            in_time = self._arrivals.settle_from_thread()
         if not in_time:
             _log.warning("the web server did not come round; it refuses what it reads until then")
         return json.dumps(

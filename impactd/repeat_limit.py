@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import threading
 import time
+from collections.abc import Callable
 
 _EVERY_S = 60.0
 # Messages are written by libraries, a few dozen; more would be a message with a value in it.
@@ -12,17 +13,24 @@ _MOST_KEPT = 256
 
 
 class RepeatLimit(logging.Filter):
-    """Lets each message through once a minute, with how often it came meanwhile."""
+    """Lets each message through once a minute, with how often it came meanwhile.
 
-    def __init__(self) -> None:
+    Parameters
+    ----------
+    now_s : callable, optional
+        The clock. [s]
+    """
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         super().__init__()
+        self._now_s = now_s
         self._lock = threading.Lock()
         self._seen: dict[tuple[str, str], tuple[float, int]] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Return whether a line is written."""
         key = (record.name, str(record.msg).partition("\n")[0])
-        now_s = time.monotonic()
+        now_s = self._now_s()
         with self._lock:
             told_s, repeated = self._seen.get(key, (float("-inf"), 0))
             if now_s - told_s < _EVERY_S:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+import json
 from typing import Any
 
 import anyio
 from fastapi import Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, Response
 from starlette.exceptions import HTTPException
 
 from impactd import __version__
@@ -88,6 +90,7 @@ def create_app(daemon: Daemon) -> FastAPI:
         title="impactd",
         version=__version__,
         description=_DESCRIPTION,
+        openapi_url=None,  # see `_add_description`
         docs_url=None,  # the stock pages load scripts from the web; a rig may have none
         redoc_url=None,
         dependencies=[Depends(authorize), in_turn],
@@ -121,6 +124,7 @@ def create_app(daemon: Daemon) -> FastAPI:
     for router in _ROUTERS:
         app.include_router(router)
     _document_problems(app)
+    _add_description(app)
     return app
 
 
@@ -183,6 +187,19 @@ def _is_short(value: object) -> bool:
 
 async def _translated_problem(_request: Request, error: Exception) -> JSONResponse:
     return as_problem(error).response()
+
+
+def _add_description(app: FastAPI) -> None:
+    """Answer `/openapi.json` from bytes made once: anybody may ask, and making them takes long."""
+
+    @functools.cache
+    def text() -> bytes:
+        return json.dumps(app.openapi(), ensure_ascii=False, separators=(",", ":")).encode()
+
+    async def description(_request: Request) -> Response:
+        return Response(text(), media_type="application/json")
+
+    app.add_route("/openapi.json", description, include_in_schema=False)
 
 
 def _problem_content() -> dict[str, Any]:

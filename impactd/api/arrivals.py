@@ -26,6 +26,9 @@ ACCEPT_BATCH = 64
 """Most connections that the event loop accepts in one round."""
 ACCEPT_QUEUE = 512
 """Connections that the kernel keeps ready for the event loop."""
+SETTLE_S = 0.05
+"""An idle loop has read everything in a millisecond. An abort's answer waits no longer than this for
+one that is crowded or stuck: until it has, every request that it reads is refused anyway."""
 NEVER = 0
 """A stamp older than every abort; the epoch begins at 1."""
 
@@ -47,6 +50,7 @@ class Arrivals:
         self._epoch = epoch
         self._lock = threading.Lock()
         self._unsettled = 0
+        self._settling: set[asyncio.Task[None]] = set()  # the loop keeps no task alive by itself
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def serve_on(self, loop: asyncio.AbstractEventLoop | None) -> None:
@@ -60,42 +64,47 @@ class Arrivals:
         return NEVER if self._unsettled else epoch
 
     def begin(self) -> None:
-        """Begin an abort, before the epoch advances; `settle` or `settle_from_thread` ends it."""
+        """Begin an abort, before the epoch advances; one of the three below ends it."""
         with self._lock:
             self._unsettled += 1
 
+    def cancel(self) -> None:
+        """End an abort at once: nothing was aborted."""
+        with self._lock:
+            self._unsettled -= 1
+
     async def settle(self) -> None:
-        """Let the event loop read what arrived before; then the abort may be answered."""
+        """Let the event loop read what arrived before, `SETTLE_S` at most."""
+        task = asyncio.ensure_future(self._read_all())
+        self._settling.add(task)
+        task.add_done_callback(self._settling.discard)
+        await asyncio.wait({task}, timeout=SETTLE_S)
+
+    async def _read_all(self) -> None:
         try:
             for _ in range(_ROUNDS):
                 await asyncio.sleep(0)
         finally:
             self.cancel()
 
-    def cancel(self) -> None:
-        """End an abort at once: nothing was aborted, or the loop has read what was waiting."""
-        with self._lock:
-            self._unsettled -= 1
-
-    def settle_from_thread(self, timeout_s: float) -> bool:
+    def settle_from_thread(self, timeout_s: float = SETTLE_S) -> bool:
         """Do as `settle` from a thread that is not the event loop's.
 
         Parameters
         ----------
-        timeout_s : float
+        timeout_s : float, optional
             Longest wait. [s]
 
         Returns
         -------
         bool
-            Whether the loop came round in time. Where it did not, requests stay refused until it
-            does.
+            Whether the loop came round in time.
         """
         loop = self._loop
         if loop is None or loop.is_closed():
             self.cancel()
             return True
-        settling = self.settle()
+        settling = self._read_all()
         try:
             future = asyncio.run_coroutine_threadsafe(settling, loop)
         except RuntimeError:  # the loop was closed in this moment: it reads nothing any more

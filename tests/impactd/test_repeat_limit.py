@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import logging
 
-from impactd import repeat_limit
 from impactd.repeat_limit import RepeatLimit
 
 
-def test_a_message_is_written_once_a_minute(monkeypatch):
+def test_a_message_is_written_once_a_minute():
     """Ten thousand accept failures are one line; the next minute's says how many there were."""
     now_s = [0.0]
-    monkeypatch.setattr(repeat_limit.time, "monotonic", lambda: now_s[0])
-    limit = RepeatLimit()
+    limit = RepeatLimit(lambda: now_s[0])
 
     def through(message: str) -> str | None:
         record = logging.LogRecord("asyncio", logging.ERROR, "", 0, message, (), None)
