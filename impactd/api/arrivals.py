@@ -27,8 +27,8 @@ ACCEPT_BATCH = 64
 ACCEPT_QUEUE = 512
 """Connections that the kernel keeps ready for the event loop."""
 SETTLE_S = 0.05
-"""An idle loop has read everything in a millisecond. An abort's answer waits no longer than this for
-one that is crowded or stuck: until it has, every request that it reads is refused anyway."""
+"""An idle loop has read everything in a millisecond. An abort's answer waits no longer for one that
+is crowded or stuck: until it has read everything, every request that it reads is refused anyway."""
 NEVER = 0
 """A stamp older than every abort; the epoch begins at 1."""
 

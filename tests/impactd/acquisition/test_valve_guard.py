@@ -91,7 +91,7 @@ def test_a_request_of_an_older_epoch_is_refused_without_a_row(laboratory: Labora
     """Received before an abort, looked at after it."""
     accepted = laboratory.service.epoch.now()
     laboratory.service.abort(by="cd")
-    with pytest.raises(RequestAbortedError, match="accepted before the abort at .* by cd"):
+    with pytest.raises(RequestAbortedError, match=r"accepted before the abort at .* by cd"):
         laboratory.service.request_drop(REQUEST, owner="ab", accepted=accepted)
     with pytest.raises(RequestAbortedError):
         laboratory.service.reserve("series of ab", accepted=accepted)
