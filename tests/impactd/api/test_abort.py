@@ -12,8 +12,11 @@ from concurrent.futures import ThreadPoolExecutor
 from urllib.parse import urlsplit
 
 import pytest
+from typer.testing import CliRunner
 
 from impactd.api.sessions import CSRF_HEADER
+from impactd.cli import app
+from impactd.console import abort_socket
 from impactd.console.abort_socket import abort_through_socket
 
 from .conftest import ACETAL_ON_ALUMINIUM, until
@@ -152,3 +155,17 @@ def test_large_reads_have_few_threads(ready, monkeypatch):
         finally:
             done.set()
         assert {answer.result().status_code for answer in answers} == {200}
+
+
+@pytest.mark.parametrize("way", ["the abort socket", "HTTP"])
+def test_the_command_says_which_way_it_went(ready, way, monkeypatch, tmp_path):
+    """`impactd abort` goes through the socket, over HTTP where there is none, and says how long."""
+    monkeypatch.setenv("IMPACTD_TOKEN", ready.token("operate"))
+    if way == "HTTP":
+        monkeypatch.delenv("XDG_RUNTIME_DIR", raising=False)
+        monkeypatch.setattr(abort_socket, "private_folder", lambda: tmp_path / "nothing")
+    ended = CliRunner().invoke(app, ["abort", "--url", ready.url])
+    assert ended.exit_code == 0, ended.output
+    assert "The vacuum is on" in ended.output
+    assert f"Through {way}; " in ended.output
+    assert " ms from receipt to safe." in ended.output
