@@ -179,7 +179,9 @@ def _learned(closure: Json | None, unit: Unit) -> str:
     )
 
 
-def _stack(seen: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]) -> str:
+def _stack(
+    seen: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]
+) -> str:
     if not seen.get("stacks"):
         return ""
     return _picture(
