@@ -6,7 +6,6 @@ import functools
 import json
 from typing import Any
 
-import anyio
 from fastapi import Depends, FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, Response
@@ -109,7 +108,6 @@ def create_app(daemon: Daemon) -> FastAPI:
     app.state.read_limit = ReadLimit()
     app.state.arrivals = Arrivals(daemon.service.epoch)
     app.state.metrics = metrics
-    app.state.moduli = anyio.CapacityLimiter(1)
     app.add_middleware(
         Gate,
         allowed_hosts=allowed_hosts(daemon),

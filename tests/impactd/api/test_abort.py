@@ -18,6 +18,7 @@ from impactd.api.sessions import CSRF_HEADER
 from impactd.cli import app
 from impactd.console import abort_socket
 from impactd.console.abort_socket import abort_through_socket
+from impactd.moduli_service import ModuliAnswer
 
 from .conftest import ACETAL_ON_ALUMINIUM, until
 
@@ -142,7 +143,7 @@ def test_large_reads_have_few_threads(ready, monkeypatch):
     def slow(**_filters):
         inside.append(1)
         assert done.wait(60)
-        return {}
+        return ModuliAnswer({"moduli": {}}, {"shots": b"[]"})
 
     monkeypatch.setattr(ready.daemon, "moduli", slow)
     with ThreadPoolExecutor(10) as pool:
