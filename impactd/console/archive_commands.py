@@ -68,14 +68,14 @@ def export(  # noqa: PLR0917 - typer reads options from the parameters
 
 
 def verify(config: Config = None, data: Data = None, as_json: Json = False) -> None:
-    """Check every shot file against its SHA-256 and the index."""
+    """Check the index against its journal, and every shot file against its SHA-256."""
     from impactd.console import archive_files
 
     archive_files.verify(config=config, data=data, as_json=as_json)
 
 
 def reindex(config: Config = None, data: Data = None, as_json: Json = False) -> None:
-    """Rebuild the index from the shot files.
+    """Rebuild the index from its journal and the files, and say what is lost.
 
     The daemon must be stopped.
     """

@@ -124,7 +124,7 @@ def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:
 
 
 def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
-    """Rebuild the index from the files and print what it holds now.
+    """Rebuild the index from journal and files; print what it holds now and what is lost.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
     Raises
     ------
     Failure
-        If a file could not be taken in.
+        If something is lost, or is not what was written.
     """
     report = Archive.reindex(settings_of(config, data).storage.directory)
     if as_json:
@@ -151,9 +151,13 @@ def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
             print(f"Taken from their files: {taken[0]} calibrations, {taken[1]} diagnoses.")
         for line in report.damaged:
             print(f"Damaged: {line}")
-        if report.lost:
-            print(f"Not read in full from the old index: {', '.join(report.lost)}.")
+        for line in report.lost:
+            print(f"Lost: {line}")
+        if not report.lost:
+            print("Nothing was lost.")
         if report.old_index:
             print(f"The old index is kept as {report.old_index}.")
-    if report.damaged:
-        raise Failure(f"{len(report.damaged)} files could not be taken in as they were stored.")
+    if report.damaged or report.lost:
+        raise Failure(
+            f"{len(report.damaged)} things are not what was written, {len(report.lost)} are lost."
+        )

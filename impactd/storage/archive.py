@@ -3,7 +3,8 @@
 ::
 
     DIRECTORY/
-      index.sqlite                 tables; can be rebuilt from the files
+      index.sqlite                 tables; can be rebuilt from journal and files
+      journal.jsonl                every change of the tables, synced before it is told
       last-number                  highest number ever given out, so that none is given out again
       lock                         held by every process that has the archive open
       shots/000017.h5              one file per shot
@@ -41,8 +42,9 @@ from impactd.storage.events import Event, EventTable
 from impactd.storage.exchange import ImportReport, export_shots, import_folder
 from impactd.storage.fits import Fit, FitTable
 from impactd.storage.index import Index
-from impactd.storage.integrity import ReindexReport, VerifyFinding, rebuild_index, verify_archive
+from impactd.storage.integrity import VerifyFinding, verify_archive
 from impactd.storage.jobs import Job, JobTable
+from impactd.storage.journal import JOURNAL_NAME
 from impactd.storage.lock import lock_archive
 from impactd.storage.models import ModelTable
 from impactd.storage.moment import utc_now
@@ -50,6 +52,7 @@ from impactd.storage.numbers import LAST_NUMBER_NAME, NumberSequence
 from impactd.storage.problem import Problem
 from impactd.storage.publish import sync_directory
 from impactd.storage.recovery import end_interrupted, requeue_abandoned
+from impactd.storage.reindex import ReindexReport, rebuild_index, remove_unfinished
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import build_shot_file, recording_of
 from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME, ShotStore
@@ -171,10 +174,10 @@ class Archive:
         """
         _make_folders(directory)
         path = directory / INDEX_NAME
-        if not path.exists() and (directory / LAST_NUMBER_NAME).exists():
+        if not path.exists() and _is_old(directory):
             raise ArchiveError(
                 f"The index {path} is gone, and the archive is not new.",
-                remedy="Run `impactd reindex`: it rebuilds the index from the shot files.",
+                remedy="Run `impactd reindex`: it rebuilds the index from journal and files.",
             )
         lock = lock_archive(directory, alone=False)
         try:
@@ -185,6 +188,7 @@ class Archive:
                 reserve_bytes=reserve_bytes,
                 rescue_directory=rescue_directory,
             )
+            remove_unfinished(path)  # of a rebuild that was killed: none runs beside this lock
         except BaseException:
             os.close(lock)
             raise
@@ -197,7 +201,7 @@ class Archive:
 
     @classmethod
     def reindex(cls, directory: Path) -> ReindexReport:
-        """Rebuild the index from the files; see `integrity.rebuild_index`.
+        """Rebuild the index from journal and files; see `reindex.rebuild_index`.
 
         Raises
         ------
@@ -500,6 +504,10 @@ class Archive:
     def verify(self) -> Iterator[VerifyFinding]:
         """Check the index, every shot file and every diagnosis; see `verify_archive`."""
         return verify_archive(self._index, self._store, self.diagnoses)
+
+
+def _is_old(directory: Path) -> bool:
+    return any((directory / name).exists() for name in (LAST_NUMBER_NAME, JOURNAL_NAME))
 
 
 def _make_folders(directory: Path) -> None:

@@ -28,9 +28,10 @@ COLUMNS: dict[str, str] = {
     "active_models": "id name since_utc version",
     "named_models": "name version definition provenance created_utc",
     "alarms": "id kind sentence remedy times first_utc last_utc acknowledged_utc acknowledged_by",
+    "journal_position": "id journal n size_bytes",
 }
 """Tables and their columns."""
-_LATER = frozenset({"alarms"})
+_LATER = frozenset({"alarms", "journal_position"})
 """Tables that came after the checksums, each with `statements_of` in its own migration."""
 
 

@@ -1,115 +1,39 @@
-"""The SQLite file behind all tables: connection, transactions, migrations.
+"""The SQLite file behind all tables: connections, transactions, what is wrong with it.
 
-It is an index and a job table, never the truth: the shot files are, and ``reindex`` rebuilds this
-file from them.
+It is an index and a job table, never the truth: that are the shot files and the journal, and
+``reindex`` rebuilds this file from them.
 
-Two connections serve all threads of a process, each behind its own lock, so that no connection is
-left behind by a thread pool: one writes and waits for the disk at every commit, the other one only
-reads and never waits for it. A thread inside a transaction reads what it has just written. Other
-processes (``impactd token create`` beside a running daemon) have their own connections; WAL and the
-busy timeout let them share.
+Three connections serve all threads of a process, each behind its own lock, so that no connection is
+left behind by a thread pool: one writes and waits for the disk at every commit, one only reads and
+never waits for it, and one only looks tokens up, so that no long query keeps anybody from being
+let in. A thread inside a transaction reads what it has just written. Other processes (``impactd
+token create`` beside a running daemon) have their own connections; WAL and the busy timeout let
+them share.
 """
 
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import sqlite3
 import threading
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
-from functools import cache
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
-from impactd.storage import checksums
+from impactd.storage import checksums, schema
 from impactd.storage.errors import ArchiveError, StorageFullError
+from impactd.storage.journal import JOURNAL_NAME
+from impactd.storage.journaling import Journaling
+from impactd.storage.publish import sync_directory
 
 BUSY_TIMEOUT_S = 10.0
-_IN_MEMORY = ":memory:"
-
-_MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
-    """
-    CREATE TABLE sequence (name TEXT PRIMARY KEY, last INTEGER NOT NULL) STRICT;
-    INSERT INTO sequence VALUES ('drop', 0);
-
-    CREATE TABLE calibrations (
-        number INTEGER PRIMARY KEY AUTOINCREMENT, slot TEXT UNIQUE, plan TEXT NOT NULL,
-        owner TEXT NOT NULL, state TEXT NOT NULL, result TEXT, problem TEXT,
-        requested_utc TEXT NOT NULL, finished_utc TEXT, valid_until_utc TEXT) STRICT;
-
-    CREATE TABLE drops (
-        number INTEGER PRIMARY KEY, state TEXT NOT NULL, sphere TEXT NOT NULL,
-        surface TEXT NOT NULL, drop_height_m REAL NOT NULL, operator TEXT NOT NULL,
-        owner TEXT NOT NULL, idempotency_key TEXT UNIQUE,
-        calibration INTEGER REFERENCES calibrations(number), problem TEXT,
-        requested_utc TEXT NOT NULL, updated_utc TEXT NOT NULL) STRICT;
-    CREATE INDEX drops_by_state ON drops(state);
-    CREATE INDEX drops_by_calibration ON drops(calibration);
-
-    CREATE TABLE shots (
-        number INTEGER PRIMARY KEY, file TEXT NOT NULL UNIQUE, sha256 TEXT NOT NULL,
-        size_bytes INTEGER NOT NULL, source TEXT NOT NULL, origin TEXT NOT NULL,
-        started_utc TEXT NOT NULL,
-        stored_utc TEXT NOT NULL, sphere TEXT, surface TEXT, drop_height_m REAL,
-        operator TEXT NOT NULL, quantity TEXT NOT NULL, sample_rate_hz REAL NOT NULL,
-        samples INTEGER NOT NULL, trigger_index INTEGER NOT NULL, peak REAL NOT NULL,
-        clipped INTEGER NOT NULL) STRICT;
-    CREATE INDEX shots_by_pair ON shots(surface, sphere);
-    CREATE INDEX shots_by_time ON shots(started_utc);
-    CREATE UNIQUE INDEX shots_by_origin ON shots(origin) WHERE origin != '';
-
-    CREATE TABLE jobs (
-        id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT NOT NULL, subject TEXT NOT NULL,
-        payload TEXT NOT NULL, key TEXT UNIQUE, state TEXT NOT NULL, attempts INTEGER NOT NULL,
-        runner TEXT, result TEXT, reason TEXT, created_utc TEXT NOT NULL, started_utc TEXT,
-        finished_utc TEXT) STRICT;
-    CREATE INDEX jobs_by_state ON jobs(state, id);
-
-    CREATE TABLE fits (
-        id INTEGER PRIMARY KEY AUTOINCREMENT, shot INTEGER REFERENCES shots(number),
-        model TEXT NOT NULL, calibration INTEGER REFERENCES calibrations(number),
-        job INTEGER, result TEXT NOT NULL, created_utc TEXT NOT NULL) STRICT;
-    CREATE INDEX fits_by_shot ON fits(shot, model, id);
-
-    CREATE TABLE events (
-        id INTEGER PRIMARY KEY AUTOINCREMENT, utc TEXT NOT NULL, kind TEXT NOT NULL,
-        data TEXT NOT NULL) STRICT;
-
-    CREATE TABLE tokens (
-        id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, scope TEXT NOT NULL,
-        secret_sha256 TEXT NOT NULL UNIQUE, created_utc TEXT NOT NULL, expires_utc TEXT,
-        revoked_utc TEXT) STRICT;
-
-    CREATE TABLE active_models (
-        id INTEGER PRIMARY KEY AUTOINCREMENT, name TEXT NOT NULL, since_utc TEXT NOT NULL) STRICT;
-    """,
-    # A re-fit of the archive writes each shot once per model, whatever is killed and started again.
-    """
-    ALTER TABLE fits ADD COLUMN run TEXT;
-    CREATE UNIQUE INDEX fits_by_run ON fits(run, shot, model) WHERE run IS NOT NULL;
-    """,
-    """
-    CREATE TABLE named_models (
-        name TEXT NOT NULL, version INTEGER NOT NULL, definition TEXT NOT NULL,
-        provenance TEXT NOT NULL, created_utc TEXT NOT NULL, PRIMARY KEY (name, version)) STRICT;
-    ALTER TABLE active_models ADD COLUMN version INTEGER;
-    """,
-    # How high a sphere came back is seen after the drop, and entered then.
-    """
-    ALTER TABLE drops ADD COLUMN rebound_height_m REAL;
-    ALTER TABLE drops ADD COLUMN u_rebound_height_m REAL;
-    """,
-    checksums.migration(),
-    # What went wrong is shown until somebody says that it was seen, over restarts.
-    (
-        "CREATE TABLE alarms (id INTEGER PRIMARY KEY AUTOINCREMENT, kind TEXT NOT NULL, "
-        "sentence TEXT NOT NULL, remedy TEXT NOT NULL, times INTEGER NOT NULL, "
-        "first_utc TEXT NOT NULL, last_utc TEXT NOT NULL, acknowledged_utc TEXT, "
-        "acknowledged_by TEXT) STRICT",
-        *checksums.statements_of("alarms"),
-    ),
-)
+_MODE = 0o640
+"""At most: it holds names, and hashes of tokens."""
+_SIDECARS = ("", "-wal", "-shm")
 
 
 class Index:
@@ -118,36 +42,64 @@ class Index:
     Parameters
     ----------
     path : Path
-        Created when absent, migrated when older than this program.
+        Created when absent, migrated when older than this program; its journal is beside it.
+    scratch : bool
+        Whether it is only being built: without a journal, for one thread, and nothing is synced.
 
     Raises
     ------
     ArchiveError
-        If the file is no index, is damaged, or was written by a newer program.
+        If the file is no index, is damaged, was written by a newer program, or does not belong to
+        its journal.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, scratch: bool = False) -> None:
         self.path = path
+        self.journal_path = path.with_name(JOURNAL_NAME)
         self._lock = threading.RLock()
         self._reading = threading.Lock()
+        self._looking_up = threading.Lock()
         self._depth = 0
         self._writer = 0
-        self._connection = self._reader = self._connect()
+        self._close_to_others()
+        self._connection = self._reader = self._tokens = self._connect()
         try:
+            self._journaling = Journaling(self._connection, None if scratch else self.journal_path)
             with self._translated():
                 checksums.install(self._connection)
-                self._connection.execute("PRAGMA journal_mode=WAL")
-                self._connection.execute("PRAGMA synchronous=FULL")
+                self._connection.execute(f"PRAGMA journal_mode={'MEMORY' if scratch else 'WAL'}")
+                self._connection.execute(f"PRAGMA synchronous={'OFF' if scratch else 'FULL'}")
                 self._connection.execute("PRAGMA foreign_keys=ON")
             self._migrate()
             self._check_form()
-            if str(path) != _IN_MEMORY:
-                self._reader = self._connect()
+            if not scratch:
+                self._reader, self._tokens = self._connect(), self._connect()
                 with self._translated():
+                    # The journal is synced before each commit: what a power cut takes of the
+                    # index is replayed from it.
+                    self._connection.execute("PRAGMA synchronous=NORMAL")
                     self._reader.execute("PRAGMA query_only=ON")
+                    self._tokens.execute("PRAGMA query_only=ON")
         except BaseException:
             self.close()
             raise
+
+    def _close_to_others(self) -> None:
+        """Create the file, or narrow its mode: SQLite gives it to its sidecars."""
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, _MODE)
+            os.close(descriptor)
+            for suffix in _SIDECARS:
+                sidecar = self.path.with_name(self.path.name + suffix)
+                with suppress(FileNotFoundError, PermissionError):  # PermissionError: of another
+                    mode = sidecar.stat().st_mode & 0o777
+                    if mode & ~_MODE:
+                        sidecar.chmod(mode & _MODE)
+        except OSError as error:
+            raise ArchiveError(
+                f"The index {self.path} cannot be opened: {error.strerror}.",
+                remedy="Check storage.directory, its owner and its mode.",
+            ) from error
 
     def _connect(self) -> sqlite3.Connection:
         with self._translated():
@@ -162,18 +114,30 @@ class Index:
         # at the same moment, and the second one must see what the first one did.
         with self.transaction():
             version = self.number("PRAGMA user_version")
-            if version > len(_MIGRATIONS):
+            if version > len(schema.MIGRATIONS):
                 raise ArchiveError(
-                    f"{self.path} has version {version}; this program knows {len(_MIGRATIONS)}.",
+                    f"{self.path} has version {version}; this program knows "
+                    f"{len(schema.MIGRATIONS)}.",
                     why="A newer impactd wrote it.",
                     remedy="Install that version again.",
                 )
-            for step in _MIGRATIONS[version:]:
-                for statement in step.split(";") if isinstance(step, str) else step:
-                    if statement.strip():
-                        self._connection.execute(statement)
-            if version < len(_MIGRATIONS):
-                self._connection.execute(f"PRAGMA user_version={len(_MIGRATIONS)}")
+            self._journaling.open()
+            schema.migrate(self._connection, version)
+            first = self._journaling.begin_first()
+        if first:
+            with self._translated(), self._translated_files():
+                sync_directory(self.path.parent)
+                self._journaling.finish_first()
+
+    @contextmanager
+    def _translated_files(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise ArchiveError(
+                f"The disk of {self.path.parent} does not write: {error.strerror}.",
+                remedy="Check the disk (`dmesg`), then start the daemon again.",
+            ) from error
 
     @contextmanager
     def _translated(self) -> Iterator[None]:
@@ -192,20 +156,35 @@ class Index:
                     f"The index refused a row: {error}.",
                     why="It names a drop, shot or calibration that is unknown, or exists twice.",
                 ) from error
-            raise ArchiveError(
-                f"The index {self.path} does not answer: {error}.",
-                why="The file is damaged, not writable or held by another process.",
-                remedy="Check its owner and the disk; `impactd reindex` rebuilds it.",
-            ) from error
+            raise self._no_answer(str(error)) from error
+
+    def _no_answer(self, what: str) -> ArchiveError:
+        return ArchiveError(
+            f"The index {self.path} does not answer: {what}.",
+            why="The file is damaged, not writable or held by another process.",
+            remedy="Check its owner and the disk; `impactd reindex` rebuilds it.",
+        )
 
     @contextmanager
-    def transaction(self) -> Iterator[None]:
+    def transaction(self, timeout_s: float | None = None) -> Iterator[None]:
         """Hold the write lock; commit durably at the end, roll back on any error.
 
         Inner transactions join the outer one.
+
+        Parameters
+        ----------
+        timeout_s : float, optional
+            How long to wait for the lock, in this process and for others together; without it,
+            other processes are waited for 10 s, and threads of this one until they are done. [s]
+
+        Raises
+        ------
+        ArchiveError
+            If the lock was not free in time.
         """
-        with self._lock, self._translated():
+        with self._locked(timeout_s) as left_s, self._translated():
             if self._depth == 0:
+                self._connection.execute(f"PRAGMA busy_timeout={round(1000 * left_s)}")
                 self._connection.execute("BEGIN IMMEDIATE")
                 self._writer = threading.get_ident()
             self._depth += 1
@@ -214,23 +193,41 @@ class Index:
             except BaseException:
                 self._depth -= 1
                 if self._depth == 0:
-                    self._writer = 0
-                    if self._connection.in_transaction:
-                        self._connection.execute("ROLLBACK")
+                    self._roll_back()
                 raise
             self._depth -= 1
             if self._depth == 0:
-                self._writer = 0
                 self._commit()
+
+    @contextmanager
+    def _locked(self, timeout_s: float | None) -> Iterator[float]:
+        """Hold the lock of this process's writers; give what is left of the time."""
+        began_s = time.monotonic()
+        if not self._lock.acquire(timeout=-1 if timeout_s is None else timeout_s):
+            raise self._no_answer(f"another thread has been writing for {timeout_s:g} s")
+        try:
+            waited_s = time.monotonic() - began_s
+            yield BUSY_TIMEOUT_S if timeout_s is None else max(timeout_s - waited_s, 0.0)
+        finally:
+            self._lock.release()
+
+    def _roll_back(self) -> None:
+        self._writer = 0
+        self._journaling.forget()
+        if self._connection.in_transaction:
+            self._connection.execute("ROLLBACK")
 
     def _commit(self) -> None:
         try:
+            self._journaling.write()
             self._connection.execute("COMMIT")
-        except sqlite3.Error:
+            self._writer = 0
+            self._journaling.forget()
+        except BaseException:
             # A disk that is full or broken leaves the transaction open, and with it the index
             # would refuse every later one.
-            if self._connection.in_transaction:
-                self._connection.execute("ROLLBACK")
+            self._roll_back()
+            self._journaling.take_back()
             raise
 
     def write(self, sql: str, values: Sequence[object] = ()) -> int:
@@ -249,7 +246,13 @@ class Index:
             The row id of an INSERT, else the number of rows changed.
         """
         with self.transaction():
-            cursor = self._connection.execute(sql, tuple(values))
+            collected = self._journaling.count()
+            try:
+                cursor = self._connection.execute(sql, tuple(values))
+            except BaseException:
+                # SQLite takes the statement back, and the transaction may go on without it.
+                self._journaling.forget(collected)
+                raise
             if sql.lstrip()[:6].upper() == "INSERT":
                 return int(cursor.lastrowid or 0)
             return cursor.rowcount
@@ -269,8 +272,35 @@ class Index:
         list of sqlite3.Row
             May be empty.
         """
-        own = self._writer == threading.get_ident() or self._reader is self._connection
-        connection, lock = (self._connection, self._lock) if own else (self._reader, self._reading)
+        return self._read(self._reader, self._reading, sql, values)
+
+    def token_rows(self, sql: str, values: Sequence[object] = ()) -> list[sqlite3.Row]:
+        """Return the rows of a short query, whatever other readers are at.
+
+        Parameters
+        ----------
+        sql : str
+            One SELECT with ``?`` for each value, answered by a key.
+        values : sequence
+            Its values.
+
+        Returns
+        -------
+        list of sqlite3.Row
+            May be empty.
+        """
+        return self._read(self._tokens, self._looking_up, sql, values)
+
+    def _read(
+        self,
+        connection: sqlite3.Connection,
+        lock: threading.Lock,
+        sql: str,
+        values: Sequence[object],
+    ) -> list[sqlite3.Row]:
+        if self._writer == threading.get_ident() or connection is self._connection:
+            with self._lock, self._translated():
+                return self._connection.execute(sql, tuple(values)).fetchall()
         with lock, self._translated():
             return connection.execute(sql, tuple(values)).fetchall()
 
@@ -333,14 +363,7 @@ class Index:
             yield f"row {row[1]} of {row[0]} names a {row[2]} that is not there."
 
     def _changed_form(self) -> Iterator[str]:
-        if str(self.path) == _IN_MEMORY:
-            return
-        for kind, name, *_ in _form() ^ self._form_of_this():
-            yield f"the {kind} {name} is not as this program makes it."
-
-    def _form_of_this(self) -> frozenset[tuple[str, ...]]:
-        rows = self._connection.execute("SELECT type, name, tbl_name, sql FROM sqlite_master")
-        return frozenset(tuple(" ".join(str(part).split()) for part in row) for row in rows)
+        yield from schema.changed_form(self._connection)
 
     def _check_form(self) -> None:
         # A flipped bit in a column's name would be met anywhere, as an error of any kind.
@@ -358,18 +381,18 @@ class Index:
             for row in checksums.changed_rows(self._connection, table):
                 yield f"row {row} of {table} is not what was written."
 
+    @contextmanager
+    def raw(self) -> Iterator[sqlite3.Connection]:
+        """Hold the connection itself, for whoever rebuilds the index."""
+        with self._lock, self._translated():
+            yield self._connection
+
     def close(self) -> None:
-        """Give the file back."""
-        with self._lock, self._reading:
-            self._reader.close()
-            self._connection.close()
-
-
-@cache
-def _form() -> frozenset[tuple[str, ...]]:
-    """Return tables, columns and triggers of a new index; no migration may change its text."""
-    with closing(Index(Path(_IN_MEMORY))) as new:
-        return new._form_of_this()
+        """Give the files back."""
+        with self._lock, self._reading, self._looking_up:
+            self._journaling.close()
+            for connection in (self._tokens, self._reader, self._connection):
+                connection.close()
 
 
 def as_text(value: object) -> str:

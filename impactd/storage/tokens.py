@@ -96,21 +96,21 @@ class TokenTable:
 
     def check(self, secret: str) -> Token | None:
         """Return the token of a secret, ``None`` when it is unknown, expired or revoked."""
-        row = self._index.row(
+        rows = self._index.token_rows(
             "SELECT * FROM tokens WHERE secret_sha256=? AND revoked_utc IS NULL "
             "AND (expires_utc IS NULL OR expires_utc > ?)",
             (_hash(secret), utc_now()),
         )
-        return None if row is None else _token_of(row)
+        return _token_of(rows[0]) if rows else None
 
     def valid(self, number: int) -> Token | None:
         """Return a token by its number, ``None`` when it is unknown, expired or revoked."""
-        row = self._index.row(
+        rows = self._index.token_rows(
             "SELECT * FROM tokens WHERE id=? AND revoked_utc IS NULL "
             "AND (expires_utc IS NULL OR expires_utc > ?)",
             (number, utc_now()),
         )
-        return None if row is None else _token_of(row)
+        return _token_of(rows[0]) if rows else None
 
     def by_hash(self) -> dict[str, Token]:
         """Return the tokens that are not revoked, by the SHA-256 of their secrets."""

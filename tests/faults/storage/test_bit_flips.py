@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from drivers.digitizer import Record
-from impactd.storage import checksums
+from impactd.storage import checksums, schema
 from impactd.storage.archive import Archive, ArchiveError, DropRequest, Problem, ShotAbout
 from impactd.storage.checksums import COLUMNS
 from impactd.storage.index import Index
@@ -148,28 +148,30 @@ def test_every_column_of_every_table_has_its_share_in_the_checksums(tmp_path: Pa
     assert columns == {table: names.split() for table, names in COLUMNS.items()}
 
 
-def test_a_changed_row_is_not_taken_over_by_a_rebuilt_index(sound: Path) -> None:
-    """The shot comes back from its file, and what no file holds is named as lost."""
+@pytest.mark.parametrize("journal", [True, False])
+def test_a_changed_row_is_not_taken_over_by_a_rebuilt_index(sound: Path, journal: bool) -> None:
+    """The journal gives it back as it was; without one it is named as lost."""
     content = (sound / "index.sqlite").read_bytes()
     assert content.count(b'"modulus_Pa"') == 5
     (sound / "index.sqlite").write_bytes(content.replace(b'"modulus_Pa"', b'"modulus_Po"', 1))
+    if not journal:
+        (sound / "journal.jsonl").unlink()
     report = Archive.reindex(sound)
-    assert report.lost == ("fits",)
+    assert len(report.lost) == (0 if journal else 1)
+    assert all("of fits" in one for one in report.lost)
     with Archive.open(sound, reserve_bytes=0) as archive:
-        assert sum(len(archive.fits.for_shot(number)) for number in range(1, 6)) == 4
+        fits = sum(len(archive.fits.for_shot(number)) for number in range(1, 6))
+        assert fits == (5 if journal else 4)
         assert [found for found in archive.verify() if found.problem] == []
 
 
 def test_an_older_index_gets_its_checksums(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Rows that were there before the checksums have them after the first start."""
-    steps = "impactd.storage.index._MIGRATIONS"
-    from impactd.storage.index import _MIGRATIONS  # noqa: PLC0415 - replaced below
-
-    before = _MIGRATIONS[: _MIGRATIONS.index(checksums.migration())]
+    before = schema.MIGRATIONS[: schema.MIGRATIONS.index(checksums.migration())]
     with monkeypatch.context() as older:
-        older.setattr(steps, before)
+        older.setattr(schema, "MIGRATIONS", before)
         older.setattr(Index, "_check_form", lambda _: None)  # it knows the present form only
-        index = Index(tmp_path / "index.sqlite")
+        index = Index(tmp_path / "index.sqlite", scratch=True)  # it had no journal either
         index.write("INSERT INTO events (utc, kind, data) VALUES ('x', 'x', '{}')")
         index.close()
     index = Index(tmp_path / "index.sqlite")

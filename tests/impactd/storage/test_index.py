@@ -46,5 +46,5 @@ def test_a_transaction_that_failed_leaves_nothing_to_read(tmp_path: Path) -> Non
         _write_and_fail(index)
     assert _names(index) == []
     with pytest.raises(ArchiveError, match="readonly"):
-        index.rows("DELETE FROM active_models RETURNING id")
+        index.rows("DELETE FROM row_digests RETURNING row")
     index.close()

@@ -30,7 +30,8 @@ def test_a_sound_archive_verifies(archive: Archive, stored: Store) -> None:
     findings = list(archive.verify())
 
     number = str(archive.directory / "last-number")
-    assert [found.subject for found in findings] == ["index", "shot 1", "shot 2", number]
+    looked_at = [found.subject for found in findings]
+    assert looked_at == ["index", "journal", "shot 1", "shot 2", number]
     assert _problems(archive) == []
 
 
@@ -87,8 +88,8 @@ def test_a_whole_index_is_rebuilt_without_loss(filled: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["lost", "garbage", "truncated"])
-def test_without_an_index_the_files_give_drops_and_shots(filled: Path, damage: str) -> None:
-    """Shots, their drops and calibrations come back, and no number is given out again."""
+def test_without_an_index_the_journal_gives_everything_back(filled: Path, damage: str) -> None:
+    """Keys, failed drops, fits and tokens too; a repeated request is the old drop."""
     path = filled / "index.sqlite"
     if damage == "lost":
         path.unlink()
@@ -99,13 +100,38 @@ def test_without_an_index_the_files_give_drops_and_shots(filled: Path, damage: s
 
     report = Archive.reindex(filled)
 
+    assert (report.shots, report.drops, report.last_number) == (2, 3, 3)
+    assert (report.damaged, report.lost) == ((), ())
+    with Archive.open(filled, reserve_bytes=0) as archive:
+        assert archive.fits.for_shot(1)[0].result == {"r2": 0.99}
+        assert archive.tokens.list()[0].name == "anna"
+        request = DropRequest("a", "b", 0.1, "x")
+        again, created = archive.begin_drop(request, owner="a", idempotency_key="k3")
+        assert (again.number, again.state, created) == (3, "failed", False)
+        assert archive.begin_drop(request, owner="a")[0].number == 4
+        assert _problems(archive) == []
+
+
+def test_without_index_and_journal_the_files_give_drops_and_shots(filled: Path) -> None:
+    """Shots, their drops and calibrations come back, no number twice; what is lost is named."""
+    _forget_all_but_files(filled)
+
+    report = Archive.reindex(filled)
+
     assert (report.shots, report.last_number) == (2, 3)
+    (lost,) = report.lost
+    assert "fits, tokens" in lost
     with Archive.open(filled, reserve_bytes=0) as archive:
         assert archive.drop(2).state == "stored"
         assert archive.drop(2).owner == "anna"
         assert archive.read_shot(2).shot.sphere == "acetal"
         assert archive.calibrations.get(1).result == {"gain": 2.0}
         assert archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a")[0].number == 4
+
+
+def _forget_all_but_files(folder: Path) -> None:
+    (folder / "index.sqlite").unlink()
+    (folder / "journal.jsonl").unlink()
 
 
 DEFINITION = {"name": "kv+echo", "base": "kv", "effects": []}
@@ -134,11 +160,11 @@ def diagnosed(archive: Archive) -> Path:
 def test_diagnoses_and_named_models_come_back(diagnosed: Path, lost: bool) -> None:
     """With or without the old index: results, reports, named models and the active one."""
     if lost:
-        (diagnosed / "index.sqlite").unlink()
+        _forget_all_but_files(diagnosed)
 
     report = Archive.reindex(diagnosed)
 
-    assert (report.damaged, report.lost) == ((), ())
+    assert (report.damaged, len(report.lost)) == ((), int(lost))
     with Archive.open(diagnosed, reserve_bytes=0) as archive:
         first, second = archive.jobs.get(1), archive.jobs.get(2)
         assert first.state == second.state == "done"
@@ -157,7 +183,7 @@ def test_diagnoses_and_named_models_come_back(diagnosed: Path, lost: bool) -> No
 
 def test_a_damaged_diagnosis_is_named_and_its_number_never_used_again(diagnosed: Path) -> None:
     """A changed file is refused by reindex and by verify; the others come back."""
-    (diagnosed / "index.sqlite").unlink()
+    _forget_all_but_files(diagnosed)
     path = diagnosed / "diagnoses/000002.json"
     path.write_text(path.read_text().replace("identified", "idemtified"))
 
@@ -215,7 +241,7 @@ def test_a_calibration_that_left_no_file_is_named_as_lost(
     drop, _ = archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a", calibration=1)
     archive.store_shot(drop.number, record(), about)  # type: ignore[arg-type]
     archive.close()
-    (archive.directory / "index.sqlite").unlink()
+    _forget_all_but_files(archive.directory)
 
     Archive.reindex(archive.directory)
 
