@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any
 
 LOCK_NAME = "daemon.lock"
+"""The note that says who holds the directory; the lock does not depend on it."""
 
 
 class DataLockedError(Exception):
@@ -49,31 +50,45 @@ class DataLock:
 
     Notes
     -----
-    ``flock`` belongs to the open file: the kernel drops it with the process, however it ends.
+    ``flock`` belongs to the open file: the kernel drops it with the process, however it ends. It is
+    held on the directory itself: a file in it could be deleted and made anew, and two daemons would
+    each hold a lock of their own. A network file system may refuse locks on directories; SQLite's
+    write-ahead log does not work there either.
     """
 
     def __init__(self, directory: Path) -> None:
         directory.mkdir(mode=0o750, parents=True, exist_ok=True)
         self._path = directory / LOCK_NAME
-        self._file = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        self._directory = os.open(directory, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(self._directory, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            self.tell(url=None)
         except BlockingIOError:
-            os.close(self._file)
+            os.close(self._directory)
             raise DataLockedError(directory, read_holder(directory)) from None
-        self.tell(url=None)
+        except BaseException:
+            os.close(self._directory)
+            raise
 
     def tell(self, *, url: str | None) -> None:
         """Write who holds the directory, for the sentence another process prints."""
-        os.ftruncate(self._file, 0)
-        os.pwrite(self._file, json.dumps({"pid": os.getpid(), "url": url}).encode(), 0)
+        self._note(json.dumps({"pid": os.getpid(), "url": url}))
+
+    def _note(self, text: str) -> None:
+        file = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o640)
+        try:
+            os.write(file, text.encode())
+        finally:
+            os.close(file)
 
     def release(self) -> None:
         """Let the next one in; safe to call twice."""
-        if self._file >= 0:
-            os.ftruncate(self._file, 0)
-            os.close(self._file)
-            self._file = -1
+        if self._directory >= 0:
+            try:
+                self._note("")
+            finally:
+                os.close(self._directory)
+                self._directory = -1
 
     def __enter__(self) -> DataLock:
         return self

@@ -6,7 +6,6 @@
       index.sqlite                 tables; can be rebuilt from journal and files
       journal.jsonl                every change of the tables, synced before it is told
       last-number                  highest number ever given out, so that none is given out again
-      lock                         held by every process that has the archive open
       shots/000017.h5              one file per shot
       partial/000018.h5            evidence of records that failed; never listed as shots
       calibrations/000001.json     results of calibrations, for a rebuilt index
@@ -51,7 +50,7 @@ from impactd.storage.moment import utc_now
 from impactd.storage.numbers import LAST_NUMBER_NAME, NumberSequence
 from impactd.storage.problem import Problem
 from impactd.storage.publish import sync_directory
-from impactd.storage.recovery import end_interrupted, requeue_abandoned
+from impactd.storage.recovery import end_interrupted
 from impactd.storage.reindex import ReindexReport, rebuild_index, remove_unfinished
 from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import build_shot_file, recording_of
@@ -106,7 +105,7 @@ class Archive:
     index : Index
         Its open index.
     lock : int
-        Descriptor of the lock file, held while the archive is open.
+        Descriptor of the lock, held while the archive is open.
     reserve_bytes : int
         What must stay free on the disk before a new drop may begin. [B]
     rescue_directory : Path or None
@@ -193,7 +192,7 @@ class Archive:
             os.close(lock)
             raise
         try:
-            requeue_abandoned(archive._index, archive.jobs, archive.calibrations)
+            archive.jobs.requeue_abandoned()
         except BaseException:
             archive.close()
             raise
@@ -267,7 +266,7 @@ class Archive:
         owner : str
             Who asked.
         idempotency_key : str, optional
-            The client's key: the same key with the same request gives the old drop.
+            With its namespace (`request_key`): the same key and request give the old drop.
         calibration : int, optional
             The calibration run it belongs to.
 

@@ -13,6 +13,7 @@ from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
 from impactd.storage.publish import publish
+from impactd.storage.request_key import bare_key
 from impactd.storage.sealed import seal, unseal
 
 DROPS = "drops"
@@ -95,7 +96,7 @@ class CalibrationTable:
         Parameters
         ----------
         slot : str or None
-            The timer slot or a client's idempotency key.
+            The timer slot, or a client's idempotency key with the namespace of `request_key`.
         plan : list of dict
             The series.
         owner : str
@@ -112,7 +113,7 @@ class CalibrationTable:
             If the slot was used with another plan.
         """
         with self._index.transaction():
-            row = self._index.row(_SELECT + "WHERE slot=?", (slot,)) if slot else None
+            row = self._by_slot(slot) if slot else None
             if row is not None:
                 if row["plan"] != as_text(plan):
                     raise IdempotencyConflictError(str(slot), row["number"])
@@ -123,6 +124,14 @@ class CalibrationTable:
                 (slot, as_text(plan), owner, utc_now()),
             )
             return self.get(number), True
+
+    def _by_slot(self, slot: str) -> sqlite3.Row | None:
+        row = self._index.row(_SELECT + "WHERE slot=?", (slot,))
+        bare = bare_key(slot, has_kind=True)
+        if row is not None or bare is None:
+            return row
+        owned = "WHERE slot=? AND owner=(SELECT name FROM tokens WHERE id=?)"
+        return self._index.row(_SELECT + owned, (bare.key, bare.token))
 
     def set_state(self, number: int, state: str) -> Calibration:
         """Move a calibration on (``running``, ``fitting``)."""
@@ -229,7 +238,7 @@ class CalibrationTable:
 
     def by_slot(self, slot: str) -> Calibration | None:
         """Return the calibration of a slot, ``None`` when the slot was never used."""
-        row = self._index.row(_SELECT + "WHERE slot=?", (slot,))
+        row = self._by_slot(slot)
         return None if row is None else _calibration_of(row)
 
     def list(self, *, limit: int = 50, before: int | None = None) -> list[Calibration]:

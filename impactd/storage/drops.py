@@ -9,6 +9,7 @@ from impactd.storage.errors import DropStateError, IdempotencyConflictError, Not
 from impactd.storage.index import Index
 from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
+from impactd.storage.request_key import bare_key, client_part
 
 ACTIVE_STATES = ("requested", "arming", "armed", "released", "capturing", "storing")
 FINAL_STATES = ("stored", "analysed", "failed", "aborted", "interrupted")
@@ -61,7 +62,7 @@ class Drop:
     calibration : int or None
         The calibration run it belongs to.
     idempotency_key : str or None
-        The client's key.
+        As it is stored: with the namespace of `request_key`.
     rebound_height_m, u_rebound_height_m : float or None
         How high the sphere came back, as somebody entered it, and its standard uncertainty. [m]
     """
@@ -78,6 +79,11 @@ class Drop:
     idempotency_key: str | None
     rebound_height_m: float | None = None
     u_rebound_height_m: float | None = None
+
+    @property
+    def client_key(self) -> str | None:
+        """Return the key as its client sent it."""
+        return client_part(self.idempotency_key)
 
 
 class DropTable:
@@ -159,12 +165,12 @@ class DropTable:
             return self.get(number)
 
     def by_key(self, key: str, request: DropRequest) -> Drop | None:
-        """Return the drop of an idempotency key.
+        """Return the drop of an idempotency key; one without namespace is its owner's alone.
 
         Parameters
         ----------
         key : str
-            The client's key.
+            As it is stored.
         request : DropRequest
             What the client asks for now.
 
@@ -178,13 +184,20 @@ class DropTable:
         IdempotencyConflictError
             If the key belongs to another request.
         """
-        row = self._index.row(_SELECT + "WHERE idempotency_key=?", (key,))
+        row = self._index.row(_SELECT + "WHERE idempotency_key=?", (key,)) or self._by_bare(key)
         if row is None:
             return None
         drop = _drop_of(row)
         if drop.request != request:
             raise IdempotencyConflictError(key, drop.number)
         return drop
+
+    def _by_bare(self, key: str) -> sqlite3.Row | None:
+        bare = bare_key(key)
+        if bare is None:
+            return None
+        owned = "WHERE idempotency_key=? AND owner=(SELECT name FROM tokens WHERE id=?)"
+        return self._index.row(_SELECT + owned, (bare.key, bare.token))
 
     def get(self, number: int) -> Drop:
         """Return one drop.

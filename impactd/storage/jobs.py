@@ -12,6 +12,7 @@ from typing import Any
 from impactd.storage.errors import IdempotencyConflictError, NotFoundError
 from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
+from impactd.storage.request_key import bare_key
 
 MAX_ATTEMPTS = 2
 CALIBRATE = "calibrate"
@@ -47,7 +48,7 @@ class Job:
     started_utc, finished_utc : str or None
         When it was last started and when it ended.
     key : str or None
-        The client's idempotency key.
+        The idempotency key as it is stored: with the namespace of `request_key`.
     """
 
     id: int
@@ -94,7 +95,7 @@ class JobTable:
         """
         text = as_text(payload)
         with self._index.transaction():
-            row = self._index.row("SELECT * FROM jobs WHERE key=?", (key,)) if key else None
+            row = self._by_key(key, kind, text) if key else None
             if row is not None:
                 if (row["kind"], row["payload"]) != (kind, text):
                     raise IdempotencyConflictError(str(key), row["id"])
@@ -107,6 +108,16 @@ class JobTable:
             job = self.get(number)
         self.arrival.set()
         return job
+
+    def _by_key(self, key: str, kind: str, payload: str) -> sqlite3.Row | None:
+        row = self._index.row("SELECT * FROM jobs WHERE key=?", (key,))
+        bare = bare_key(key, has_kind=True)
+        if row is not None or bare is None:
+            return row
+        # Before keys had namespaces all tokens and kinds shared them: another request is another's.
+        return self._index.row(
+            "SELECT * FROM jobs WHERE key=? AND kind=? AND payload=?", (bare.key, kind, payload)
+        )
 
     def claim(self) -> Job | None:
         """Take the oldest job that waits, ``None`` when none does."""
@@ -148,20 +159,19 @@ class JobTable:
         return self._end(number, "cancelled", result=None, reason=reason)
 
     def give_back(self, number: int) -> Job:
-        """Let a job wait again as if it had not been started (the daemon is going down)."""
+        """Let a job wait again as if it had not been started: its daemon ended, not its worker."""
         with self._index.transaction():
             self._index.write("UPDATE jobs SET attempts=attempts-1 WHERE id=?", (number,))
             return self._end(number, "queued", result=None, reason=None)
 
     def requeue_abandoned(self) -> list[Job]:
-        """Let jobs wait again whose process is gone; a job that was so twice has failed."""
-        requeued = []
+        """Let jobs wait again whose daemon is gone, as if they had not been started."""
         with self._index.transaction():
-            for row in self._index.rows("SELECT * FROM jobs WHERE state='running'"):
-                if row["runner"] is None or not _is_alive(row["runner"]):
-                    reason = "The daemon ended while the job ran."
-                    requeued.append(self.fail(row["id"], reason, retry=True))
-        return requeued
+            return [
+                self.give_back(row["id"])
+                for row in self._index.rows("SELECT id, runner FROM jobs WHERE state='running'")
+                if row["runner"] is None or not _is_alive(row["runner"])
+            ]
 
     def get(self, number: int) -> Job:
         """Return one job.

@@ -1,4 +1,8 @@
-"""The lock of an archive: shared by all who use it, taken alone by whoever rebuilds its index."""
+"""The lock of an archive: shared by all who use it, taken alone by whoever rebuilds its index.
+
+It is held on the folder of the shots. A file of its own could be deleted and made anew, and its two
+holders would not meet.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,8 @@ from pathlib import Path
 
 from impactd.storage.errors import ArchiveError
 
-LOCK_NAME = "lock"
+LOCKED_NAME = "shots"
+"""Not the archive's folder itself: that is the one of the daemon's lock."""
 
 
 def lock_archive(directory: Path, *, alone: bool) -> int:
@@ -17,7 +22,7 @@ def lock_archive(directory: Path, *, alone: bool) -> int:
     Parameters
     ----------
     directory : Path
-        The archive; exists.
+        The archive, with its folders.
     alone : bool
         Whether nobody else may have it open.
 
@@ -32,7 +37,7 @@ def lock_archive(directory: Path, *, alone: bool) -> int:
         If another process holds a lock that excludes this one.
     """
     try:
-        descriptor = os.open(directory / LOCK_NAME, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o640)
+        descriptor = os.open(directory / LOCKED_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     except OSError as error:
         raise ArchiveError(
             f"The archive {directory} cannot be opened: {error.strerror}.",

@@ -5,11 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from impactd.storage import rescue
-from impactd.storage.calibrations import CalibrationTable
 from impactd.storage.drops import Drop, DropTable
 from impactd.storage.errors import ArchiveError, CorruptShotError
 from impactd.storage.index import Index
-from impactd.storage.jobs import CALIBRATE, FIT_SHOT, JobTable
 from impactd.storage.problem import Problem
 from impactd.storage.shot_store import ShotStore
 from impactd.storage.shots import ShotTable
@@ -51,37 +49,6 @@ def end_interrupted(
         # The writer may have died between the name and its fsync; a row must not outlive its file.
         store.sync_names()
     return [_end(index, store, drop, outside.get(drop.number)) for drop in active]
-
-
-def requeue_abandoned(index: Index, jobs: JobTable, calibrations: CalibrationTable) -> None:
-    """Let the jobs of dead processes wait again; tell what waited for one that is given up.
-
-    Parameters
-    ----------
-    index : Index
-        The index.
-    jobs : JobTable
-        A job that was abandoned twice has failed.
-    calibrations : CalibrationTable
-        A run whose fit has failed has failed too, else it would be fitting for ever.
-    """
-    with index.transaction():
-        for job in jobs.requeue_abandoned():
-            if job.state != "failed":
-                continue
-            problem = Problem(
-                type="fit-failed",
-                title="Fit failed",
-                status=500,
-                detail=f"{job.reason} That happened {job.attempts} times.",
-                remedy="The shots are safe; ask for another fit.",
-            )
-            if job.kind == CALIBRATE:
-                calibrations.fail(job.payload["calibration"], problem)
-            elif job.kind == FIT_SHOT:
-                row = index.row("SELECT state FROM drops WHERE number=?", (job.payload["shot"],))
-                if row is not None:  # an import has no drop
-                    DropTable(index).set_state(job.payload["shot"], row["state"], problem)
 
 
 def _take_back(store: ShotStore, number: int, rescue_directory: Path | None) -> Path | None:

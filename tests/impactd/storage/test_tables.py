@@ -85,25 +85,21 @@ def test_jobs_of_a_dead_process_wait_again(tmp_path: Path) -> None:
         assert archive.jobs.get(1).state == "queued"
 
 
-def test_a_calibration_whose_fit_is_given_up_has_failed(tmp_path: Path) -> None:
-    """Twice the daemon dies in the fit of a run: the run fails, else it would fit for ever."""
+def test_a_daemon_that_ends_costs_its_jobs_no_attempt(tmp_path: Path) -> None:
+    """Killed as often as you like, the job waits again; only its own worker's crash counts."""
     with Archive.open(tmp_path, reserve_bytes=0) as archive:
-        run, _ = archive.calibrations.begin(None, [], "anna")
-        archive.calibrations.set_state(run.number, "fitting")
-        archive.jobs.enqueue("calibrate", {"calibration": run.number}, "calibration 1")
+        archive.jobs.enqueue("fit_shot", {"shot": 1}, "shot 1")
     script = (
         "import os, sys, pathlib; from impactd.storage.archive import Archive\n"
         "Archive.open(pathlib.Path(sys.argv[1]), reserve_bytes=0).jobs.claim(); os._exit(9)\n"
     )
-    for state in ("fitting", "failed"):
+    for _ in range(3):
         died = subprocess.run([sys.executable, "-c", script, tmp_path], check=False)
         assert died.returncode == 9
-        with Archive.open(tmp_path, reserve_bytes=0) as archive:
-            found = archive.calibrations.get(run.number)
-            assert found.state == state
-    assert found.problem is not None
-    assert "2 times" in found.problem.detail
-    assert found.problem.remedy
+    with Archive.open(tmp_path, reserve_bytes=0) as archive:
+        assert (archive.jobs.get(1).state, archive.jobs.get(1).attempts) == ("queued", 0)
+        archive.jobs.claim()
+        assert archive.jobs.fail(1, "the worker crashed", retry=True).attempts == 1
 
 
 def test_fits_are_kept_and_the_latest_counts(archive: Archive, stored: Callable[..., int]) -> None:
