@@ -125,7 +125,7 @@ class Index:
             schema.migrate(self._connection, version)
             first = self._journaling.begin_first()
         if first:
-            with self._translated(), self._translated_files():
+            with self.transaction(), self._translated_files():
                 sync_directory(self.path.parent)
                 self._journaling.finish_first()
 

@@ -6,6 +6,8 @@ import contextlib
 import hashlib
 import random
 import sqlite3
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -15,7 +17,7 @@ import pytest
 
 from impactd.storage.shot_file import read_shot_file
 
-from .daemon_process import DROP, ENDED, DaemonProcess, until
+from .daemon_process import DROP, ENDED, START_LIMIT_S, DaemonProcess, until
 
 PLAN = [{"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.02, "repeats": 2}]
 # From the request to well behind the end of the fit, at four times the pace of a real rig.
@@ -49,6 +51,8 @@ def test_nothing_is_lost_and_nothing_fires_twice(tmp_path: Path, moments: int) -
             daemon.kill()
 
             killed_in.append(_last_state(daemon))
+            if moment % 8 == 5:
+                _lose_the_index(daemon, rng)
             _no_half_file(daemon.data)
             ready_s.append(daemon.start())
 
@@ -72,6 +76,24 @@ def test_nothing_is_lost_and_nothing_fires_twice(tmp_path: Path, moments: int) -
         assert {run["state"] for run in runs} <= {"done", "failed"}
         assert daemon.stop() == 0
         print(_figures(moments, killed_in, told, daemon, ready_s))
+
+
+def _lose_the_index(daemon: DaemonProcess, rng: random.Random) -> None:
+    """Delete the index, rebuild it, and kill the first rebuild at a random moment."""
+    for path in daemon.data.glob("index.sqlite*"):
+        path.unlink()
+    reindex = [sys.executable, "-m", "impactd", "reindex", "--data", str(daemon.data), "--config"]
+    began_s = time.monotonic()
+    with subprocess.Popen([*reindex, str(daemon.config)], stdout=subprocess.DEVNULL) as first:
+        while first.poll() is None and not list(daemon.data.glob("*.building")):
+            assert time.monotonic() - began_s < START_LIMIT_S
+        time.sleep(rng.uniform(0.0, 0.1))
+        first.kill()
+    done = subprocess.run(
+        [*reindex, str(daemon.config)], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "Nothing was lost." in done.stdout
 
 
 def _figures(

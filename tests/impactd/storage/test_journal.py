@@ -292,6 +292,31 @@ def test_a_journal_that_is_taken_away_is_noticed(archive: Archive) -> None:
     assert [event.kind for event in archive.events.since(0)] == ["y"]
 
 
+def test_two_processes_make_one_archive(tmp_path: Path) -> None:
+    """Opened for the first time by both at once, it has one journal that both write to."""
+    script = (
+        "import sys, pathlib; from impactd.storage.archive import Archive\n"
+        "for i in range(20):\n"
+        "    print(flush=True); sys.stdin.readline()\n"
+        "    with Archive.open(pathlib.Path(sys.argv[1]) / str(i), reserve_bytes=0) as archive:\n"
+        "        archive.events.append('x', {})\n"
+    )
+    command = [sys.executable, "-c", script, tmp_path]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, **pipes) as one, subprocess.Popen(command, **pipes) as two:
+        for _ in range(20):
+            for process in (one, two):
+                assert process.stdout.readline()
+            for process in (one, two):
+                process.stdin.write("\n")
+                process.stdin.flush()
+        assert (one.wait(120), two.wait(120)) == (0, 0)
+    for i in range(20):
+        with _open(tmp_path / str(i)) as archive:
+            assert len(archive.events.since(0)) == 2
+            assert _problems(archive) == []
+
+
 def test_two_processes_write_one_journal(archive: Archive) -> None:
     """Each line is a transaction of the one or the other, none is overwritten."""
     script = (
