@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import subprocess
 import sys
 import time
@@ -13,6 +14,8 @@ from unit import DATA, CannotRunError, Unit, memory_is_bounded, run, until
 # A record of 0.4 s is 0.8 MB, the index's files grow by some tens of kB; with less than this left
 # the drop is accepted and its record finds no room.
 LEFT_BYTES = 320 * 1024
+# What is left until the drop was accepted; the rest is filled in a moment.
+ALMOST_BYTES = 20 * 1024 * 1024
 FILLING = Path("/var/filling")
 
 
@@ -34,14 +37,18 @@ def start_to_ready(unit: Unit) -> str:
 
 def full_disk(unit: Unit) -> str:
     """With /var full, the record of a drop outlives `systemctl stop`."""
-    # 400 MB hold the compiled solver and the archive; the technician's delay is the time to fill.
+    # 400 MB hold the compiled solver and the archive. The disk is filled while the technician hangs
+    # the sphere: behind the daemon's look at the free space, before the record.
     run("mount", "-o", "remount,size=400M", "/var")
-    unit.configure(storage__reserve_bytes="0", simulation__technician_delay_s="2.0")
+    unit.configure(storage__reserve_bytes="0", simulation__technician_delay_s="5.0")
     unit.start()
     before = _records()
+    _fill(ALMOST_BYTES)
     number = unit.drop()
-    _fill()
     try:
+        _fill(LEFT_BYTES)
+        state = unit.get(f"/v1/drops/{number}")["state"]
+        assert state in ("requested", "arming"), f"filled too late, the drop is {state}"
         until(lambda: "memory" in unit.get("/v1/status")["sentence"], "the record found room")
         run("systemctl", "stop", "impactd.service")
         kept = sorted(_records() - before)
@@ -56,16 +63,12 @@ def full_disk(unit: Unit) -> str:
     return f"rescued to {kept[0]}, which a stop leaves; stored by the next start"
 
 
-def _fill() -> None:
-    with FILLING.open("wb") as file:
-        while (left := _left()) > LEFT_BYTES:
-            file.write(bytes(min(left - LEFT_BYTES, 1 << 20)))
+def _fill(left_bytes: int) -> None:
+    """Leave so many bytes of /var."""
+    with FILLING.open("ab") as file:
+        while (more := shutil.disk_usage("/var").free - left_bytes) > 0:
+            file.write(bytes(min(more, 1 << 20)))
             file.flush()
-
-
-def _left() -> int:
-    words = run("df", "--output=avail", "--block-size=1", "/var").split()
-    return int(words[-1])
 
 
 def _records() -> set[Path]:
