@@ -256,6 +256,7 @@ class AbortDoor:
                 "aborted": report.aborted,
                 "drop": report.drop,
                 "sentence": report.sentence,
+                "took_s": report.took_s,
                 "took_ms": 1e3 * (began_s - received_s + report.took_s),
                 "safe_after_ms": 1e3 * (time.monotonic() - received_s),
             }

@@ -98,7 +98,7 @@ class ModuliService:
         def fill() -> None:
             """Wait, then read."""
             while not wait(_WAIT_S):
-                if self._stop.is_set():
+                if self._stop.wait(_WAIT_S):  # also where `wait` returns at once
                     return
             try:
                 with self._lock:

@@ -333,6 +333,7 @@ class AbortAnswer(Answer):
     aborted: bool
     drop: int | None
     sentence: str
+    took_s: float = Field(description="From the abort's turn to valve and digitizer safe. [s]")
     took_ms: float = Field(
         description="From the receipt of the request to valve and digitizer confirmed safe. [ms]"
     )

@@ -61,6 +61,7 @@ def make_safe(
             "--wait", min=0.0, max=20.0, help="Ask a board that does not answer again. [s]"
         ),
     ] = MAKE_SAFE_WAIT_S,
+    as_json: Json = False,
 ) -> None:
     """Put the vacuum on without a daemon.
 
@@ -68,7 +69,7 @@ def make_safe(
     """
     from impactd.console import make_safe as console
 
-    console.run(config, wait)
+    console.run(config, wait, as_json=as_json)
 
 
 def demo(

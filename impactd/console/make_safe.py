@@ -6,6 +6,7 @@ the port's own.
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from impactd.relay_board import build_valve, load_valve_section
 _PAUSE_S = 0.1
 
 
-def run(config: Path | None, wait_s: float) -> None:
+def run(config: Path | None, wait_s: float, *, as_json: bool = False) -> None:
     """Switch the vacuum on, and say how sure that is.
 
     Parameters
@@ -26,6 +27,8 @@ def run(config: Path | None, wait_s: float) -> None:
         As given on the command line.
     wait_s : float
         How long a board that is busy, gone or silent is asked again. [s]
+    as_json : bool
+        ``{"vacuum_on": true, "confirmed": true}`` in place of words; null for a simulated rig.
 
     Raises
     ------
@@ -36,7 +39,8 @@ def run(config: Path | None, wait_s: float) -> None:
     """
     section = load_valve_section(config)
     if section is None:
-        print("The simulated rig's valve ends with its daemon: there is nothing to make safe.")
+        words = "The simulated rig's valve ends with its daemon: there is nothing to make safe."
+        print(json.dumps({"vacuum_on": None, "confirmed": None}) if as_json else words)
         return
     assert section.port is not None, "load_valve_section asks for it"
     # Built again for each attempt: a board that failed half-way is greeted from the start.
@@ -51,6 +55,9 @@ def run(config: Path | None, wait_s: float) -> None:
                     f"the valve could NOT be made safe: {error} Take the sphere off by hand."
                 ) from error
         time.sleep(_PAUSE_S)
+    if as_json:
+        print(json.dumps({"vacuum_on": report.vacuum_on, "confirmed": report.confirmed}))
+        return
     sure = "confirmed" if report.confirmed else "commanded; this board cannot confirm it"
     print(f"The vacuum is on ({sure}).")
 

@@ -14,7 +14,7 @@ import pytest
 
 from impactd.settings import find_config
 
-from .test_frozen import DROP, Supervisor, _until
+from .supervisor import DROP, Supervisor, until
 
 SIGNALS = [signal.SIGHUP, signal.SIGTERM, signal.SIGINT]
 
@@ -30,11 +30,11 @@ def test_a_signal_ends_the_daemon_with_the_valve_closed(tmp_path: Path, number: 
         with httpx2.Client(
             base_url=supervisor.url, headers=supervisor.headers, timeout=30, trust_env=False
         ) as client:
-            _until(lambda: client.get("/v1/status").json()["ready"], "never ready")
+            until(lambda: client.get("/v1/status").json()["ready"], "never ready")
             supervisor.world.load("acetal", "aluminium", 0.03)
             key = {"Idempotency-Key": str(uuid.uuid4())}
             assert client.post("/v1/drops", json=DROP, headers=key).status_code == 202
-        _until(lambda: supervisor.board.relay_on, "the valve never opened")
+        until(lambda: supervisor.board.relay_on, "the valve never opened")
         supervisor.process.send_signal(number)
         assert supervisor.process.wait(60) == 0
         assert not supervisor.board.relay_on

@@ -21,14 +21,14 @@ from .daemon_process import DROP, until
 class DaemonHere:
     """The daemon, its world, and a client."""
 
-    def __init__(self, daemon: Daemon, url: str) -> None:
+    def __init__(self, daemon: Daemon, url: str, secret: str | None) -> None:
         self.daemon = daemon
         assert daemon.rig.world is not None
         self.world: World = daemon.rig.world
-        secret = daemon.archive.tokens.create("tester", "operate")[1]
+        self.secret = secret or daemon.archive.tokens.create("tester", "operate")[1]
         self.client = httpx2.Client(
             base_url=url,
-            headers={"Authorization": f"Bearer {secret}"},
+            headers={"Authorization": f"Bearer {self.secret}"},
             timeout=30,
             trust_env=False,
         )
@@ -50,7 +50,10 @@ class DaemonHere:
 
 @contextmanager
 def daemon_here(
-    data: Path, before: Callable[[Daemon], None] | None = None, **changes: dict[str, Any]
+    data: Path,
+    before: Callable[[Daemon], None] | None = None,
+    secret: str | None = None,
+    **changes: dict[str, Any],
 ) -> Iterator[DaemonHere]:
     """Serve a simulated rig, four times as fast as a real one, with sections changed."""
     settings = load_settings(find_config("simulated.toml"), data=data)
@@ -73,7 +76,7 @@ def daemon_here(
     )
     thread.start()
     until(lambda: server.url, bool)
-    here = DaemonHere(daemon, server.url)
+    here = DaemonHere(daemon, server.url, secret)
     try:
         here.ready()
         yield here

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from .conftest import Disk
+from ..conftest import Disk
 from .daemon_here import DaemonHere, daemon_here
 from .daemon_process import ENDED, until
 
@@ -118,7 +118,7 @@ def test_a_record_in_memory_outlives_the_daemon(
     kept = list(lasting_folder.rglob("*.h5"))
     assert [path.name for path in kept] == [f"{number:06d}.h5"]
     disk.leave(8 * 1024 * 1024)
-    with daemon_here(data, storage=elsewhere) as here:
+    with daemon_here(data, secret=here.secret, storage=elsewhere) as here:
         assert here.get(f"/v1/drops/{number}")["state"] in ("stored", "analysed")
         here.daemon.archive.read_shot(number)
         assert here.drop("last").json()["number"] == number

@@ -209,7 +209,7 @@ def test_a_request_carries_the_epoch_of_its_arrival(small):
     """An abort between two requests of one connection counts for the second only."""
     with small.open(_request("/")) as client:
         assert _answer(client) == b"1"
-        small.epoch.advance()
+        small.epoch.advance("cd")
         client.sendall(_request("/"))
         assert _answer(client) == b"2"
 
@@ -221,7 +221,7 @@ def test_a_pipelined_request_is_never_newer_than_its_arrival(small):
         client.sendall(
             _request("/")
         )  # stays in the kernel: nobody reads a connection that pipelines
-        small.epoch.advance()
+        small.epoch.advance("cd")
         small.held.set()
         assert [_answer(client) for _ in range(3)] == [b"1", b"1", b"1"]
 
@@ -231,7 +231,7 @@ def test_what_is_read_while_an_abort_is_answered_is_older_than_it(small):
     with small.open(_request("/")) as client:
         assert _answer(client) == b"1"
         small.arrivals.begin()
-        small.epoch.advance()
+        small.epoch.advance("cd")
         client.sendall(_request("/"))
         assert _answer(client) == str(NEVER).encode()
         assert small.arrivals.settle_from_thread(30)
@@ -248,7 +248,7 @@ def test_a_loop_that_is_stuck_reads_old_requests_only(small):
         loop.call_soon_threadsafe(go_on.wait, 30)
         client.sendall(_request("/"))
         small.arrivals.begin()
-        small.epoch.advance()
+        small.epoch.advance("cd")
         assert not small.arrivals.settle_from_thread(0.05)
         go_on.set()
         assert _answer(client) == str(NEVER).encode()
