@@ -1,15 +1,17 @@
-"""Large answers have few threads: they compute long, and an abort must not wait for its turn."""
+"""Large answers are made one at a time, with a pause: an abort must not wait for its turn.
+
+An abort changes threads and goes round the event loop a dozen times. Each time it waits for
+whoever computes or writes just then, so readers get half of the interpreter's time at most.
+"""
 
 from __future__ import annotations
 
+import time
 from collections.abc import AsyncIterator
 
 import anyio
 from fastapi import Depends, Request
 
-# Each thread that computes may hold the interpreter for one switch interval (0.5 ms) before an
-# abort's thread gets it; two keep both cores of a small machine busy.
-_THREADS = 2
 LARGE_READS = frozenset(
     {
         "/v1/moduli",
@@ -24,10 +26,10 @@ LARGE_READS = frozenset(
 
 
 class ReadLimit:
-    """So many large answers are made at a time; the others wait their turn."""
+    """One large answer is made at a time; the others wait their turn."""
 
     def __init__(self) -> None:
-        self.threads = anyio.CapacityLimiter(_THREADS)
+        self.turn = anyio.Lock()
 
 
 async def _in_turn(request: Request) -> AsyncIterator[None]:
@@ -37,8 +39,10 @@ async def _in_turn(request: Request) -> AsyncIterator[None]:
         yield
         return
     limit: ReadLimit = request.app.state.read_limit
-    async with limit.threads:
+    async with limit.turn:
+        began_s = time.monotonic()
         yield
+        await anyio.sleep(time.monotonic() - began_s)
 
 
 # "function": the turn ends when the answer is made, not when a slow client has read it.

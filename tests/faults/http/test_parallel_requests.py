@@ -155,7 +155,10 @@ def test_a_client_that_goes_before_its_answer_finds_its_drop_again(
     """The request was whole: one drop, and the same key tells of it."""
     before, key, token = _falls(ready), str(uuid.uuid4()), ready.token("operate")
     _raw(ready, key, body=BODY, said_bytes=len(BODY), token=token).close()
-    until(lambda: ready.daemon.archive.drops(limit=1), lambda drops: drops[0].client_key == key)
+    until(
+        lambda: ready.daemon.archive.drops(limit=1),
+        lambda drops: drops and drops[0].client_key == key,
+    )
     again = _post(ready, token, key)
     assert again.status_code == 202
     assert ready.ended(again.json()["number"])["state"] in ("stored", "analysed")

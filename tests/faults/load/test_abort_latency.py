@@ -154,7 +154,8 @@ def test_an_abort_on_a_full_disk(tmp_path: Path, disk: Disk) -> None:
         yield
         disk.leave(16 * 1024 * 1024)
 
-    with DaemonProcess(tmp_path, data=disk.path / "data") as daemon:
+    no_reserve = {"reserve_bytes = 200_000_000": "reserve_bytes = 0"}
+    with DaemonProcess(tmp_path, data=disk.path / "data", changes=no_reserve) as daemon:
         _measure(daemon, full, "full disk")
 
 
