@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
@@ -161,6 +161,16 @@ class SimulationSection(Section):
         json_schema_extra={"unit": "1"},
         gt=0,
         default=1.0,
+    )
+    rig: Literal["paper", "closed", "drawn"] | None = choice(
+        'Physics of the rig: "paper" as printed, "closed" with every law kept, or "drawn" from '
+        "the seed; without it the simulator's default",
+        default=None,
+    )
+    labels: Literal["exact", "typical"] = choice(
+        'Whether radii, masses, heights and time base are as stated, or drawn around it: "exact" '
+        'or "typical"',
+        default="exact",
     )
     effect: str = choice(
         'What the instrument hides: "none", "random", or ids joined by "+"', default="none"

@@ -21,8 +21,10 @@ import numpy as np
 from analysis.campaign import Sphere, Surface
 from drivers.daq3500.device import Daq3500
 from drivers.simulated.effects import EFFECTS, Effect, make_effect
+from drivers.simulated.label_spread import SPREADS
 from drivers.simulated.noise import NoiseSettings
 from drivers.simulated.relay_terminal import RelayTerminal
+from drivers.simulated.rig_model import DEFAULT_RIG
 from drivers.simulated.specimens import SURFACES, CellSpec, SphereSpec, SurfaceSpec
 from drivers.simulated.truth import seal
 from drivers.simulated.usb_device import SimulatedDaq3500
@@ -146,7 +148,7 @@ def world_settings(
     materials : Materials
         Labels of spheres and coupons.
     section : SimulationSection
-        Seed, clock, noise, hidden effect.
+        Seed, clock, noise, physics, hidden effect.
 
     Returns
     -------
@@ -179,6 +181,8 @@ def world_settings(
         noise=replace(NoiseSettings(), rms_v=section.noise_rms_v),
         gravity_m_per_s2=settings.release.gravity_m_per_s2,
         speed_repeatability=settings.release.speed_repeatability,
+        rig=section.rig or DEFAULT_RIG,
+        spread=SPREADS[section.labels],
     )
 
 

@@ -18,13 +18,14 @@ from numpy.typing import NDArray
 
 from drivers.simulated.campaign_format import describe_campaign, describe_shot
 from drivers.simulated.campaign_settings import CampaignSettings
-from drivers.simulated.converter import CODES, Board, quantise
+from drivers.simulated.converter import CODES, Board, coarser, quantise
 from drivers.simulated.draw import draw_rig
 from drivers.simulated.drawn_rig import DrawnRig
 from drivers.simulated.effects import Shot
 from drivers.simulated.flight import Flight, begin_flight, render_flight
 from drivers.simulated.impact import simulate_impact
 from drivers.simulated.noise import NoiseSettings, noise_record, noise_table
+from drivers.simulated.rig_model import rig_model
 from drivers.simulated.specimens import CellSpec, SurfaceSpec
 
 __all__ = ["CampaignSettings", "simulate_campaign", "write_campaign_folder"]
@@ -71,7 +72,7 @@ def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
         sphere, surface, height = plan[place]
         flight, volts = _record(settings, rig, (sphere, surface, height), number, seed)
         flights.append(flight)
-        row = _convert(volts, settings.range_v, rig)
+        row = _convert(volts, settings, rig)
         codes.append(row)
         shots.append(
             describe_shot(settings, flight, (sphere, surface, height), row, (seed, number))
@@ -130,6 +131,8 @@ def _draw(
         gravity_m_per_s2=settings.gravity_m_per_s2,
         rigid_cell=settings.cell_model == "hsd",
         exact=settings.exact,
+        model=rig_model(settings.rig, seed),
+        spread=settings.spread,
     )
 
 
@@ -165,15 +168,16 @@ def _record(
     rng = np.random.default_rng(chance)
     shot = Shot(number, sphere, surface, height, np.random.default_rng(0))
     flight = begin_flight(rig, shot, 0.0, settings.speed_repeatability, chance)
-    start_s = flight.landing_s - (settings.touch_at + rng.random()) / settings.sample_rate_hz
-    stop_s = start_s + settings.samples / settings.sample_rate_hz
+    rate_hz = settings.sample_rate_hz * rig.inputs.sample_rate_factor
+    start_s = flight.landing_s - (settings.touch_at + rng.random()) / rate_hz
+    stop_s = start_s + settings.samples / rate_hz
     volts = _noise(settings.noise, settings, rng)
     volts += settings.baseline_scatter_v * rng.standard_normal()
-    for piece in render_flight(rig, flight, start_s, settings.sample_rate_hz, until_s=stop_s):
+    for piece in render_flight(rig, flight, start_s, rate_hz, until_s=stop_s):
         a, b = max(piece.first, 0), min(piece.first + piece.volts.size, settings.samples)
         volts[a:b] += piece.volts[a - piece.first : b - piece.first]
     # Minutes pass between drops: the mains has any phase.
-    t = rng.uniform(0.0, 1e3) + np.arange(settings.samples) / settings.sample_rate_hz
+    t = rng.uniform(0.0, 1e3) + np.arange(settings.samples) / rate_hz
     for effect in rig.effects:
         hum = effect.ambient(t)
         if hum is not None:
@@ -192,13 +196,17 @@ def _noise(
     return table[: settings.samples].astype(np.float64)
 
 
-def _convert(volts: NDArray[np.float64], range_v: float, rig: DrawnRig) -> NDArray[np.int16]:
-    codes = quantise(volts, Board(range_v))
+def _convert(
+    volts: NDArray[np.float64], settings: CampaignSettings, rig: DrawnRig
+) -> NDArray[np.int16]:
+    """Return the record as its converter writes it: one code a step of its own resolution."""
+    codes = quantise(volts, Board(settings.range_v))
     for effect in rig.effects:
         conversion = effect.conversion()
         if conversion is not None:
             codes = conversion[codes]
-    return (codes.astype(np.int32) - CODES // 2).astype(np.int16)
+    signed = codes.astype(np.int32) - CODES // 2
+    return coarser(signed, settings.bits).astype(np.int16)
 
 
 def _truth(
@@ -208,6 +216,7 @@ def _truth(
     if "specimen" in rig.surface_solids:
         solid = rig.surface_solids["specimen"]
         truth["specimen_youngs_modulus_Pa"] = solid.youngs_modulus_pa
+    truth["bits"] = settings.bits
     truth["noise_ar1"] = settings.noise.ar1
     truth["noise_rms_V"] = settings.noise.rms_v
     truth["shots"] = [

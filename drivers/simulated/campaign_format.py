@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.campaign_settings import CampaignSettings
-from drivers.simulated.converter import CODES
 from drivers.simulated.flight import Flight
+from drivers.simulated.label_spread import ROOM_K
 from drivers.simulated.specimens import CellSpec, SurfaceSpec
 
 
@@ -41,7 +41,7 @@ def describe_shot(
         Ready for JSON.
     """
     sphere, surface, height = drop
-    volts_per_code = 2.0 * settings.range_v / CODES
+    volts_per_code = 2.0 * settings.range_v / (1 << settings.bits)
     baseline = float(np.median(codes[: settings.touch_at // 2]))
     above = np.flatnonzero((codes - baseline) * volts_per_code > settings.trigger_v)
     above = above[above >= settings.touch_at - 5]
@@ -52,7 +52,7 @@ def describe_shot(
     return {
         "sphere": sphere,
         "surface": surface,
-        "drop_height_m": height,
+        "drop_height_m": _stated(settings, height, settings.spread.height_scatter_m),
         "file": f"shot{flight.shot.number:03d}.npy",
         "sample_rate_Hz": settings.sample_rate_hz,
         "volts_per_code": volts_per_code,
@@ -63,6 +63,23 @@ def describe_shot(
 
 def _quantity(value: float, u: float) -> dict[str, float]:
     return {"value": value, "u": u}
+
+
+def _stated(settings: CampaignSettings, value: float, u: float) -> float | dict[str, float]:
+    """Return a quantity where its uncertainty is known and stated, else the plain number."""
+    return _quantity(value, u) if u > 0.0 and settings.states_u else value
+
+
+def _shared_uncertainties(settings: CampaignSettings) -> dict[str, object]:
+    """Return what is stated of the time base and the room."""
+    spread = settings.spread
+    found: dict[str, object] = {}
+    if spread.sample_rate_relative > 0.0:
+        found["sample_rate_u_relative"] = spread.sample_rate_relative
+    if spread.temperature_k > 0.0:
+        celsius = round(ROOM_K - 273.15, 2)
+        found["environment"] = {"temperature_C": _quantity(celsius, spread.temperature_k)}
+    return found if settings.states_u else {}
 
 
 def describe_campaign(
@@ -102,15 +119,22 @@ def describe_campaign(
     if settings.cell_model == "hsd":
         value = cell.hsd_n_per_v or cell.crystal_stiffness_n_per_m * cell.compliance_m_per_v
         sensor = {"hsd_N_per_V": _quantity(value, 0.1 * value)}
+    spread = settings.spread
+    release = {"speed_repeatability": settings.speed_repeatability}
+    if spread.height_offset_m > 0.0 and settings.states_u:
+        release["height_offset_u_m"] = spread.height_offset_m
     return {
         "format": "impactd-campaign/1",
-        "gravity_m_per_s2": settings.gravity_m_per_s2,
-        "release": {"speed_repeatability": settings.speed_repeatability},
+        "gravity_m_per_s2": _stated(settings, settings.gravity_m_per_s2, spread.gravity_m_per_s2),
+        "release": release,
+        **_shared_uncertainties(settings),
         "sensor": sensor,
         "spheres": {
             name: {
-                "radius_m": spec.radius_m,
-                "mass_kg": spec.mass_kg,
+                "radius_m": _stated(
+                    settings, spec.radius_m, spread.radius_relative * spec.radius_m
+                ),
+                "mass_kg": _stated(settings, spec.mass_kg, spread.mass_relative * spec.mass_kg),
                 "youngs_modulus_Pa": _quantity(spec.youngs_modulus_pa, spec.youngs_modulus_u_pa),
                 "poissons_ratio": _quantity(spec.poissons_ratio, spec.poissons_ratio_u),
             }
@@ -122,7 +146,9 @@ def describe_campaign(
                 if spec.youngs_modulus_pa is None
                 else _quantity(spec.youngs_modulus_pa, spec.youngs_modulus_u_pa),
                 "poissons_ratio": _quantity(spec.poissons_ratio, spec.poissons_ratio_u),
-                "coupon_mass_kg": spec.coupon_mass_kg,
+                "coupon_mass_kg": _stated(
+                    settings, spec.coupon_mass_kg, spread.coupon_mass_relative * spec.coupon_mass_kg
+                ),
             }
             for name, spec in surfaces.items()
         },

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.simulated.effects import Effect
+from drivers.simulated.label_spread import EXACT, LabelSpread
 from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.rig_model import DEFAULT_RIG
 from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec, SphereSpec, SurfaceSpec
 
 
@@ -52,6 +54,14 @@ class CampaignSettings:
         A record's trigger index is the first sample beyond this level, above the baseline. [V]
     exact : bool
         Labels and certificate are the truth.
+    rig : str
+        Which physics the rig obeys: ``"paper"``, ``"closed"`` or ``"drawn"``.
+    spread : LabelSpread
+        How far radii, masses, heights, time base, gravity and temperature are from what is stated.
+    states_u : bool
+        The campaign states these as standard uncertainties; if not, its numbers pass for exact.
+    bits : int
+        Resolution of the converter, 8 to 16. [1]
     """
 
     spheres: Mapping[str, SphereSpec] = field(
@@ -81,3 +91,7 @@ class CampaignSettings:
     gravity_m_per_s2: float = 9.80665
     trigger_v: float = 0.1
     exact: bool = False
+    rig: str = DEFAULT_RIG
+    spread: LabelSpread = EXACT
+    states_u: bool = True
+    bits: int = 16

@@ -103,6 +103,34 @@ def quantise(volts: NDArray[np.float64], board: Board) -> NDArray[np.uint16]:
     return np.clip(ideal, 0, CODES - 1).astype(np.uint16)
 
 
+def coarser(codes: NDArray[np.int32], bits: int) -> NDArray[np.int32]:
+    """Return what a converter of fewer bits gives for signed codes of 16.
+
+    Parameters
+    ----------
+    codes : ndarray of int32, shape (n,)
+        Of 16 bits.
+    bits : int
+        8 to 16.
+
+    Returns
+    -------
+    ndarray of int32, shape (n,)
+        Nearest codes of its own, ``-2^(bits-1)`` to ``2^(bits-1) - 1``.
+
+    Raises
+    ------
+    ValueError
+        If there is no such converter.
+    """
+    if not 8 <= bits <= 16:
+        raise ValueError(f"A simulated converter has 8 to 16 bits, not {bits}.")
+    if bits == 16:
+        return codes
+    step, top = 1 << (16 - bits), 1 << (bits - 1)
+    return np.clip((codes + step // 2) // step, -top, top - 1)
+
+
 def read_round(table: NDArray[_T], start: int, count: int) -> NDArray[_T]:
     """Return a copy of a part of a table that repeats.
 

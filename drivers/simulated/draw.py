@@ -9,6 +9,8 @@ import numpy as np
 
 from drivers.simulated.drawn_rig import DrawnRig, Solid, TrueCell
 from drivers.simulated.effects import EFFECTS, INVENTED, LIBRARY, Effect, Scope
+from drivers.simulated.label_spread import EXACT, LabelSpread, draw_true_labels
+from drivers.simulated.rig_model import PAPER, RigModel
 from drivers.simulated.specimens import CellSpec, SphereSpec, SurfaceSpec
 
 OUTSIDE_LIBRARY_SHARE = 0.25
@@ -21,6 +23,7 @@ def draw_effect(
     *,
     rigid_cell: bool = False,
     among: Sequence[str] = (),
+    without: Sequence[str] = (),
 ) -> Effect:
     """Return one effect of random kind, size and scope; one in four from outside the library.
 
@@ -34,6 +37,8 @@ def draw_effect(
         Whether the base cell is rigid; only then ``crystal_dynamics`` is a candidate.
     among : sequence of str
         Ids to draw from, each as likely as any other; none means all, as said above.
+    without : sequence of str
+        Ids that the rig has no room for.
 
     Returns
     -------
@@ -44,6 +49,7 @@ def draw_effect(
     pool = set(among or (INVENTED if outside else LIBRARY))
     if not rigid_cell:
         pool.discard("crystal_dynamics")
+    pool.difference_update(without)
     kind = EFFECTS[str(rng.choice(sorted(pool)))]
     scope = Scope()
     if kind.per_material and rng.random() < 0.4:
@@ -129,6 +135,8 @@ def draw_rig(
     gravity_m_per_s2: float = 9.80665,
     rigid_cell: bool = False,
     exact: bool = False,
+    model: RigModel = PAPER,
+    spread: LabelSpread = EXACT,
 ) -> DrawnRig:
     """Draw a rig.
 
@@ -152,6 +160,10 @@ def draw_rig(
         Whether the cell is rigid (HSD) instead of a Kelvin-Voigt element.
     exact : bool
         Take every label at its word: nothing about materials and cell is drawn.
+    model : RigModel
+        Which physics it obeys.
+    spread : LabelSpread
+        How far radii, masses, heights, time base, gravity and temperature may be from what is said.
 
     Returns
     -------
@@ -167,7 +179,15 @@ def draw_rig(
         if effects != "random":
             raise ValueError(f"effects is a list of effects or 'random', not {effects!r}.")
         rng = np.random.default_rng([seed, 3])
-        effects = [draw_effect(rng, list(spheres), list(surfaces), rigid_cell=rigid_cell)]
+        effects = [
+            draw_effect(
+                rng,
+                list(spheres),
+                list(surfaces),
+                rigid_cell=rigid_cell,
+                without=no_room_for(model),
+            )
+        ]
     rng = np.random.default_rng([seed, 1])
     true_spheres = {n: draw_solid(s, rng, exact=exact) for n, s in spheres.items()}
     true_surfaces = {n: draw_solid(s, rng, exact=exact) for n, s in surfaces.items()}
@@ -175,9 +195,10 @@ def draw_rig(
     rng = np.random.default_rng([seed, 4])
     drawn = {(a, b): float(rng.uniform(0.65, 0.85)) for a in spheres for b in surfaces}
     slope = 0.0 if exact else float(rng.normal(0.02, 0.01))
+    labels = draw_true_labels(spread, seed, spheres, surfaces, gravity_m_per_s2)
     return DrawnRig(
-        sphere_specs=spheres,
-        surface_specs=surfaces,
+        sphere_specs=labels.spheres,
+        surface_specs=labels.surfaces,
         sphere_solids=true_spheres,
         surface_solids=true_surfaces,
         cell=true_cell,
@@ -185,5 +206,23 @@ def draw_rig(
         restitution_slope=slope,
         restitution_scatter=restitution_scatter,
         effects=tuple(effects),
-        gravity_m_per_s2=gravity_m_per_s2,
+        gravity_m_per_s2=labels.gravity_m_per_s2,
+        model=model,
+        inputs=labels.inputs,
     )
+
+
+def no_room_for(model: RigModel) -> tuple[str, ...]:
+    """Return the ids of effects that a rig of this physics has already.
+
+    Parameters
+    ----------
+    model : RigModel
+        Which physics it obeys.
+
+    Returns
+    -------
+    tuple of str
+        Where the third law holds, its lack cannot be mended.
+    """
+    return ("dashpot_reaction",) if model.third_law else ()

@@ -8,8 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.simulated.effects import Effect, Shot
+from drivers.simulated.fall import Body
 from drivers.simulated.impact import Mechanics
+from drivers.simulated.label_spread import EXACT_INPUTS, TrueInputs
+from drivers.simulated.loss_laws import hunt_crossley_constant, kuwabara_kono_constant
+from drivers.simulated.rig_model import LIFT_OFF, LOSS, PAPER, RigModel
 from drivers.simulated.specimens import SphereSpec, SurfaceSpec
+
+REFERENCE_SPEED_M_PER_S = 0.77
+"""Speed at which a pair's restitution is stated."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ class DrawnRig:
     Attributes
     ----------
     sphere_specs, surface_specs : Mapping
-        The labels by name.
+        Spheres and coupons as they truly are, by name; their moduli are in the next two.
     sphere_solids, surface_solids : Mapping
         The true constants by name.
     cell : TrueCell
@@ -77,6 +84,10 @@ class DrawnRig:
         What acts.
     gravity_m_per_s2 : float
         [m/s^2]
+    model : RigModel
+        Which physics it obeys.
+    inputs : TrueInputs
+        What is true of all drops and differs from what is stated.
     """
 
     sphere_specs: Mapping[str, SphereSpec]
@@ -89,6 +100,8 @@ class DrawnRig:
     restitution_scatter: float
     effects: tuple[Effect, ...]
     gravity_m_per_s2: float
+    model: RigModel = PAPER
+    inputs: TrueInputs = EXACT_INPUTS
 
     def acting(self, sphere: str, surface: str) -> list[Effect]:
         """Return the effects that concern a pair, in the order of the chain.
@@ -142,7 +155,8 @@ class DrawnRig:
         float
             eps of Eq. 6, at most 0.99 unless declared as 1. [1]
         """
-        eps = self.restitution[sphere, surface] * (speed_m_per_s / 0.77) ** self.restitution_slope
+        relative = speed_m_per_s / REFERENCE_SPEED_M_PER_S
+        eps = self.restitution[sphere, surface] * relative**self.restitution_slope
         eps += self.restitution_scatter * rng.standard_normal()
         lossless = self.restitution[sphere, surface] == 1.0
         return float(min(max(eps, 0.05), 1.0 if lossless else 0.99))
@@ -165,6 +179,7 @@ class DrawnRig:
             Ready to be integrated.
         """
         sphere, cell = self.sphere_specs[shot.sphere], self.cell
+        coupon = self.surface_solids[shot.surface]
         bodies = Mechanics(
             sphere_mass_kg=sphere.mass_kg,
             sphere_radius_m=sphere.radius_m,
@@ -175,11 +190,59 @@ class DrawnRig:
             cell_stiffness_n_per_m=cell.crystal_stiffness_n_per_m,
             cell_damping_n_s_per_m=cell.crystal_damping_n_s_per_m,
             rigid=cell.rigid,
+            third_law=self.model.third_law,
+            coupon_rides=self.model.coupon_rides,
+            lift_off_rule=LIFT_OFF[self.model.lift_off],
+            loss_law=LOSS[self.model.loss],
             coupon_label_mass_kg=self.surface_specs[shot.surface].coupon_mass_kg,
+            coupon_plane_strain_modulus_pa=coupon.plane_strain_modulus_pa,
+            coupon_poissons_ratio=coupon.poissons_ratio,
         )
+        bodies.loss_constant = self._loss_constant(bodies, shot, speed_m_per_s)
         for effect in self.acting(shot.sphere, shot.surface):
             effect.before_impact(bodies, shot, speed_m_per_s)
         return bodies
+
+    def _loss_constant(self, bodies: Mechanics, shot: Shot, speed_m_per_s: float) -> float | None:
+        """Return the constant of a law of loss other than Tsuji's, which alpha needs not.
+
+        These laws say themselves how the loss depends on speed: their constant is that of the pair,
+        given by its restitution at `REFERENCE_SPEED_M_PER_S` and this impact's scatter.
+        """
+        if self.model.loss == "tsuji":
+            return None
+        scatter = bodies.restitution - self._restitution_without_scatter(shot, speed_m_per_s)
+        eps = min(max(self.restitution[shot.sphere, shot.surface] + scatter, 0.2), 1.0)
+        if self.model.loss == "hunt_crossley":
+            return hunt_crossley_constant(eps, REFERENCE_SPEED_M_PER_S)
+        return kuwabara_kono_constant(
+            eps,
+            REFERENCE_SPEED_M_PER_S,
+            mass_kg=bodies.sphere_mass_kg,
+            contact_stiffness=bodies.contact_stiffness,
+            rule=bodies.lift_off_rule,
+        )
+
+    def _restitution_without_scatter(self, shot: Shot, speed_m_per_s: float) -> float:
+        at_reference = self.restitution[shot.sphere, shot.surface]
+        relative = speed_m_per_s / REFERENCE_SPEED_M_PER_S
+        return float(at_reference * relative**self.restitution_slope)
+
+    def body(self, sphere: str) -> Body:
+        """Return a sphere as the air sees it.
+
+        Parameters
+        ----------
+        sphere : str
+            Its name.
+
+        Returns
+        -------
+        Body
+            Its true size and mass, gravity and the air's temperature.
+        """
+        spec = self.sphere_specs[sphere]
+        return Body(spec.radius_m, spec.mass_kg, self.gravity_m_per_s2, self.inputs.temperature_k)
 
     def truth(self) -> dict[str, object]:
         """Return everything drawn, ready for JSON."""
@@ -195,7 +258,16 @@ class DrawnRig:
             for kind, group in (("spheres", self.sphere_solids), ("surfaces", self.surface_solids))
         }
         cell = self.cell
+        for name, sphere in self.sphere_specs.items():
+            solids["spheres"][name] |= {"radius_m": sphere.radius_m, "mass_kg": sphere.mass_kg}
+        for name, surface in self.surface_specs.items():
+            solids["surfaces"][name]["coupon_mass_kg"] = surface.coupon_mass_kg
         return {
+            "rig": self.model.to_json(),
+            "inputs": {
+                "gravity_m_per_s2": self.gravity_m_per_s2,
+                **self.inputs.to_json(),
+            },
             "effects": [effect.to_json() for effect in self.effects],
             **solids,
             "sensor": {

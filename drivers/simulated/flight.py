@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from drivers.simulated.drawn_rig import DrawnRig
 from drivers.simulated.effects import Effect, Shot
 from drivers.simulated.electronics import Stage
+from drivers.simulated.fall import fly
 from drivers.simulated.impact import ImpactTrace, simulate_impact
 
 OVERSAMPLING = 8
@@ -20,6 +21,7 @@ WINDOW_S = 0.02  # longest ring that is followed
 SLOWEST_BOUNCE_M_PER_S = 0.02
 MOST_BOUNCES = 25
 LOCKED_TAIL_S = 0.3  # how long after landing a transient of the release is followed
+LEAST_HEIGHT_M = 1e-4  # no tube hangs lower
 TAIL_S = 1.5  # longest tail of a filter that is followed after the last bounce
 
 
@@ -79,6 +81,8 @@ class Flight:
         Rig time of the first touch-down. [s]
     speed_m_per_s : float
         Speed at the first touch-down. [m/s]
+    fall_s : float
+        Time from the release to the first touch-down. [s]
     seed : tuple of int
         Where this flight's chance comes from.
     touches : list of Touch
@@ -88,6 +92,7 @@ class Flight:
     shot: Shot
     landing_s: float
     speed_m_per_s: float
+    fall_s: float
     seed: tuple[int, ...]
     touches: list[Touch] = field(default_factory=list)
 
@@ -124,10 +129,18 @@ def begin_flight(
     for i, effect in enumerate(rig.acting(shot.sphere, shot.surface)):
         shot.rng = np.random.default_rng([*seed, 12, i])
         effect.at_release(shot)
-    g = rig.gravity_m_per_s2
-    fall_s = math.sqrt(2.0 * shot.drop_height_m / g)
+    g, air = rig.gravity_m_per_s2, rig.model
     factor = shot.speed_factor * (1.0 + speed_repeatability * rng.standard_normal())
-    return Flight(shot, released_s + fall_s, g * fall_s * factor, seed)
+    off = rig.inputs.height_offset_m + rig.inputs.height_scatter_m * rng.standard_normal()
+    shot.drop_height_m = max(shot.drop_height_m + off, LEAST_HEIGHT_M)
+    if air.drag == "none":
+        fall_s = math.sqrt(2.0 * shot.drop_height_m / g)
+        speed = g * fall_s
+    else:
+        fall_s, speed = fly(
+            rig.body(shot.sphere), shot.drop_height_m, drag=air.drag, added_mass=air.added_mass
+        )
+    return Flight(shot, released_s + fall_s, speed * factor, fall_s, seed)
 
 
 def render_flight(
@@ -198,20 +211,34 @@ def render_flight(
             break
         if impact.rebound_speed_m_per_s <= 0.0 or _peak(volts) < QUIET_V:
             break
-        speed = impact.rebound_speed_m_per_s
-        time_s += impact.contact_time_s + 2.0 * speed / rig.gravity_m_per_s2
+        away_s, speed = _bounce(rig, flight.shot.sphere, impact)
+        time_s += impact.contact_time_s + away_s
     tail_s = min(TAIL_S, max(until_s - (grid_start_s + at * step_s), 0.0))
     segments += _tail(chain, at, round(tail_s / step_s), step_s)
     segments += _locked_to_release(rig, flight, grid_start_s, sample_rate_hz, until_s)
     return [segment for segment in segments if segment.volts.size]
 
 
+def _bounce(rig: DrawnRig, sphere: str, impact: ImpactTrace) -> tuple[float, float]:
+    """Return how long a sphere is away after an impact, and how fast it comes back."""
+    speed = impact.rebound_speed_m_per_s
+    if rig.model.drag == "none":
+        return 2.0 * speed / rig.gravity_m_per_s2, speed
+    below_m = max(impact.lift_off_place_m, 0.0)  # it left from the dent and lands on its rim
+    return fly(
+        rig.body(sphere),
+        -below_m,
+        drag=rig.model.drag,
+        added_mass=rig.model.added_mass,
+        speed_up_m_per_s=speed,
+    )
+
+
 def _locked_to_release(
     rig: DrawnRig, flight: Flight, grid_start_s: float, sample_rate_hz: float, until_s: float
 ) -> list[Segment]:
     """Return what the release puts on the line by itself, until some time after landing."""
-    fall_s = math.sqrt(2.0 * flight.shot.drop_height_m / rig.gravity_m_per_s2)
-    released_s = flight.landing_s - fall_s
+    released_s = flight.landing_s - flight.fall_s
     first = max(math.ceil((released_s - grid_start_s) * sample_rate_hz), 0)
     stop_s = min(until_s, flight.landing_s + LOCKED_TAIL_S)
     count = math.ceil((stop_s - grid_start_s) * sample_rate_hz) - first

@@ -16,7 +16,7 @@ TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class ContactTerm:
-    """An additional force law, by its code in the kernel and up to three numbers.
+    """An additional force law, by its code in the kernel and its numbers.
 
     Attributes
     ----------
@@ -49,9 +49,20 @@ class Mechanics:
     rigid : bool
         The cell does not move (HSD); the force is read directly.
     dashpot_share : float
-        Part of the dissipative force that loads the crystal. [1]
+        Part of the dissipative force that loads the crystal where ``third_law`` is off. [1]
+    third_law : bool
+        The whole force of contact loads the crystal, or is what a rigid cell reads.
+    coupon_rides : bool
+        What does not move on its tape of the coupon adds its mass to the crystal's.
+    lift_off_rule, loss_law : int
+        Where contact ends, and the base law of the loss, by the kernel's names.
+    loss_constant : float or None
+        Constant of another base law of loss than Tsuji's, whose alpha follows from
+        ``restitution``: A of Kuwabara and Kono [s], chi of Hunt and Crossley [s/m].
     coupon_label_mass_kg : float
         Mass of the coupon that lies there, whether it moves on its tape or not. [kg]
+    coupon_plane_strain_modulus_pa, coupon_poissons_ratio : float
+        E/(1 - nu^2) and nu of the coupon, for laws that concern it alone. [Pa, 1]
     coupon_mass_kg, layer_stiffness_n_per_m, layer_damping_n_s_per_m : float
         A coupon on its adhesive; mass 0 means glued rigidly. [kg, N/m, N s/m]
     base_mass_kg, base_stiffness_n_per_m, base_damping_n_s_per_m : float
@@ -81,7 +92,7 @@ class Mechanics:
     recontact_delay_s, recontact_speed_m_per_s : float
         A second touch; delay 0 means none. [s, m/s]
     terms : list of ContactTerm
-        Additional force laws, at most four.
+        Additional force laws, at most ``impact_kernel.TERMS``.
     """
 
     sphere_mass_kg: float
@@ -94,7 +105,14 @@ class Mechanics:
     cell_damping_n_s_per_m: float
     rigid: bool = False
     dashpot_share: float = 0.0
+    third_law: bool = False
+    coupon_rides: bool = False
+    lift_off_rule: int = kernel.AT_INDENTATION
+    loss_law: int = kernel.TSUJI
+    loss_constant: float | None = None
     coupon_label_mass_kg: float = 0.0
+    coupon_plane_strain_modulus_pa: float = math.inf
+    coupon_poissons_ratio: float = 0.35
     coupon_mass_kg: float = 0.0
     layer_stiffness_n_per_m: float = 0.0
     layer_damping_n_s_per_m: float = 0.0
@@ -128,9 +146,18 @@ class Mechanics:
 
     @property
     def loss_coefficient(self) -> float:
-        """Return alpha of Eq. 5 (Antypov & Elliott 2011). [1]"""
+        """Return alpha of Eq. 5 (Antypov & Elliott 2011), or the constant of another law."""
+        if self.loss_constant is not None:
+            return self.loss_constant
         log = math.log(self.restitution)
         return -math.sqrt(5.0) * log / math.hypot(log, math.pi)
+
+    @property
+    def loaded_cell_mass_kg(self) -> float:
+        """Return the crystal's mass with what rides on it. [kg]"""
+        if not self.coupon_rides:
+            return self.cell_mass_kg
+        return self.cell_mass_kg + max(self.coupon_label_mass_kg - self.coupon_mass_kg, 0.0)
 
     def vector(self) -> NDArray[np.float64]:
         """Return the constants in the kernel's order. [SI]"""
@@ -140,7 +167,7 @@ class Mechanics:
             self.contact_stiffness,
             self.loss_coefficient,
             self.gravity_m_per_s2,
-            self.cell_mass_kg,
+            self.loaded_cell_mass_kg,
             self.cell_stiffness_n_per_m,
             self.cell_damping_n_s_per_m,
             float(self.rigid),
@@ -171,6 +198,9 @@ class Mechanics:
             self.inner_damping_ratio,
             self.damping_growth_per_m,
             self.base_friction_n,
+            float(self.third_law),
+            float(self.lift_off_rule),
+            float(self.loss_law),
         )
         return p
 
@@ -184,7 +214,8 @@ class ImpactTrace:
     compression_m : ndarray, shape (n,)
         Crystal compression on the grid; zero before touch-down and after the ring died. [m]
     elastic_force_n : ndarray, shape (n,)
-        Elastic force on the grid; filled for a rigid cell only. [N]
+        Force that a rigid cell reads, on the grid: the elastic one, or with the third law all of
+        it; filled for a rigid cell only. [N]
     rebound_speed_m_per_s : float
         Speed upwards at the first lift-off; 0 when the sphere never left. [m/s]
     contact_time_s : float
@@ -195,6 +226,9 @@ class ImpactTrace:
         When the ring was below one millionth of its peak. [s]
     steps : int
         Integrator steps. [1]
+    lift_off_force_n, lift_off_indentation_m, lift_off_place_m : float
+        Force of contact, indentation, and how far below the place of touch-down the sphere is, at
+        the first lift-off. [N, m, m]
     """
 
     compression_m: NDArray[np.float64]
@@ -206,6 +240,9 @@ class ImpactTrace:
     peak_compression_m: float
     ended_s: float
     steps: int
+    lift_off_force_n: float
+    lift_off_indentation_m: float
+    lift_off_place_m: float
 
 
 class IntegrationError(RuntimeError):
@@ -258,7 +295,7 @@ def simulate_impact(
             f"{kernel.TERMS}. Switch some of them off."
         )
     codes = np.zeros(kernel.TERMS, dtype=np.int64)
-    values = np.zeros((kernel.TERMS, 3))
+    values = np.zeros((kernel.TERMS, kernel.VALUES))
     for i, term in enumerate(mechanics.terms):
         codes[i] = term.code
         values[i, : len(term.values)] = term.values
@@ -289,4 +326,7 @@ def simulate_impact(
         peak_compression_m=float(summary[kernel.COMPRESSION_PEAK]),
         ended_s=float(summary[kernel.END]),
         steps=int(summary[kernel.STEPS]),
+        lift_off_force_n=float(summary[kernel.LIFT_OFF_FORCE]),
+        lift_off_indentation_m=float(summary[kernel.LIFT_OFF_DEPTH]),
+        lift_off_place_m=float(summary[kernel.LIFT_OFF_PLACE]),
     )

@@ -47,25 +47,36 @@ _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
     LAYER_C, BASE_MASS, BASE_K, BASE_C, MODE_MASS, MODE_OMEGA, MODE_ZETA, IMPEDANCE, TENSION_RATIO,
     LAW, LAW_VALUE, RADIUS, E_STAR, RECONTACT_AT, RECONTACT_SPEED, MODE_STRETCHED, HARDENING,
     RUBBING, LAYER_HARDENING, INNER_SHARE, INNER_OMEGA, INNER_ZETA, DAMPING_GROWTH, BASE_FRICTION,
-    PARAMETERS,
-) = range(36)  # fmt: skip
+    REACTION, LIFT_OFF_RULE, LOSS_LAW, PARAMETERS,
+) = range(39)  # fmt: skip
 # Base laws of the elastic force.
 HERTZ, YIELDING, JKR = range(3)
+# Base laws of the loss; ALPHA holds the coefficient of the one that acts.
+TSUJI, KUWABARA_KONO_LOSS, HUNT_CROSSLEY_LOSS = range(3)
+# Where a contact without adhesion ends: indentation back at zero, or no force left.
+AT_INDENTATION, AT_FORCE = range(2)
 # Additional terms.
 THICKNESS, ROUGHNESS, KUWABARA_KONO, HUNT_CROSSLEY, RELAXATION, RATE_POWER, FILM = range(1, 8)
-SECOND_SPOT, SNAP, POWER, SOFT_TOE = range(8, 12)
+SECOND_SPOT, SNAP, POWER, SOFT_TOE, LAYER = range(8, 13)
 SNAP_SPEED_M_PER_S = 0.02  # over which a snap on the way in turns into none on the way out
 RUBBING_SPEED_M_PER_S = 1e-4  # over which friction turns round
 SLIDING_SPEED_M_PER_S = 3e-6  # the same below the cell, where all is slower
 LEAST_STIFFNESS = 0.05  # of a softening seat, over that at rest
 LEAST_DEPTH_M = 1e-9  # a power of the indentation is flat below it
-TERMS = 4  # as many contact effects may act at once, each with one state of its own
+TERMS = 6  # as many contact terms may act at once, each with one state of its own
+VALUES = 8  # as many numbers a term may have
 # Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, the sphere's
 # inner mass, then the terms.
 _X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _I, _ID, _Z = range(14)
 _N = _Z + TERMS
+# States in the error's norm. Fewer than there are: the number belongs to the step control, and with
+# another one the same seed would no longer give the same record to the last bit.
+_NORM = 17
 # Places in the summary.
-STATUS, REBOUND, LIFT_OFF, FORCE_PEAK, INDENTATION_PEAK, COMPRESSION_PEAK, END, STEPS = range(8)
+(
+    STATUS, REBOUND, LIFT_OFF, FORCE_PEAK, INDENTATION_PEAK, COMPRESSION_PEAK, END, STEPS,
+    LIFT_OFF_FORCE, LIFT_OFF_DEPTH, LIFT_OFF_PLACE, SUMMARY,
+) = range(12)  # fmt: skip
 OK, TOO_MANY_STEPS, NEVER_LEFT = range(3)
 # Kinds of event.
 _LEAVES, _TOUCHES, _TURNS, _DEEPER_THAN_EVER = range(4)
@@ -159,7 +170,12 @@ def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one br
     root = math.sqrt(d)
     elastic = _law(delta, p, memory)
     above = max(delta - (memory[3] if memory[0] > 0.0 else 0.0), 0.0)
-    loss = p[ALPHA] * math.sqrt(p[MASS] * p[K]) * math.sqrt(math.sqrt(above)) * rate
+    if p[LOSS_LAW] == KUWABARA_KONO_LOSS:
+        loss = 1.5 * p[ALPHA] * p[K] * math.sqrt(above) * rate
+    elif p[LOSS_LAW] == HUNT_CROSSLEY_LOSS:
+        loss = p[ALPHA] * p[K] * above * math.sqrt(above) * rate
+    else:
+        loss = p[ALPHA] * math.sqrt(p[MASS] * p[K]) * math.sqrt(math.sqrt(above)) * rate
     factor, added = 1.0, 0.0
     for i in range(TERMS):
         code = codes[i]
@@ -192,7 +208,32 @@ def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one br
             factor *= (max(d, LEAST_DEPTH_M) / b) ** a
         elif code == SOFT_TOE:
             factor *= 1.0 - a * math.exp(-d / b)
+        elif code == LAYER:
+            X = math.sqrt(p[RADIUS] * d) / a
+            stiffer = 0.0
+            for j in range(VALUES - 1, 1, -1):
+                stiffer = (stiffer + values[i, j]) * X
+            factor *= (1.0 + stiffer) / (1.0 + (1.0 - b) * stiffer)
     return elastic * factor + added, loss
+
+
+@_compiled
+def _relaxing_towards(  # noqa: PLR0917 - compiled code knows no keywords
+    delta: float, touching: bool, p: Vector, codes: NDArray[np.int64], values: Vector, s: Vector
+) -> float:
+    """Return delta^(3/2) that relaxing arms follow: the indentation, or the free surface's own."""
+    if touching:
+        d = max(delta, 0.0)
+        return d * math.sqrt(d)
+    if p[LIFT_OFF_RULE] == AT_INDENTATION:
+        return 0.0
+    # Free of force, e + sum g (e - z) = 0: the dent left behind comes back as its arms relax.
+    held, strength = 0.0, 1.0
+    for i in range(TERMS):
+        if codes[i] == RELAXATION:
+            held += values[i, 0] * s[_Z + i]
+            strength += values[i, 0]
+    return held / strength
 
 
 @_compiled
@@ -219,11 +260,11 @@ def _motion(  # noqa: PLR0917, PLR0915 - compiled code knows no keywords; one bl
             slope = (first - e2 - l2) / trial if trial != 0.0 else 0.0
             recede = first / (p[IMPEDANCE] + slope)
             felt, loss = _forces(delta, rate - recede, p, codes, values, s, memory)
+    drive = _relaxing_towards(delta, touching, p, codes, values, s)
     for i in range(TERMS):
         ds[_Z + i] = 0.0
         if codes[i] == RELAXATION:
-            d = max(delta, 0.0) if touching else 0.0
-            ds[_Z + i] = (d * math.sqrt(d) - s[_Z + i]) / values[i, 1]
+            ds[_Z + i] = (drive - s[_Z + i]) / values[i, 1]
     ds[_X] = s[_V]
     ds[_V] = p[GRAVITY] - (felt + loss) / (p[MASS] * (1.0 - p[INNER_SHARE]))
     ds[_I] = ds[_ID] = 0.0
@@ -237,7 +278,7 @@ def _motion(  # noqa: PLR0917, PLR0915 - compiled code knows no keywords; one bl
         ds[i] = 0.0
     if p[RIGID] > 0.0:
         return felt
-    push = felt + p[SHARE] * loss
+    push = felt + (1.0 if p[REACTION] > 0.0 else p[SHARE]) * loss
     if p[COUPON_MASS] > 0.0:
         thinner = s[_Y] - s[_U]
         firmer = 1.0 + p[LAYER_HARDENING] * max(thinner, 0.0)
@@ -288,11 +329,29 @@ def _gap_rate(s: Vector, p: Vector) -> float:
 
 
 @_compiled
-def _event(kind: int, s: Vector, p: Vector, memory: Vector) -> float:
+def _total_force(
+    s: Vector, p: Vector, codes: NDArray[np.int64], values: Vector, memory: Vector
+) -> float:
+    """Return elastic and dissipative force; a receding plate changes its size, not its sign. [N]"""
+    felt, loss = _forces(_gap(s, p), _gap_rate(s, p), p, codes, values, s, memory)
+    return felt + loss
+
+
+@_compiled
+def _event(  # noqa: PLR0917 - compiled code knows no keywords
+    kind: int, s: Vector, p: Vector, codes: NDArray[np.int64], values: Vector, memory: Vector
+) -> float:
     """Return a value that falls through zero at the event of this kind."""
+    by_force = p[LIFT_OFF_RULE] == AT_FORCE and p[LAW] != JKR
     if kind == _LEAVES:
-        return _gap(s, p) - _release_indentation(p, memory)
+        above = _gap(s, p) - _release_indentation(p, memory)
+        if by_force and above > 0.0:
+            return _total_force(s, p, codes, values, memory)
+        return above
     if kind == _TOUCHES:
+        # A surface that is still coming back is met below zero, where the force would turn to push.
+        if by_force and _gap(s, p) > 0.0:
+            return -_total_force(s, p, codes, values, memory)
         return -_gap(s, p)
     if kind == _TURNS:  # deepest point of a yielding contact
         return _gap_rate(s, p)
@@ -339,7 +398,7 @@ def _error(  # noqa: PLR0917 - compiled code knows no keywords
         e3 += (a3 / scale) ** 2
     if e5 == 0.0 and e3 == 0.0:
         return 0.0
-    return h * e5 / math.sqrt((e5 + 0.01 * e3) * _N)
+    return h * e5 / math.sqrt((e5 + 0.01 * e3) * _NORM)
 
 
 @_compiled
@@ -391,6 +450,8 @@ def _first_event(  # noqa: PLR0917 - compiled code knows no keywords
     fresh: bool,
     touching: bool,
     p: Vector,
+    codes: NDArray[np.int64],
+    values: Vector,
     memory: Vector,
     F: Vector,
     out: Vector,
@@ -398,16 +459,19 @@ def _first_event(  # noqa: PLR0917 - compiled code knows no keywords
     """Return where in the step the earliest event lies and its kind; kind -1 for none."""
     theta, found = 2.0, -1
     for kind in range(4):
-        if not _is_possible(kind, touching, p, memory) or _event(kind, new, p, memory) >= 0.0:
+        if not _is_possible(kind, touching, p, memory):
+            continue
+        if _event(kind, new, p, codes, values, memory) >= 0.0:
             continue
         # An event that is at zero when the step begins is the one that began it.
-        if not (fresh and kind == _LEAVES) and _event(kind, s, p, memory) <= 0.0:
+        begins = _event(kind, s, p, codes, values, memory)
+        if not (fresh and kind == _LEAVES) and begins <= 0.0:
             continue
         low, high = 0.0, 1.0
         for _ in range(60):
             middle = 0.5 * (low + high)
             _between(middle, s, F, out)
-            if _event(kind, out, p, memory) >= 0.0:
+            if _event(kind, out, p, codes, values, memory) >= 0.0:
                 low = middle
             else:
                 high = middle
@@ -485,22 +549,28 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
         Constants in the order of this module's names. [SI]
     codes : ndarray of int64, shape (TERMS,)
         Which additional contact terms act; 0 ends the list.
-    values : ndarray, shape (TERMS, 3)
+    values : ndarray, shape (TERMS, VALUES)
         Their parameters. [SI]
     tolerance : float
         Relative tolerance of the step control; absolute ones follow from the impact's scales. [1]
     first_s, step_s : float
         Time of the first grid point after touch-down and grid step. [s]
     compression, force : ndarray, shape (n,)
-        Filled with the crystal's compression [m] and the elastic force [N]; zero where quiet.
+        Filled with the crystal's compression [m] and the force that a rigid cell reads [N]; zero
+        where quiet.
 
     Returns
     -------
-    ndarray, shape (8,)
+    ndarray, shape (SUMMARY,)
         Summary in the order of this module's names. [SI]
     """
     s, new, stage, out = np.zeros(_N), np.zeros(_N), np.zeros(_N), np.zeros(_N)
-    memory, rates, F, summary = np.zeros(4), np.zeros((16, _N)), np.zeros((7, _N)), np.zeros(8)
+    memory, rates, F, summary = (
+        np.zeros(4),
+        np.zeros((16, _N)),
+        np.zeros((7, _N)),
+        np.zeros(SUMMARY),
+    )
     atol = _tolerances(speed, p, tolerance)
     s[_V] = speed
     if p[INNER_SHARE] > 0.0:
@@ -526,7 +596,7 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
             h *= max(0.2, 0.9 * error**-0.125)
             continue
         _dense(s, new, h, touching, p, codes, values, memory, rates, stage, F)
-        theta, event = _first_event(s, new, t == 0.0, touching, p, memory, F, out)
+        theta, event = _first_event(s, new, t == 0.0, touching, p, codes, values, memory, F, out)
         used = h if event < 0 else theta * h
         if touching and _gap_rate(s, p) > 0.0 >= _gap_rate(new, p):
             _deepest(s, p, F, out)
@@ -539,7 +609,8 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
             compression[grid] = out[_U] - out[_BS]
             if touching and p[RIGID] > 0.0:
                 rate = _gap_rate(out, p)
-                force[grid] = _forces(_gap(out, p), rate, p, codes, values, out, memory)[0]
+                felt, loss = _forces(_gap(out, p), rate, p, codes, values, out, memory)
+                force[grid] = felt + loss if p[REACTION] > 0.0 else felt
             grid += 1
         if event >= 0:
             _between(theta, s, F, new)
@@ -547,13 +618,18 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
         s[:] = new
         if event == _LEAVES:
             touching = False
-            memory[:] = 0.0
             if not flown:
                 inner = p[INNER_SHARE]
                 summary[REBOUND], summary[LIFT_OFF] = -(1.0 - inner) * s[_V] - inner * s[_ID], t
+                summary[LIFT_OFF_DEPTH], summary[LIFT_OFF_PLACE] = _gap(s, p), s[_X]
+                summary[LIFT_OFF_FORCE] = _total_force(s, p, codes, values, memory)
                 flown = True
+            if p[LIFT_OFF_RULE] == AT_INDENTATION:
+                memory[:] = 0.0
         elif event == _TOUCHES:
             touching = True
+            if _gap(s, p) < LEAST_DEPTH_M:  # else it meets the dent it has just left
+                memory[:] = 0.0
         elif event == _TURNS:
             _begin_unloading(_gap(s, p), p, memory)
         elif event == _DEEPER_THAN_EVER:

@@ -26,6 +26,7 @@ from drivers.simulated.faults import Faults
 from drivers.simulated.flight import Flight, Segment, begin_flight, render_flight
 from drivers.simulated.impact import Mechanics, simulate_impact
 from drivers.simulated.replay import Recording
+from drivers.simulated.rig_model import RIGS, rig_model
 from drivers.simulated.world_settings import WorldSettings
 
 __all__ = ["World", "WorldSettings"]
@@ -73,6 +74,8 @@ class World:
     def __init__(self, settings: WorldSettings) -> None:
         if settings.cell_model not in ("kv", "hsd"):
             raise ConfigurationError(f"cell_model is 'kv' or 'hsd', not {settings.cell_model!r}.")
+        if settings.rig not in RIGS:
+            raise ConfigurationError(f"rig is {', '.join(RIGS)}, not {settings.rig!r}.")
         self.settings = settings
         self.clock = RigClock(settings.clock_speed)
         self.faults = Faults()
@@ -92,6 +95,8 @@ class World:
             gravity_m_per_s2=settings.gravity_m_per_s2,
             rigid_cell=settings.cell_model == "hsd",
             exact=settings.exact,
+            model=rig_model(settings.rig, settings.seed),
+            spread=settings.spread,
         )
         self._vacuum_on = True
         self._hanging: _Hanging | None = None
@@ -130,7 +135,7 @@ class World:
             states it. [1, V]
         """
         board = Board(range_v, board_gain, board_offset_v)
-        rate_hz = sample_rate_hz * self.settings.rate_error
+        rate_hz = sample_rate_hz * self.settings.rate_error * self._rig.inputs.sample_rate_factor
         quiet = self._quiet_input(rate_hz, board)  # sample 0 is after it
         with self._sampling, self._lock:
             self._streams += 1

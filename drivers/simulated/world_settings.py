@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.simulated.effects import Effect
+from drivers.simulated.label_spread import EXACT, LabelSpread
 from drivers.simulated.noise import NoiseSettings
 from drivers.simulated.replay import Recording
+from drivers.simulated.rig_model import DEFAULT_RIG
 from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec, SphereSpec, SurfaceSpec
 
 
@@ -49,6 +51,10 @@ class WorldSettings:
         From the valve's command to the sphere leaving the tube: mean and standard deviation. [s]
     vacuum_held_v, vacuum_open_v, no_vacuum_v : float
         Gauge with a sphere on the tube, with an open tube, and with the pump shut off. [V]
+    rig : str
+        Which physics the rig obeys: ``"paper"``, ``"closed"`` or ``"drawn"``.
+    spread : LabelSpread
+        How far radii, masses, heights, time base, gravity and temperature are from what is stated.
     recording : Recording or None
         Played at every release in place of a simulated impact.
     """
@@ -73,4 +79,6 @@ class WorldSettings:
     vacuum_held_v: float = 3.2
     vacuum_open_v: float = 1.4
     no_vacuum_v: float = 0.3
+    rig: str = DEFAULT_RIG
+    spread: LabelSpread = EXACT
     recording: Recording | None = None

@@ -131,8 +131,8 @@ def test_an_impact_without_speed_is_refused() -> None:
 def test_more_contact_effects_than_the_kernel_follows_are_refused() -> None:
     """The limit is named."""
     term = ContactTerm(kernel.HUNT_CROSSLEY, (0.1,))
-    bodies = replace(figure_2(0.8), terms=[term] * 5)
-    with pytest.raises(ValueError, match="at most 4"):
+    bodies = replace(figure_2(0.8), terms=[term] * 7)
+    with pytest.raises(ValueError, match="at most 6"):
         simulate_impact(bodies, SPEED)
 
 
