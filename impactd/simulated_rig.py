@@ -204,7 +204,8 @@ def _effects(section: SimulationSection) -> tuple[Effect, ...] | str:
             )
         try:
             values = {**EFFECTS[name].draw(rng), **section.effect_parameters.get(name, {})}
-            effects.append(make_effect(name, values))
+            form = EFFECTS[name].form_on(section.rig or DEFAULT_RIG)
+            effects.append(make_effect(name, values, form=form))
         except ValueError as error:
             raise SettingsError(None, f"simulation.effect_parameters.{name}", str(error)) from None
     return tuple(effects)

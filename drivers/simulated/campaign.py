@@ -25,7 +25,6 @@ from drivers.simulated.effects import Shot
 from drivers.simulated.flight import Flight, begin_flight, render_flight
 from drivers.simulated.impact import simulate_impact
 from drivers.simulated.noise import NoiseSettings, noise_record, noise_table
-from drivers.simulated.rig_model import rig_model
 from drivers.simulated.specimens import CellSpec, SurfaceSpec
 
 __all__ = ["CampaignSettings", "simulate_campaign", "write_campaign_folder"]
@@ -131,7 +130,7 @@ def _draw(
         gravity_m_per_s2=settings.gravity_m_per_s2,
         rigid_cell=settings.cell_model == "hsd",
         exact=settings.exact,
-        model=rig_model(settings.rig, seed),
+        rig=settings.rig,
         spread=settings.spread,
     )
 

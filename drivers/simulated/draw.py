@@ -10,7 +10,7 @@ import numpy as np
 from drivers.simulated.drawn_rig import DrawnRig, Solid, TrueCell
 from drivers.simulated.effects import EFFECTS, INVENTED, LIBRARY, Effect, Scope
 from drivers.simulated.label_spread import EXACT, LabelSpread, draw_true_labels
-from drivers.simulated.rig_model import PAPER, RigModel
+from drivers.simulated.rig_model import RigModel, rig_model
 from drivers.simulated.specimens import CellSpec, SphereSpec, SurfaceSpec
 
 OUTSIDE_LIBRARY_SHARE = 0.25
@@ -24,6 +24,7 @@ def draw_effect(
     rigid_cell: bool = False,
     among: Sequence[str] = (),
     without: Sequence[str] = (),
+    forms: str = "paper",
 ) -> Effect:
     """Return one effect of random kind, size and scope; one in four from outside the library.
 
@@ -39,6 +40,8 @@ def draw_effect(
         Ids to draw from, each as likely as any other; none means all, as said above.
     without : sequence of str
         Ids that the rig has no room for.
+    forms : str
+        A rig's name: ``"paper"`` and ``"closed"`` take a law in one form, ``"drawn"`` draws it.
 
     Returns
     -------
@@ -59,7 +62,11 @@ def draw_effect(
             scope = Scope(sphere=str(rng.choice(list(spheres))))
         elif surfaces:
             scope = Scope(surface=str(rng.choice(list(surfaces))))
-    return kind(kind.draw(rng), scope)
+    values = kind.draw(rng)
+    if forms == "drawn":
+        form, values = kind.draw_form(rng, values)
+        return kind(values, scope, form)
+    return kind(values, scope, kind.form_on(forms))
 
 
 def draw_solid(
@@ -135,7 +142,7 @@ def draw_rig(
     gravity_m_per_s2: float = 9.80665,
     rigid_cell: bool = False,
     exact: bool = False,
-    model: RigModel = PAPER,
+    rig: str = "paper",
     spread: LabelSpread = EXACT,
 ) -> DrawnRig:
     """Draw a rig.
@@ -160,8 +167,8 @@ def draw_rig(
         Whether the cell is rigid (HSD) instead of a Kelvin-Voigt element.
     exact : bool
         Take every label at its word: nothing about materials and cell is drawn.
-    model : RigModel
-        Which physics it obeys.
+    rig : str
+        Which physics it obeys, a name that `rig_model` knows.
     spread : LabelSpread
         How far radii, masses, heights, time base, gravity and temperature may be from what is said.
 
@@ -173,8 +180,9 @@ def draw_rig(
     Raises
     ------
     ValueError
-        If ``effects`` is a word other than ``"random"``.
+        If ``effects`` is a word other than ``"random"``, or there is no such rig.
     """
+    model = rig_model(rig, seed)
     if isinstance(effects, str):
         if effects != "random":
             raise ValueError(f"effects is a list of effects or 'random', not {effects!r}.")
@@ -186,6 +194,7 @@ def draw_rig(
                 list(surfaces),
                 rigid_cell=rigid_cell,
                 without=no_room_for(model),
+                forms=rig,
             )
         ]
     rng = np.random.default_rng([seed, 1])

@@ -43,7 +43,8 @@ def air_density_kg_per_m3(temperature_k: float) -> float:
 
 def air_viscosity_pa_s(temperature_k: float) -> float:
     """Return the viscosity of air after Sutherland (1893; constants of White 2006). [Pa s]"""
-    return 1.716e-5 * (temperature_k / 273.15) ** 1.5 * (273.15 + 110.4) / (temperature_k + 110.4)
+    warmer = math.pow(temperature_k / 273.15, 1.5)
+    return 1.716e-5 * warmer * (273.15 + 110.4) / (temperature_k + 110.4)
 
 
 def schiller_naumann(reynolds: float) -> float:
@@ -52,7 +53,7 @@ def schiller_naumann(reynolds: float) -> float:
     Source: Schiller & Naumann 1933; Clift, Grace & Weber, Bubbles, Drops and Particles (1978),
     ch. 5, within 5 %.
     """
-    return 24.0 / reynolds * (1.0 + 0.15 * reynolds**0.687)
+    return 24.0 / reynolds * (1.0 + 0.15 * math.pow(reynolds, 0.687))
 
 
 def brown_lawler(reynolds: float) -> float:
@@ -60,7 +61,8 @@ def brown_lawler(reynolds: float) -> float:
 
     Source: Brown & Lawler, J. Environ. Eng. 129 (2003) 222, Eq. 19.
     """
-    return 24.0 / reynolds * (1.0 + 0.150 * reynolds**0.681) + 0.407 / (1.0 + 8710.0 / reynolds)
+    wake = 0.407 / (1.0 + 8710.0 / reynolds)
+    return 24.0 / reynolds * (1.0 + 0.150 * math.pow(reynolds, 0.681)) + wake
 
 
 DRAG = {"schiller_naumann": schiller_naumann, "brown_lawler": brown_lawler}
@@ -111,6 +113,7 @@ def fly(
     coefficient = DRAG[drag]
 
     def gain(v: float) -> float:
+        """Return the acceleration at a speed. [m/s^2]"""
         if v == 0.0:
             return weight / inertia
         brake = 0.5 * density * coefficient(per_speed * abs(v)) * area * abs(v) * v
@@ -129,20 +132,3 @@ def fly(
     left = height_m - fallen
     rest_s = 2.0 * left / (v + math.sqrt(max(v * v + 2.0 * acceleration * left, 0.0)))
     return vacuum_s + rest_s, v + acceleration * rest_s
-
-
-def terminal_speed_m_per_s(body: Body, drag: str) -> float:
-    """Return the speed at which drag and buoyancy carry the sphere. [m/s]"""
-    density, viscosity = (
-        f(body.temperature_k) for f in (air_density_kg_per_m3, air_viscosity_pa_s)
-    )
-    weight = (
-        body.mass_kg - density * 4.0 / 3.0 * math.pi * body.radius_m**3
-    ) * body.gravity_m_per_s2
-    low, high = 1e-6, 1e4
-    while high / low > 1.0 + 1e-12:
-        v = math.sqrt(low * high)
-        reynolds = 2.0 * body.radius_m * density * v / viscosity
-        brake = 0.5 * density * DRAG[drag](reynolds) * math.pi * body.radius_m**2 * v * v
-        low, high = (v, high) if brake < weight else (low, v)
-    return low

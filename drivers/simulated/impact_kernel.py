@@ -50,7 +50,7 @@ _A_EXTRA = np.ascontiguousarray(DOP853.A_EXTRA)
     REACTION, LIFT_OFF_RULE, LOSS_LAW, PARAMETERS,
 ) = range(39)  # fmt: skip
 # Base laws of the elastic force.
-HERTZ, YIELDING, JKR = range(3)
+HERTZ, YIELDING, JKR, DMT = range(4)
 # Base laws of the loss; ALPHA holds the coefficient of the one that acts.
 TSUJI, KUWABARA_KONO_LOSS, HUNT_CROSSLEY_LOSS = range(3)
 # Where a contact without adhesion ends: indentation back at zero, or no force left.
@@ -64,7 +64,7 @@ SLIDING_SPEED_M_PER_S = 3e-6  # the same below the cell, where all is slower
 LEAST_STIFFNESS = 0.05  # of a softening seat, over that at rest
 LEAST_DEPTH_M = 1e-9  # a power of the indentation is flat below it
 TERMS = 6  # as many contact terms may act at once, each with one state of its own
-VALUES = 8  # as many numbers a term may have
+VALUES = 10  # as many numbers a term may have
 # Places in the state: sphere, crystal top, coupon, base, side oscillator, plate, the sphere's
 # inner mass, then the terms.
 _X, _V, _U, _UD, _Y, _YD, _BS, _BSD, _Q, _QD, _W, _I, _ID, _Z = range(14)
@@ -129,6 +129,8 @@ def _law(delta: float, p: Vector, memory: Vector) -> float:
     d = max(delta, 0.0)
     if p[LAW] == JKR:
         return _jkr_force(delta, p)
+    if p[LAW] == DMT:
+        return float(p[K] * d * math.sqrt(d) - 2.0 * math.pi * p[LAW_VALUE] * p[RADIUS])
     if p[LAW] == YIELDING:
         if memory[0] > 0.0:
             return float(memory[2] * max(delta - memory[3], 0.0) ** 1.5)
@@ -342,7 +344,8 @@ def _event(  # noqa: PLR0917 - compiled code knows no keywords
     kind: int, s: Vector, p: Vector, codes: NDArray[np.int64], values: Vector, memory: Vector
 ) -> float:
     """Return a value that falls through zero at the event of this kind."""
-    by_force = p[LIFT_OFF_RULE] == AT_FORCE and p[LAW] != JKR
+    sticks = p[LAW] == JKR or p[LAW] == DMT
+    by_force = p[LIFT_OFF_RULE] == AT_FORCE and not sticks
     if kind == _LEAVES:
         above = _gap(s, p) - _release_indentation(p, memory)
         if by_force and above > 0.0:

@@ -79,7 +79,7 @@ def kuwabara_kono_constant(
         return 0.0
     loss = _kuwabara_kono_losses(rule)
     number = math.exp(float(np.interp(math.log(1.0 - restitution), loss, np.log(_NUMBERS))))
-    depth = (mass_kg * speed_m_per_s**2 / contact_stiffness) ** 0.4
+    depth = math.pow(mass_kg * speed_m_per_s**2 / contact_stiffness, 0.4)
     return number * depth / speed_m_per_s
 
 

@@ -26,7 +26,7 @@ from drivers.simulated.faults import Faults
 from drivers.simulated.flight import Flight, Segment, begin_flight, render_flight
 from drivers.simulated.impact import Mechanics, simulate_impact
 from drivers.simulated.replay import Recording
-from drivers.simulated.rig_model import RIGS, rig_model
+from drivers.simulated.rig_model import RIGS
 from drivers.simulated.world_settings import WorldSettings
 
 __all__ = ["World", "WorldSettings"]
@@ -95,7 +95,7 @@ class World:
             gravity_m_per_s2=settings.gravity_m_per_s2,
             rigid_cell=settings.cell_model == "hsd",
             exact=settings.exact,
-            model=rig_model(settings.rig, settings.seed),
+            rig=settings.rig,
             spread=settings.spread,
         )
         self._vacuum_on = True

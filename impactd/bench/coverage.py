@@ -26,6 +26,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -40,10 +41,13 @@ from drivers.simulated.campaign import (
     simulate_campaign,
     write_campaign_folder,
 )
+from drivers.simulated.label_spread import SPREADS
 from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.rig_model import DEFAULT_RIG, RIGS
 from drivers.simulated.specimens import SPHERES, SURFACES
 from impactd import blas_threads
 from impactd.bench.figure import Figure
+from impactd.bench.simulated_campaign import BASES
 from impactd.storage.campaign_folder import read_campaign
 
 Json = dict[str, Any]
@@ -92,19 +96,42 @@ class Pull:
     u: float
 
 
-def draw_settings(seed: int) -> CampaignSettings:
+@dataclass(frozen=True)
+class Rigs:
+    """Which rigs are simulated.
+
+    Attributes
+    ----------
+    rig : str
+        Their physics.
+    labels : str
+        ``"exact"``: radii, masses, heights and time base are as stated; ``"typical"``: drawn around
+        it.
+    states_u : bool
+        Whether the campaigns state how far they may be off.
+    """
+
+    rig: str = DEFAULT_RIG
+    labels: str = "exact"
+    states_u: bool = True
+
+
+def draw_settings(seed: int, rigs: Rigs | None = None) -> CampaignSettings:
     """Return a campaign's contents, drawn at random.
 
     Parameters
     ----------
     seed : int
         Even seeds have white noise, odd ones autoregressive noise.
+    rigs : Rigs, optional
+        Which rigs.
 
     Returns
     -------
     CampaignSettings
         Two or three spheres, three surfaces, two or three heights, one or two drops each.
     """
+    rigs = rigs or Rigs()
     rng = np.random.default_rng([seed, 900])
     spheres = sorted(rng.choice(POLYMERS, size=int(rng.integers(2, 4)), replace=False).tolist())
     surfaces = (REFERENCE, str(rng.choice(CHECKS)), "specimen")
@@ -120,29 +147,35 @@ def draw_settings(seed: int) -> CampaignSettings:
             pink_corner_hz=0.0,
         ),
         restitution_seen_after_s=0.0,
+        rig=rigs.rig,
+        spread=SPREADS[rigs.labels],
+        states_u=rigs.states_u,
     )
 
 
-def campaign_pulls(seed: int) -> list[Pull]:
+def campaign_pulls(seed: int, rigs: Rigs | None = None) -> list[Pull]:
     """Simulate one campaign, fit it in both ways, and lay what is stated beside the truth.
 
     Parameters
     ----------
     seed : int
         Of the campaign.
+    rigs : Rigs, optional
+        Which rigs.
 
     Returns
     -------
     list of Pull
         What was withheld is not among them.
     """
-    simulated = simulate_campaign(draw_settings(seed), seed)
+    settings = draw_settings(seed, rigs)
+    simulated = simulate_campaign(settings, seed)
     with tempfile.TemporaryDirectory() as folder:
         campaign = read_campaign(write_campaign_folder(Path(folder), simulated))
     truth = simulated["truth"]
     found = []
     for way, fit in (("joint", _joint), ("archive", _archive)):
-        for kind, name, stated in fit(campaign):
+        for kind, name, stated in fit(campaign, BASES[settings.rig]):
             true = _true_value(truth, kind, name)
             u = stated["u"] / stated["value"]
             score = math.log(stated["value"] / true) / u
@@ -150,24 +183,24 @@ def campaign_pulls(seed: int) -> list[Pull]:
     return found
 
 
-def _joint(campaign: Campaign) -> Iterator[tuple[str, str, Json]]:
-    result = fit_campaign(campaign, "kv", heldout=False)
+def _joint(campaign: Campaign, base: str) -> Iterator[tuple[str, str, Json]]:
+    result = fit_campaign(campaign, base, heldout=False)
     yield from _cell(result.parameters())
     yield from _moduli(result.moduli())
     for name, pair in result.pairs().items():
         yield "E* of a pair", name, pair["reduced_modulus_Pa"]
 
 
-def _archive(campaign: Campaign) -> Iterator[tuple[str, str, Json]]:
+def _archive(campaign: Campaign, base: str) -> Iterator[tuple[str, str, Json]]:
     on_reference = [s for s in campaign.shots if s.surface == REFERENCE]
-    cell = calibrate(dataclasses.replace(campaign, shots=tuple(on_reference)))
+    cell = calibrate(dataclasses.replace(campaign, shots=tuple(on_reference)), base)
     yield from _cell(cell.fit.parameters())
     sensor = cell.sensor
     observations: list[PairObservation] = []
     for shot in campaign.shots:
         if shot.surface != REFERENCE:
             alone = dataclasses.replace(campaign, shots=(shot,), sensor=sensor)
-            single = fit_campaign(alone, "kv", by_pair=True, heldout=False)
+            single = fit_campaign(alone, base, by_pair=True, heldout=False)
             observations += observations_from_fit(single, shot=shot.name)
             for pair in single.pairs().values():
                 yield "E* of one shot", f"{shot.sphere}/{shot.surface}", pair["reduced_modulus_Pa"]
@@ -221,7 +254,9 @@ def _true_value(truth: Json, kind: str, name: str) -> float:
     )
 
 
-def run(campaigns: int, seed: int, *, workers: int = 1) -> Iterator[list[Pull]]:
+def run(
+    campaigns: int, seed: int, *, workers: int = 1, rigs: Rigs | None = None
+) -> Iterator[list[Pull]]:
     """Simulate and fit campaigns.
 
     Parameters
@@ -232,6 +267,8 @@ def run(campaigns: int, seed: int, *, workers: int = 1) -> Iterator[list[Pull]]:
         Of the first one; the others follow.
     workers : int
         Processes.
+    rigs : Rigs, optional
+        Which rigs.
 
     Yields
     ------
@@ -240,10 +277,10 @@ def run(campaigns: int, seed: int, *, workers: int = 1) -> Iterator[list[Pull]]:
     """
     seeds = range(1000 * seed, 1000 * seed + campaigns)
     if workers == 1:
-        yield from map(campaign_pulls, seeds)
+        yield from (campaign_pulls(one, rigs) for one in seeds)
         return
     with ProcessPoolExecutor(workers) as pool:
-        yield from pool.map(campaign_pulls, seeds)
+        yield from pool.map(partial(campaign_pulls, rigs=rigs), seeds)
 
 
 def coverage(pulls: Sequence[Pull], level: str) -> tuple[float, float]:
@@ -360,6 +397,9 @@ def main() -> int:
     parser.add_argument("--campaigns", type=int, default=CAMPAIGNS)
     parser.add_argument("--seed", type=int, default=SEED)
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--rig", choices=RIGS, default=DEFAULT_RIG, help="physics of the rigs")
+    parser.add_argument("--labels", choices=SPREADS, default="exact", help="true radii and so on")
+    parser.add_argument("--undeclared", action="store_true", help="leave their u out")
     parser.add_argument("--pulls", type=Path, help="also write every score here, as JSON lines")
     parser.add_argument("--table", type=Path, help="only print the table of such a file")
     options = parser.parse_args()
@@ -369,7 +409,9 @@ def main() -> int:
         return 0
     pulls: list[Pull] = []
     out = options.pulls.open("w") if options.pulls else None
-    for done, found in enumerate(run(options.campaigns, options.seed, workers=options.workers), 1):
+    rigs = Rigs(options.rig, options.labels, not options.undeclared)
+    all_of_them = run(options.campaigns, options.seed, workers=options.workers, rigs=rigs)
+    for done, found in enumerate(all_of_them, 1):
         pulls += found
         if out is not None:
             out.writelines(json.dumps(dataclasses.asdict(p)) + "\n" for p in found)

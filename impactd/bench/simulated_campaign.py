@@ -11,6 +11,10 @@ from analysis.campaign import Campaign
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from impactd.storage.campaign_folder import read_campaign
 
+CLOSED_BASE = "kv2"
+BASES = {"paper": "kv", "closed": CLOSED_BASE, "drawn": CLOSED_BASE}
+"""Base model of the analysis that has the physics of a simulated rig, by the rig's name."""
+
 
 def simulated_campaign(settings: CampaignSettings, seed: int) -> Campaign:
     """Return a campaign as a person would have it: labels and recordings, no truth.

@@ -21,7 +21,9 @@ LIBRARY = {name: kind for name, kind in EFFECTS.items() if not name.startswith("
 INVENTED = {name: kind for name, kind in EFFECTS.items() if name.startswith("x_")}
 
 
-def make_effect(effect_id: str, values: Mapping[str, float], scope: Scope | None = None) -> Effect:
+def make_effect(
+    effect_id: str, values: Mapping[str, float], scope: Scope | None = None, form: str = ""
+) -> Effect:
     """Return an effect by its id.
 
     Parameters
@@ -32,6 +34,8 @@ def make_effect(effect_id: str, values: Mapping[str, float], scope: Scope | None
         All its parameters by name. [SI]
     scope : Scope, optional
         Where it acts; everywhere when left out.
+    form : str
+        Which of its published forms; the first when left out.
 
     Returns
     -------
@@ -41,11 +45,11 @@ def make_effect(effect_id: str, values: Mapping[str, float], scope: Scope | None
     Raises
     ------
     ValueError
-        If the id or a parameter is unknown or one is missing.
+        If the id, a parameter or the form is unknown or a parameter is missing.
     """
     if effect_id not in EFFECTS:
         raise ValueError(f"No effect {effect_id!r}; the simulator knows {', '.join(EFFECTS)}.")
-    return EFFECTS[effect_id](values, scope or Scope())
+    return EFFECTS[effect_id](values, scope or Scope(), form)
 
 
 __all__ = ["EFFECTS", "INVENTED", "LIBRARY", "Effect", "Parameter", "Scope", "Shot", "make_effect"]

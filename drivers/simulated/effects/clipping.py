@@ -1,7 +1,8 @@
 """The amplifier's output ends at ``V_c``, abruptly or softly.
 
-Hard (softness 0): ``min(|V|, V_c)``. Soft: ``V / (1 + |V/V_c|^(1/s))^s``.
-Source: own; Rapp 1991 for the soft form. Tell-tale: flat tops (tested).
+``rapp``: ``V / (1 + |V/V_c|^(1/s))^s`` (Rapp 1991), for softness 0 ``min(|V|, V_c)``. ``tanh``:
+``V_c tanh(V/V_c)``, the differential pair of any textbook, soft all along; softness says nothing.
+Tell-tale: flat tops (tested).
 """
 
 from __future__ import annotations
@@ -26,12 +27,21 @@ class _Limiter(Memoryless):
         return np.asarray(volts / (1.0 + ratio) ** self._softness)
 
 
+class _TanhLimiter(Memoryless):
+    def __init__(self, limit_v: float) -> None:
+        self._limit_v = limit_v
+
+    def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+        return self._limit_v * np.tanh(volts / self._limit_v)
+
+
 class Clipping(Effect):
     """An amplifier at its limit."""
 
     id = "clipping"
     slot = "electronics"
     order = 70
+    forms = ("rapp", "tanh")
     parameters = (
         Parameter("limit_v", "V", 0.8, 8.5, math.inf, "V_c"),
         Parameter("softness", "1", 0.02, 0.3, 0.0, "s, 0 for an abrupt end"),
@@ -45,8 +55,10 @@ class Clipping(Effect):
             values["softness"] = 0.0
         return values
 
-    def stage(self, shot: Shot) -> _Limiter | None:
+    def stage(self, shot: Shot) -> _Limiter | _TanhLimiter | None:
         """Return the limiter."""
         if math.isinf(self.values["limit_v"]):
             return None
+        if self.form == "tanh":
+            return _TanhLimiter(self.values["limit_v"])
         return _Limiter(self.values["limit_v"], self.values["softness"])

@@ -115,6 +115,8 @@ class Effect:
         Parameter values by name; all of them, no defaults. [SI]
     scope : Scope
         Where it acts.
+    form : str
+        Which published form of its law, one of ``forms``; left out, the first.
     """
 
     id: ClassVar[str] = ""
@@ -123,12 +125,21 @@ class Effect:
     per_material: ClassVar[bool] = False  # a random draw may restrict it to one material
     order: ClassVar[int] = 50  # place in the chain from crystal (0) to converter (100)
     fine_grid: ClassVar[bool] = False  # its stage needs the oversampled grid
+    # Published forms of the same law; the first is the one of the paper's rig.
+    forms: ClassVar[tuple[str, ...]] = ("",)
+    # Those a closed rig has, and a drawn one draws from; none means all.
+    sound_forms: ClassVar[tuple[str, ...]] = ()
 
     values: Mapping[str, float]
     scope: Scope = field(default_factory=Scope)
+    form: str = ""
 
     def __post_init__(self) -> None:
-        """Refuse unknown, missing and non-finite parameters."""
+        """Refuse unknown, missing and non-finite parameters, and forms that there are not."""
+        self.form = self.form or self.forms[0]
+        if self.form not in self.forms:
+            known = ", ".join(self.forms) if self.forms != ("",) else "none"
+            raise ValueError(f"Effect {self.id!r} has no form {self.form!r}; it has {known}.")
         names = {p.name for p in self.parameters}
         if names != set(self.values):
             raise ValueError(
@@ -160,15 +171,53 @@ class Effect:
         return values
 
     @classmethod
+    def form_on(cls, rig: str) -> str:
+        """Return the form that a rig of this name has when none is drawn.
+
+        Parameters
+        ----------
+        rig : str
+            ``"paper"`` takes the first form, any other the first sound one.
+
+        Returns
+        -------
+        str
+            One of ``forms``.
+        """
+        return cls.forms[0] if rig == "paper" or not cls.sound_forms else cls.sound_forms[0]
+
+    @classmethod
+    def draw_form(
+        cls, rng: np.random.Generator, values: dict[str, float]
+    ) -> tuple[str, dict[str, float]]:
+        """Return a form at random, and the values that go with it.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+            Source of chance.
+        values : dict
+            As drawn for the first form. [SI]
+
+        Returns
+        -------
+        tuple of str, dict
+            Form and values.
+        """
+        return str(rng.choice(cls.sound_forms or cls.forms)), values
+
+    @classmethod
     def neutral_values(cls) -> dict[str, float]:
         """Return the values at which nothing happens."""
         return {p.name: p.neutral for p in cls.parameters}
 
     def to_json(self) -> dict[str, object]:
         """Return id, slot, parameters and scope as the sealed truth states them."""
+        form = {"form": self.form} if self.form else {}
         return {
             "id": self.id,
             "slot": self.slot,
+            **form,
             "parameters": dict(self.values),
             "scope": self.scope.to_json(),
         }

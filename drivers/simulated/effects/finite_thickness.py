@@ -1,6 +1,9 @@
-"""A thin bonded coupon stiffens: K times ``1 + 1.133X + 1.283X^2 + 0.769X^3 + 0.0975X^4``.
+"""A coupon of finite thickness on a firm ground is stiffer than a half-space.
 
-``X = sqrt(R delta)/h``. Source: Dimitriadis et al. 2002, nearly incompressible bonded layer, X < 1.
+``whole``: K times ``1 + 1.133X + 1.283X^2 + 0.769X^3 + 0.0975X^4``, X = sqrt(R delta)/h, as it is
+often quoted from Dimitriadis et al. 2002; it stiffens the sphere too. The others stiffen the coupon
+alone, ``1/E* = 1/E1' + 1/(E2' f(X))``, see `bonded_layer`: ``dimitriadis`` 2002 for any nu,
+``garcia`` 2018 for nu = 0.5, ``layer`` a numerical solution of sphere and bonded layer.
 Tell-tale: hardens with amplitude, shorter contact (tested).
 """
 
@@ -8,9 +11,10 @@ from __future__ import annotations
 
 import math
 
+from drivers.simulated.bonded_layer import dimitriadis, garcia, solved_layer
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
 from drivers.simulated.impact import ContactTerm, Mechanics
-from drivers.simulated.impact_kernel import THICKNESS
+from drivers.simulated.impact_kernel import LAYER, THICKNESS
 
 
 class FiniteThickness(Effect):
@@ -19,10 +23,25 @@ class FiniteThickness(Effect):
     id = "finite_thickness"
     slot = "contact"
     per_material = True
+    forms = ("whole", "dimitriadis", "garcia", "layer")
+    sound_forms = ("dimitriadis", "garcia", "layer")
     parameters = (
         Parameter("thickness_m", "m", 1e-3, 5e-2, math.inf, "h, thickness of the coupon"),
     )
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:
         """Add the term to the force of contact."""
-        mechanics.terms.append(ContactTerm(THICKNESS, (self.values["thickness_m"],)))
+        thickness_m = self.values["thickness_m"]
+        if self.form == "whole":
+            mechanics.terms.append(ContactTerm(THICKNESS, (thickness_m,)))
+            return
+        nu = mechanics.coupon_poissons_ratio
+        share = mechanics.reduced_modulus_pa / mechanics.coupon_plane_strain_modulus_pa
+        if self.form == "dimitriadis":
+            coefficients = dimitriadis(nu)
+        elif self.form == "garcia":
+            coefficients = garcia()
+        else:
+            coefficients = solved_layer(nu, share)
+        values = (thickness_m, share, *(float(c) for c in coefficients))
+        mechanics.terms.append(ContactTerm(LAYER, values))

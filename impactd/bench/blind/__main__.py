@@ -12,6 +12,7 @@ from impactd import blas_threads
 
 blas_threads.keep_to_one()  # before anything imports numpy
 
+from drivers.simulated.rig_model import DEFAULT_RIG, RIGS  # noqa: E402 - see above
 from impactd.bench.blind.outcome import outcome  # noqa: E402 - see above
 from impactd.bench.blind.plan import KINDS  # noqa: E402 - see above
 from impactd.bench.blind.runs import Task, read, run_into  # noqa: E402 - see above
@@ -48,6 +49,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m impactd.bench.blind", description=__doc__)
     parser.add_argument("--kind", nargs="+", choices=KINDS, default=KINDS, help="default: all")
+    parser.add_argument("--rig", choices=RIGS, default=DEFAULT_RIG, help="physics of the rigs")
     parser.add_argument("--seed-from", type=int, help="seed of the first trial of each kind")
     parser.add_argument("--campaigns", type=int, help="trials of each kind")
     parser.add_argument("--workers", type=int, default=1)
@@ -64,7 +66,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
 def _run(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # else workers would be orphaned
     seeds = range(options.seed_from, options.seed_from + options.campaigns)
-    tasks = [Task(kind, seed) for seed in seeds for kind in options.kind]
+    tasks = [Task(kind, seed, options.rig) for seed in seeds for kind in options.kind]
     for done, trial in enumerate(run_into(options.out, tasks, workers=options.workers), 1):
         print(f"{done}: {_line(trial)}", file=sys.stderr, flush=True)
     return _print(read([options.out]), options.confusion)

@@ -8,10 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from drivers.simulated.campaign import CampaignSettings
-from drivers.simulated.draw import draw_effect
+from drivers.simulated.draw import draw_effect, no_room_for
 from drivers.simulated.effects import INVENTED, LIBRARY, Effect
+from drivers.simulated.label_spread import EXACT, TYPICAL
 from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.rig_model import DEFAULT_RIG, rig_model
 from drivers.simulated.specimens import SPHERES, SURFACES
+from impactd.bench.simulated_campaign import BASES
 
 KINDS = ("clean", "library", "outside", "pair", "hsd")
 """Nothing, one known effect, one that no library knows, two known ones in different slots, and a
@@ -25,6 +28,9 @@ OTHER_SPHERES = ("acetal", "polypropylene", "hdpe", "ptfe")
 """Two of these fall beside the small acetal sphere, which brings the second radius."""
 CHECKS = ("polycarbonate", "pvc", "ptfe")
 """One of these surfaces of stated modulus lies beside aluminium and the specimen."""
+BITS = (16, 12, 8)
+BITS_SHARES = (0.6, 0.2, 0.2)
+"""Converters of a drawn rig; the two other rigs have 16 bits."""
 
 
 @dataclass(frozen=True)
@@ -43,8 +49,12 @@ class Plan:
         What acts, once more.
     campaign_seed : int
         For the simulator; no two trials share it.
+    rig : str
+        Which physics the rig obeys.
+    whole : str
+        Base model that has all of the rig's physics but its effects.
     base : str
-        Model that the diagnosis starts from.
+        Model that the diagnosis starts from: ``whole``, or the one without a crystal.
     """
 
     kind: str
@@ -52,10 +62,12 @@ class Plan:
     settings: CampaignSettings
     effects: tuple[Effect, ...]
     campaign_seed: int
+    rig: str
+    whole: str
     base: str
 
 
-def draw_plan(kind: str, seed: int) -> Plan:
+def draw_plan(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Plan:
     """Draw materials, noise and effects of one trial.
 
     Parameters
@@ -64,6 +76,9 @@ def draw_plan(kind: str, seed: int) -> Plan:
         One of `KINDS`.
     seed : int
         Of everything drawn.
+    rig : str
+        Which physics the rig obeys. One other than the paper's also differs from its labels, and a
+        drawn one has any of the published forms of an effect and of converters.
 
     Returns
     -------
@@ -81,14 +96,19 @@ def draw_plan(kind: str, seed: int) -> Plan:
     rng = np.random.default_rng([number, 7])
     spheres = ("acetal_small", *sorted(rng.choice(OTHER_SPHERES, 2, replace=False).tolist()))
     surfaces = ("aluminium", str(rng.choice(CHECKS)), "specimen")
-    effects = _draw_effects(kind, rng, spheres, surfaces)
+    effects = _draw_effects(kind, rng, spheres, surfaces, (rig, number))
     settings = CampaignSettings(
         spheres={name: SPHERES[name] for name in spheres},
         surfaces={name: SURFACES[name] for name in surfaces},
         noise=_draw_noise(rng),
         effects=effects,
+        rig=rig,
+        spread=EXACT if rig == "paper" else TYPICAL,
+        bits=_draw_bits(number) if rig == "drawn" else 16,
     )
-    return Plan(kind, seed, settings, effects, number, "hsd" if kind == "hsd" else "kv")
+    whole = BASES[rig]
+    base = "hsd" if kind == "hsd" else whole
+    return Plan(kind, seed, settings, effects, number, rig, whole, base)
 
 
 def colour_of(noise: NoiseSettings) -> str:
@@ -105,19 +125,28 @@ def _draw_noise(rng: np.random.Generator) -> NoiseSettings:
     return NoiseSettings(rms, ar1=rho, pink_corner_hz=corner if colour == "pink" else 0.0)
 
 
+def _draw_bits(number: int) -> int:
+    return int(np.random.default_rng([number, 8]).choice(BITS, p=BITS_SHARES))
+
+
 def _log_uniform(rng: np.random.Generator, ends: tuple[float, float]) -> float:
     return math.exp(rng.uniform(math.log(ends[0]), math.log(ends[1])))
 
 
 def _draw_effects(
-    kind: str, rng: np.random.Generator, spheres: tuple[str, ...], surfaces: tuple[str, ...]
+    kind: str,
+    rng: np.random.Generator,
+    spheres: tuple[str, ...],
+    surfaces: tuple[str, ...],
+    rig: tuple[str, int],
 ) -> tuple[Effect, ...]:
     """Return what acts; an effect of a material may act on one sphere's or surface's only."""
     wanted = {"library": 1, "outside": 1, "pair": 2}.get(kind, 0)
     among = tuple(INVENTED if kind == "outside" else LIBRARY)
+    without = no_room_for(rig_model(*rig))
     found: list[Effect] = []
     while len(found) < wanted:
-        effect = draw_effect(rng, spheres, surfaces, among=among)
+        effect = draw_effect(rng, spheres, surfaces, among=among, without=without, forms=rig[0])
         if all(effect.slot != other.slot for other in found):
             found.append(effect)
     return tuple(found)

@@ -10,6 +10,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import NamedTuple
 
+from drivers.simulated.rig_model import DEFAULT_RIG
 from impactd import blas_threads
 from impactd.bench.blind.trial import Trial, run_trial
 
@@ -21,10 +22,13 @@ class Task(NamedTuple):
     ----------
     kind, seed : str, int
         Which.
+    rig : str
+        Which physics its rig obeys.
     """
 
     kind: str
     seed: int
+    rig: str = DEFAULT_RIG
 
 
 def run(tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
@@ -87,7 +91,7 @@ def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator
     ValueError
         If a line of the file is no trial.
     """
-    done = {(t.kind, t.seed) for t in _resume(path)}
+    done = {(t.kind, t.seed, t.rig) for t in _resume(path)}
     with path.open("a") as out:
         for trial in run([t for t in tasks if tuple(t) not in done], workers=workers):
             out.write(json.dumps(trial.to_json(), allow_nan=False) + "\n")
@@ -96,7 +100,7 @@ def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator
 
 
 def read(paths: Sequence[Path]) -> list[Trial]:
-    """Return the trials of some files, each kind and seed once.
+    """Return the trials of some files, each kind, seed and rig once.
 
     Parameters
     ----------
@@ -106,7 +110,7 @@ def read(paths: Sequence[Path]) -> list[Trial]:
     Returns
     -------
     list of Trial
-        By kind and seed; of two with the same, the one read last.
+        By kind, seed and rig; of two with the same, the one read last.
 
     Raises
     ------
@@ -115,7 +119,7 @@ def read(paths: Sequence[Path]) -> list[Trial]:
     OSError
         If a file cannot be read.
     """
-    found = {(t.kind, t.seed): t for path in paths for t in _lines(path)}
+    found = {(t.kind, t.seed, t.rig): t for path in paths for t in _lines(path)}
     return [found[key] for key in sorted(found)]
 
 

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from drivers.simulated.campaign import simulate_campaign
+from drivers.simulated.rig_model import DEFAULT_RIG
 from impactd.bench.blind.plan import Plan, colour_of, draw_plan
 from impactd.bench.blind.visibility import visibility
 from impactd.bench.simulated_campaign import through_a_folder
@@ -63,6 +64,8 @@ class Trial:
         To write it down, held-out errors of all candidates included. [s]
     error : str or None
         What went wrong.
+    rig : str
+        Which physics the rig obeys.
     """
 
     kind: str
@@ -93,6 +96,7 @@ class Trial:
     cpu_seconds: float | None = None
     statement_seconds: float | None = None
     error: str | None = None
+    rig: str = "paper"  # of lines that were written before there was another
 
     @property
     def truth(self) -> list[str]:
@@ -140,7 +144,7 @@ class _Clock:
             self.judged = time.perf_counter(), time.process_time()
 
 
-def run_trial(kind: str, seed: int) -> Trial:
+def run_trial(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Trial:
     """Draw, simulate, diagnose and lay both sides down.
 
     Parameters
@@ -149,13 +153,15 @@ def run_trial(kind: str, seed: int) -> Trial:
         One of ``plan.KINDS``.
     seed : int
         Of everything drawn.
+    rig : str
+        Which physics the rig obeys.
 
     Returns
     -------
     Trial
         Also where the diagnosis raised: its verdict is then ``failed``.
     """
-    plan = draw_plan(kind, seed)
+    plan = draw_plan(kind, seed, rig)
     simulated = simulate_campaign(plan.settings, plan.campaign_seed)
     solid = simulated["truth"]["surfaces"][SPECIMEN]
     noise = plan.settings.noise
@@ -163,6 +169,7 @@ def run_trial(kind: str, seed: int) -> Trial:
         "kind": kind,
         "seed": seed,
         "base": plan.base,
+        "rig": plan.rig,
         "effects": simulated["truth"]["effects"],
         "materials": [*plan.settings.spheres, *plan.settings.surfaces],
         "colour": colour_of(noise),

@@ -63,10 +63,10 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
         base model cannot be fitted at all, the difference of the records stands in: such effects
         are large, and must not drop out of the count.
     """
-    if not plan.effects and plan.base == "kv":
+    if not plan.effects and plan.base == plan.whole:
         return None
     bare_twin = _twin(plan, ())
-    bare = _cost(bare_twin, campaign, "kv")
+    bare = _cost(bare_twin, campaign, plan.whole)
     if plan.base == "hsd":
         return Visibility(_cost(bare_twin, campaign, "hsd") - bare, [])
 
@@ -74,7 +74,7 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
         """Return what some effects add to the cost."""
         twin = _twin(plan, effects)
         try:
-            return _cost(twin, campaign, "kv") - bare
+            return _cost(twin, campaign, plan.whole) - bare
         except (AnalysisError, np.linalg.LinAlgError):
             return _difference(twin, bare_twin, plan.settings.noise.rms_v)
 
@@ -86,7 +86,8 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
 def _twin(plan: Plan, effects: Sequence[Effect]) -> Campaign:
     """Return the campaign with hardly any noise and other effects."""
     quiet = dataclasses.replace(plan.settings.noise, rms_v=QUIET * plan.settings.noise.rms_v)
-    settings = dataclasses.replace(plan.settings, effects=tuple(effects), noise=quiet)
+    # steps of a coarse converter would stand above so little noise, and be taken for the effect
+    settings = dataclasses.replace(plan.settings, effects=tuple(effects), noise=quiet, bits=16)
     return _without_restitution(simulated_campaign(settings, plan.campaign_seed))
 
 

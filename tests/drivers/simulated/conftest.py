@@ -13,6 +13,7 @@ from drivers.simulated.draw import draw_rig
 from drivers.simulated.drawn_rig import DrawnRig
 from drivers.simulated.effects import Effect, Scope, Shot, make_effect
 from drivers.simulated.flight import Touch, begin_flight, render_flight
+from drivers.simulated.impact import Mechanics
 from drivers.simulated.specimens import SPHERES, SURFACES, CellSpec
 
 
@@ -76,6 +77,15 @@ class Lab:
     ) -> DrawnRig:
         """Return a rig with one effect."""
         return self.a_rig(make_effect(effect_id, values, scope), cell=cell)
+
+    def with_form(self, effect_id: str, values: Mapping[str, float], form: str) -> DrawnRig:
+        """Return a rig with one effect in one of its forms."""
+        return self.a_rig(make_effect(effect_id, values, form=form))
+
+    def bodies(self, rig: DrawnRig, surface: str) -> Mechanics:
+        """Return what an acetal sphere meets."""
+        rng = np.random.default_rng(0)
+        return rig.mechanics(Shot(1, "acetal", surface, 0.03, rng), 0.77, rng)
 
     def loss(self, rig: DrawnRig, height_m: float) -> float:
         """Return 1 - rebound/impact."""

@@ -7,6 +7,8 @@ import dataclasses
 import pytest
 
 from drivers.simulated.effects import INVENTED, LIBRARY
+from drivers.simulated.label_spread import EXACT, TYPICAL
+from drivers.simulated.rig_model import LOSS, rig_model
 from impactd.bench.blind.plan import KINDS, colour_of, draw_plan
 
 
@@ -41,6 +43,38 @@ def test_some_effects_act_on_one_material_of_the_campaign() -> None:
     for plan, scope in scopes:
         assert scope.sphere in {None, *plan.settings.spheres}
         assert scope.surface in {None, *plan.settings.surfaces}
+
+
+def test_old_seeds_have_the_papers_rig_and_labels_that_are_true() -> None:
+    """And what is drawn for another rig leaves materials, noise and the kind of effect alone."""
+    for seed in range(20):
+        old, drawn = draw_plan("library", seed, "paper"), draw_plan("library", seed, "drawn")
+        assert (old.settings.spread, old.settings.bits) == (EXACT, 16)
+        assert (old.whole, drawn.whole) == ("kv", "kv2")
+        assert drawn.settings.spread == TYPICAL
+        assert old.settings.spheres == drawn.settings.spheres
+        assert old.settings.surfaces == drawn.settings.surfaces
+        assert draw_plan("clean", seed, "drawn").settings.noise == (
+            draw_plan("clean", seed, "paper").settings.noise
+        )
+
+
+def test_drawn_rigs_bring_forms_and_converters_that_the_paper_has_not() -> None:
+    """In kinds with an effect any of its forms, in every kind 8 and 12 bits."""
+    for kind in KINDS:
+        plans = [draw_plan(kind, seed, "drawn") for seed in range(60)]
+        assert {p.settings.bits for p in plans} == {8, 12, 16}
+        assert {rig_model("drawn", p.campaign_seed).loss for p in plans} == set(LOSS)
+    effects = [e for seed in range(300) for e in draw_plan("library", seed, "drawn").effects]
+    for effect_id in ("finite_thickness", "stress_relaxation", "amplifier_lowpass"):
+        found = {e.form for e in effects if e.id == effect_id}
+        assert found == set(LIBRARY[effect_id].sound_forms or LIBRARY[effect_id].forms)
+
+
+def test_a_rig_that_keeps_the_third_law_never_lacks_it() -> None:
+    """Its reaction is no effect there."""
+    for seed in range(200):
+        assert all(e.id != "dashpot_reaction" for e in draw_plan("pair", seed, "closed").effects)
 
 
 def test_every_noise_and_every_effect_comes_up() -> None:
