@@ -18,7 +18,8 @@ of the first, and a pull that changes in the first microsecond where the first h
 Source: J. Colloid Interface Sci. 53 (1975) 314; Proc. R. Soc. A 324 (1971) 301. Validity: the first
 for small stiff spheres, the second for large soft ones. The first ends at zero indentation; the
 second draws out a neck (0.2 um between polymers, microseconds of tension between soft bodies) and
-ends where the circle cannot shrink further. The dashpot ends at zero indentation in both.
+ends where the circle cannot shrink further. The dashpot ends at zero indentation in both. On a base
+model whose contact ends with its force (``kv2``) both bear a pull of 4 pi gamma R first.
 Validation: DOP853 of the coupled equations, the second with the circle found by bracketing; both
 static pulls.
 
@@ -74,6 +75,12 @@ def _neck(values: Values, context: ShotContext) -> float:
     return 3 * (length * radius / 4) ** (4 / 3) / radius if sign > 0.0 else 0.0
 
 
+def _most(values: Values, context: ShotContext) -> float:
+    # the first's own pull; a third more than the second's 3 pi gamma R, which alone parts nothing
+    # before its neck is drawn out, so that only the dashpot on top of it can
+    return 4 * math.pi * max(values["surface_energy_j_per_m2"], 0.0) * context.known("radius_m")
+
+
 _PARAMETERS = (
     EffectParameter(
         "surface_energy_j_per_m2",
@@ -104,6 +111,7 @@ EFFECT = Effect(
         0.0,
         0.0,
     ),
+    bears=_most,
     variants=(
         Effect(
             id="adhesion:jkr",
@@ -116,6 +124,7 @@ EFFECT = Effect(
             needs=("radius_m",),
             contact=_jkr,
             pack=_pack_jkr,
+            bears=_most,
             reach=_neck,
         ),
     ),

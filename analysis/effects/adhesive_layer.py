@@ -3,8 +3,8 @@ r"""Adhesive layer: the coupon is a mass of its own on the tape.
 .. math:: m_c \ddot q = F - k_t (q - \Delta) - c_t (\dot q - \dot\Delta)
 
 Source: two masses in series; physics of taped coupons. Validity: the coupon moves as a rigid body.
-A stiff tape (k_t -> infinity) leaves the coupon's mass on the crystal: that is the base model with
-another M, so its neutral value is a limit in which only the coupon's mass still differs.
+A stiff tape (k_t -> infinity) leaves the coupon's mass on the crystal: that is the base model
+``kv2``, and ``kv`` with another M, where only the coupon's mass still differs in the limit.
 Validation: DOP853 of the coupled equations; the stiff limit in the tests.
 
 Scope: the rig's, because one tape serves all coupons, with the same k_t and c_t under each; the
@@ -26,6 +26,7 @@ from analysis.model.structure import Structure
 def _structure(structure: Structure, values: Values, context: ShotContext) -> None:
     mass = context.known("coupon_mass_kg")
     k = values["stiffness_n_per_m"]
+    structure.free_coupon()
     structure.add("coupon", mass)
     structure.link("coupon", structure.top, k, values["damping_n_s_per_m"])
     structure.top = "coupon"
@@ -72,5 +73,5 @@ EFFECT = Effect(
     needs=("coupon_mass_kg",),
     structure=_structure,
     steps=_steps,
-    bases=("kv",),
+    bases=("kv", "kv2"),
 )

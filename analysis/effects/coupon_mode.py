@@ -86,5 +86,5 @@ EFFECT = Effect(
     ),
     structure=_structure,
     steps=_steps,
-    bases=("kv",),
+    bases=("kv", "kv2"),
 )

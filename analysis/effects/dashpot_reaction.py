@@ -4,7 +4,7 @@ r"""Dashpot reaction: the dissipative force also loads the crystal.
 
 The paper passes the elastic force alone (lambda = 0); Newton's third law asks for lambda = 1.
 Values between have no meaning but that the data cannot tell. On a rigid cell the output is the same
-sum.
+sum. The base model ``kv2`` holds the whole reaction already, so the effect cannot be added to it.
 
 Source: Newton; Eqs 8-10 of Maranzano & Hancock 2016 for what it changes. Validity: any. Validation:
 DOP853 of the coupled equations; momentum balance in the tests.
@@ -17,7 +17,7 @@ from analysis.effects.effect import Effect, EffectParameter
 EFFECT = Effect(
     id="dashpot_reaction",
     slot="contact",
-    title="the dashpot pushes the crystal too",
+    title="the dashpot pushes the crystal too (part of kv2)",
     tell_tale="early peak; the output dips below zero at lift-off",
     source="Newton's third law",
     validation="DOP853; momentum balance",
@@ -35,4 +35,5 @@ EFFECT = Effect(
         ),
     ),
     share=lambda v: v["share"],
+    bases=("hsd", "kv"),
 )

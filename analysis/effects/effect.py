@@ -7,6 +7,7 @@ it. It hooks into the model at one or more of these places:
 ``pack``       the effect's values and the shot's context -> the four numbers of its term
 ``share``      the part of the dissipative force that also loads the structure
 ``mobility``   the speed at which the ground recedes per newton of the whole contact force
+``bears``      the largest pull between the surfaces that does not part them [N]
 ``reach``      how far beyond the plane of touch-down the surfaces hold on to one another [m]
 ``structure``  adds masses and links below the sphere (``analysis.model.structure``)
 ``output``     changes the sampled signal, baseline not yet added
@@ -31,7 +32,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.errors import ParameterOutOfRangeError
-from analysis.model.hertz import contact_time
+from analysis.model.hertz import (
+    closed_damping_coefficient,
+    contact_time,
+    damping_coefficient,
+)
 from analysis.model.solver import CONTACT_STEPS
 from analysis.model.structure import Structure
 
@@ -66,6 +71,10 @@ class ShotContext:
         [m/s^2]
     restitution : float
         Eq. 6's restitution of this shot, which sets the base model's dashpot. [1]
+    closed : bool
+        The base model obeys the third law and its contact ends when the force does (``kv2``).
+    coupon_on_crystal_kg : float
+        What the base model adds to the crystal's mass; 0 in the paper's models. [kg]
     """
 
     sample_rate_hz: float
@@ -80,6 +89,15 @@ class ShotContext:
     coupon_thickness_m: float | None
     gravity_m_per_s2: float
     restitution: float = 1.0
+    closed: bool = False
+    coupon_on_crystal_kg: float = 0.0
+
+    @property
+    def alpha(self) -> float:
+        """Return Eq. 3's alpha, by the relation that goes with how the contact ends. [1]"""
+        if self.closed:
+            return closed_damping_coefficient(self.restitution)
+        return damping_coefficient(self.restitution)
 
     def known(self, name: str) -> float:
         """Return a field that the effect cannot do without.
@@ -200,7 +218,8 @@ class Effect:
     needs : tuple of str
         Fields of the context that must be known, else the effect cannot be tried.
     bases : tuple of str
-        Base models it can be added to; a structure below the sphere exists only in ``kv``.
+        Base models it can be added to; a structure below the sphere exists only in ``kv`` and
+        ``kv2``.
     replaces_base : str
         Base model that adding this effect turns the present one into; its parameters are then that
         base's own. Empty for every effect that has a hook.
@@ -229,6 +248,7 @@ class Effect:
     pack: Callable[[Values, ShotContext], tuple[float, float, float, float]] | None = None
     share: Callable[[Values], float] | None = None
     mobility: Callable[[Values], float] | None = None
+    bears: Callable[[Values, ShotContext], float] | None = None
     reach: Callable[[Values, ShotContext], float] | None = None
     structure: Callable[[Structure, Values, ShotContext], None] | None = None
     output: Callable[[Array, Values, ShotContext], Array] | None = None
@@ -237,7 +257,7 @@ class Effect:
     basis: Callable[[int, ShotContext], Array] | None = None
     basis_size: int = field(default=0)
     steps: Callable[[Values, ShotContext], float] | None = None
-    bases: tuple[str, ...] = ("hsd", "kv")
+    bases: tuple[str, ...] = ("hsd", "kv", "kv2")
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
     lookalikes: tuple[Effect, ...] = ()
@@ -256,6 +276,7 @@ class Effect:
             pack=None,
             share=None,
             mobility=None,
+            bears=None,
             reach=None,
             structure=None,
             output=None,

@@ -35,7 +35,7 @@ from numba import njit
 
 from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
 from analysis.model.effect_solver import TERM
-from analysis.model.hertz import contact_time, damping_coefficient
+from analysis.model.hertz import contact_time
 
 _STEPS = 300
 """The law has kinks, at which a step is only of second order."""
@@ -79,7 +79,7 @@ def _within(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped
 
 def _packed(start: float, context: ShotContext) -> tuple[float, float, float, float]:
     K = context.stiffness
-    dashpot = damping_coefficient(context.restitution) * math.sqrt(context.mass_kg * K)
+    dashpot = context.alpha * math.sqrt(context.mass_kg * K)
     duration = contact_time(K, context.mass_kg, context.speed_m_per_s)
     return start, K, dashpot, _PULL / duration
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from analysis.campaign import Campaign, Rejected, Shot
 from analysis.errors import ShotRejectedError
 from analysis.fit.priors import Prior
 from analysis.fit.window import Window, campaign_noise, cut, rail
+from analysis.model.free_fall import speed_in_air
 from analysis.model.impact_model import ShotFrame
 from analysis.noise import NoiseModel
 
@@ -89,7 +90,13 @@ def _gain_of(shot: Shot, frame: ShotFrame, *, known_gain: bool) -> float | None:
 
 
 def fit_shot(
-    shot: Shot, campaign: Campaign, noise: NoiseModel, *, known_gain: bool, kv: bool
+    shot: Shot,
+    campaign: Campaign,
+    noise: NoiseModel,
+    *,
+    known_gain: bool,
+    kv: bool,
+    closed: bool = False,
 ) -> FitShot:
     """Return a shot with everything about it that the fit does not vary.
 
@@ -105,6 +112,8 @@ def fit_shot(
         Whether volts can be turned into newtons at all.
     kv : bool
         Whether the model has a crystal.
+    closed : bool
+        Whether the sphere falls in air and the coupon rides on the crystal (``kv2``).
 
     Returns
     -------
@@ -121,10 +130,18 @@ def fit_shot(
         speed = Prior(math.log(measured.value), max(measured.u / measured.value, 1e-6))
     elif shot.drop_height_m is not None:
         mean = 0.5 * math.log(2 * campaign.gravity_m_per_s2 * shot.drop_height_m)
+        if closed and physical and sphere and sphere.mass_kg and sphere.radius_m:
+            mean = math.log(
+                speed_in_air(
+                    shot.drop_height_m, sphere.radius_m, sphere.mass_kg, campaign.gravity_m_per_s2
+                )
+            )
         speed = Prior(mean, campaign.speed_repeatability or ASSUMED_REPEATABILITY)
     heavy = None
     if kv and not physical:
         heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
+    elif closed:
+        frame = replace(frame, coupon_on_crystal_kg=frame.coupon_mass_kg or 0.0)
     gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
     return FitShot(
         shot,

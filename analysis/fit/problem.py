@@ -45,6 +45,7 @@ from analysis.fit.priors import (
     sensor_transform,
 )
 from analysis.model import solver
+from analysis.model.free_fall import AIR_ASSUMED
 from analysis.model.impact_model import SHARED, ImpactModel
 
 __all__ = [
@@ -239,7 +240,14 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     noise = noise_by_instrument(tuple(usable))
     gain = gain_is_observable(campaign, kv=kv)
     shots = [
-        fit_shot(s, campaign, noise[s.quantity, s.sample_rate_hz], known_gain=gain, kv=kv)
+        fit_shot(
+            s,
+            campaign,
+            noise[s.quantity, s.sample_rate_hz],
+            known_gain=gain,
+            kv=kv,
+            closed=model.closed,
+        )
         for s in usable
     ]
     names: list[str] = []
@@ -262,11 +270,35 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     for row in range(len(SHARED[model.kind]), len(model.shared)):
         names.extend(problem.effect_keys(row))
     _set_priors(problem, priors)
+    if model.closed:
+        problem.assumptions.extend(_closed_assumptions(problem))
     if any(s.speed_prior for s in shots) and campaign.speed_repeatability is None:
         problem.assumptions.append(
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."
         )
     return problem
+
+
+def _closed_assumptions(problem: JointProblem) -> list[str]:
+    """Return what the closed base model takes for granted about these shots, in words."""
+    found = []
+    if any(s.shot.drop_height_m is not None and s.radius_m is not None for s in problem.shots):
+        found.append(AIR_ASSUMED)
+    without = sorted({s.shot.surface or "?" for s in problem.shots if not s.frame.coupon_mass_kg})
+    if without:
+        found.append(
+            f"No coupon mass given for {', '.join(without)}: 0 g taken, so that nothing rides on "
+            "the crystal there."
+        )
+    reduced = sorted(
+        {s.shot.surface or "?" for s in problem.shots if s.frame.coupon_mass_kg and s.heavy_crystal}
+    )
+    if reduced:
+        found.append(
+            f"The coupon's mass counts as the crystal's for {', '.join(reduced)}: without the "
+            "sphere's radius and mass neither is a parameter."
+        )
+    return found
 
 
 def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:

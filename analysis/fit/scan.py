@@ -14,7 +14,12 @@ from numba import njit
 
 from analysis.fit.fit_shot import FitShot
 from analysis.model import solver
-from analysis.model.hertz import CONTACT_TIME_FACTOR, damping_coefficient
+from analysis.model.hertz import (
+    CONTACT_TIME_FACTOR,
+    closed_damping_coefficient,
+    damping_coefficient,
+)
+from analysis.model.impact_model import ImpactModel
 
 CONTACT_TIMES = 40
 STEP_SHARE = 0.5
@@ -50,7 +55,7 @@ def _dot(a, b, n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True)
-def _best(y, peak_at, kind, dt, stiffness, steps, m, v0, alpha, g, M, k, mu, gain):  # type: ignore[no-untyped-def]
+def _best(y, peak_at, kind, dt, stiffness, steps, m, v0, alpha, g, M, k, mu, gain, closed):  # type: ignore[no-untyped-def]
     """Return (squared error, which stiffness, amplitude, shift) of the best trace and place."""
     n = y.size
     energy = _dot(y, y, n)
@@ -59,7 +64,7 @@ def _best(y, peak_at, kind, dt, stiffness, steps, m, v0, alpha, g, M, k, mu, gai
     for j in range(stiffness.size):
         shape[:] = 0.0
         solver.integrate(
-            shape, kind, 0.0, dt, stiffness[j], m, v0, alpha, g, M, k, mu, gain, steps[j]
+            shape, kind, 0.0, dt, stiffness[j], m, v0, alpha, g, M, k, mu, gain, steps[j], closed
         )
         middle = peak_at - int(np.argmax(shape))
         whole = _dot(shape, shape, n)
@@ -78,7 +83,7 @@ def _best(y, peak_at, kind, dt, stiffness, steps, m, v0, alpha, g, M, k, mu, gai
 
 
 def best_contact_time(
-    item: FitShot, kind: int, *, speed: float, omega0: float, zeta: float, e: float
+    item: FitShot, model: ImpactModel, *, speed: float, omega0: float, zeta: float, e: float
 ) -> tuple[float, float, float, int]:
     """Return the contact time whose trace fits a record best.
 
@@ -86,12 +91,12 @@ def best_contact_time(
     ----------
     item : FitShot
         The shot.
-    kind : int
-        `solver.HSD` or `solver.KV`.
+    model : ImpactModel
+        Its base is what is laid on the record.
     speed : float
         Impact speed. [m/s]
     omega0, zeta : float
-        The crystal's. [rad/s, 1]
+        The ring's, with whatever rides on the crystal. [rad/s, 1]
     e : float
         Restitution. [1]
 
@@ -112,22 +117,23 @@ def best_contact_time(
     mass = item.frame.mass_kg
     crystal = 1e3 * mass
     k = crystal * omega0**2
-    ringing = kind == solver.KV
+    ringing = model.kind == solver.KV
     steps = [STEP_SHARE * solver.contact_steps(omega0 if ringing else 0.0, float(t)) for t in times]
     error, j, amplitude, shift = _best(
         item.window.signal - item.window.baseline,
         item.window.peak_index,
-        kind,
+        model.kind,
         dt,
         np.array([stiffness_for(float(t), mass, speed) for t in times]),
         np.array(steps, dtype=np.int64),
         mass,
         speed,
-        damping_coefficient(e),
+        closed_damping_coefficient(e) if model.closed else damping_coefficient(e),
         item.frame.gravity_m_per_s2,
         crystal,
         k,
         2 * zeta * crystal * omega0,
         k if ringing else 1.0,
+        model.closed,
     )
     return float(error), float(times[j]), float(amplitude), int(shift)

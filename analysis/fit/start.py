@@ -33,13 +33,31 @@ def _restitution(item: FitShot) -> float:
     return known.value if known is not None and 0 < known.value < 1 else START_RESTITUTION
 
 
+def _crystal_mass(problem: JointProblem, omega0: float | None = None) -> float:
+    """Return the crystal's mass: stated, or by its spring, or a hundred of the heaviest sphere."""
+    sensor = problem.campaign.sensor
+    if sensor.crystal_mass_kg is not None:
+        return sensor.crystal_mass_kg.value
+    if omega0 is not None and sensor.crystal_stiffness_n_per_m is not None:
+        return sensor.crystal_stiffness_n_per_m.value / omega0**2
+    return 100.0 * max(s.frame.mass_kg for s in problem.shots)
+
+
+def _slower(item: FitShot, crystal_kg: float) -> float:
+    """Return by how much the coupon on the crystal slows its ring, and lowers its damping ratio."""
+    return math.sqrt(1.0 + item.frame.coupon_on_crystal_kg / crystal_kg)
+
+
 def _ring_start(problem: JointProblem) -> tuple[float, float]:
-    """Return (omega0, zeta) from the cell's certificate, else from the records."""
+    """Return (omega0, zeta) of the bare crystal from its certificate, else from the records."""
     item_list = problem.shots[:: max(1, len(problem.shots) // HEAVIEST_SENSOR_SEARCH)]
     item_list = item_list[:HEAVIEST_SENSOR_SEARCH]
     sensor = problem.campaign.sensor
     mass, stiffness = sensor.crystal_mass_kg, sensor.crystal_stiffness_n_per_m
     damping = sensor.crystal_damping_n_s_per_m
+    # what is looked for is a ring with coupons on the crystal
+    crystal = _crystal_mass(problem)
+    slower = float(np.median([_slower(i, crystal) for i in item_list]))
     if mass and stiffness:
         zeta = 0.07
         if damping:
@@ -47,7 +65,8 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
         stated = math.sqrt(stiffness.value / mass.value)
         if _stated_frequency_u(sensor) < FREQUENCY_STEP:
             return stated, zeta  # a calibration knows better than the search's grid
-        return _nearest_ring(item_list, stated, zeta)
+        omega0, zeta = _nearest_ring(problem, item_list, stated / slower, zeta / slower)
+        return omega0 * slower, zeta * slower
     rate = item_list[0].frame.sample_rate_hz
     width = float(np.median([i.window.width_s for i in item_list]))
     grid = 2 * math.pi * np.geomspace(0.3 / width, min(0.4 * rate, 30 / width), FREQUENCIES)
@@ -55,7 +74,8 @@ def _ring_start(problem: JointProblem) -> tuple[float, float]:
     seen = ring_in_tails(item_list)
     if seen is not None:
         candidates.append(seen)
-    return min(candidates, key=lambda c: _ring_mismatch(item_list, *c))
+    omega0, zeta = min(candidates, key=lambda c: _ring_mismatch(problem, item_list, *c))
+    return omega0 * slower, zeta * slower
 
 
 def _stated_frequency_u(sensor: Sensor) -> float:
@@ -69,7 +89,9 @@ def _stated_frequency_u(sensor: Sensor) -> float:
     return 0.5 * math.hypot(mass.u / mass.value, stiffness.u / stiffness.value)
 
 
-def _nearest_ring(items: list[FitShot], stated: float, zeta: float) -> tuple[float, float]:
+def _nearest_ring(
+    problem: JointProblem, items: list[FitShot], stated: float, zeta: float
+) -> tuple[float, float]:
     """Return the certificate's ring, or the one in the records where it is near and fits better.
 
     A certificate good to 7 % is several radians off after ten periods, and a fit that starts there
@@ -78,14 +100,16 @@ def _nearest_ring(items: list[FitShot], stated: float, zeta: float) -> tuple[flo
     seen = ring_in_tails(items, near=(stated, NEAR_CERTIFICATE))
     if seen is None:
         return stated, zeta
-    return min([(stated, zeta), seen], key=lambda c: _ring_mismatch(items, *c))
+    return min([(stated, zeta), seen], key=lambda c: _ring_mismatch(problem, items, *c))
 
 
-def _ring_mismatch(items: list[FitShot], omega0: float, zeta: float) -> float:
+def _ring_mismatch(
+    problem: JointProblem, items: list[FitShot], omega0: float, zeta: float
+) -> float:
     """Return the squared error that the best contact times leave with this ring."""
     return sum(
         best_contact_time(
-            i, solver.KV, speed=_speed(i), omega0=omega0, zeta=zeta, e=_restitution(i)
+            i, problem.model, speed=_speed(i), omega0=omega0, zeta=zeta, e=_restitution(i)
         )[0]
         for i in items
     )
@@ -108,16 +132,16 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
     ndarray, shape (shots, 4)
         ln v0, ln e, t0 [us], baseline per shot.
     """
-    kind = problem.model.kind
-    omega0, zeta = _ring_start(problem) if kind == solver.KV else (1.0, 0.1)
+    omega0, zeta = _ring_start(problem) if problem.model.kind == solver.KV else (1.0, 0.1)
+    crystal = _crystal_mass(problem, omega0)
     nuisances = fresh(problem.model, len(problem.shots))
     stiffness = np.empty(len(problem.shots))
     log_gain = np.empty(len(problem.shots))
     known_gain = _known_gain(problem)
     for row, item in enumerate(problem.shots):
-        speed, e = _speed(item), _restitution(item)
+        speed, e, slower = _speed(item), _restitution(item), _slower(item, crystal)
         _, duration, amplitude, shift = best_contact_time(
-            item, kind, speed=speed, omega0=omega0, zeta=zeta, e=e
+            item, problem.model, speed=speed, omega0=omega0 / slower, zeta=zeta / slower, e=e
         )
         gain = item.fixed_gain if item.fixed_gain is not None else known_gain
         if item.speed_prior is None and gain is not None:
@@ -151,13 +175,9 @@ def _complete(
     zeta: float,
 ) -> None:
     """Turn per-shot values into globals, then give every unknown a prior that says nothing."""
-    sensor = problem.campaign.sensor
     start = np.zeros(len(problem.names))
     free_gain = [g for g, s in zip(log_gain, problem.shots, strict=True) if s.fixed_gain is None]
-    mass = max(s.frame.mass_kg for s in problem.shots)
-    crystal = sensor.crystal_mass_kg.value if sensor.crystal_mass_kg else 100.0 * mass
-    if sensor.crystal_mass_kg is None and sensor.crystal_stiffness_n_per_m is not None:
-        crystal = sensor.crystal_stiffness_n_per_m.value / omega0**2
+    crystal = _crystal_mass(problem, omega0)
     known_gain = _known_gain(problem)
     cell = {
         "sensor.ln_S": known_gain

@@ -8,7 +8,8 @@ A contact term is called as ``term(delta, rate, elastic, z, p0, p1, p2, p3)`` wi
 [m], its rate [m/s], Hertz's force K delta^(3/2) [N], its own memory z, and its packed parameters.
 It returns ``(elastic_addition [N], dissipative_addition [N], dz/dt, recession [m/s])``: the elastic
 part also loads the structure, the dissipative part only the sphere (the paper's convention); the
-recession is taken from the indentation rate. Where surfaces hold on to one another a contact ends
+recession is taken from the indentation rate. A closed base model loads the structure with both, and
+its contact ends when their sum does. Where surfaces hold on to one another a contact ends
 only ``reach`` beyond the plane in which it began; there the indentation is negative, and neither
 Hertz's force nor the base dashpot acts.
 
@@ -44,7 +45,9 @@ TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
 )
 """Signature of a contact term."""
 
-NUMBERS = ("start", "dt", "K", "m", "v0", "alpha", "g", "share", "mobility", "gain", "reach")
+NUMBERS = (
+    "start", "dt", "K", "m", "v0", "alpha", "g", "share", "mobility", "gain", "reach", "bears",
+)  # fmt: skip
 """What a column's row of numbers holds, see `integrate_columns`."""
 
 # state: y, u, t, then one memory per acting term, then the structure
@@ -72,6 +75,22 @@ _TABLE = np.array(
 )
 _RATE_TOLERANCE = 1e-11
 """Of the impact speed: how well the indentation rate on a receding ground is solved for."""
+
+
+_FLOOR = 1e-6
+"""Of its scale of depth (to the fourth root), where a force over y is taken for its limit."""
+_MOST_CORRECTIONS = 60
+"""Bisection alone needs 47 to 1e-14 of a step."""
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _gap(y, u, force, K, cd, floor):  # type: ignore[no-untyped-def]
+    """Return H of ``analysis.model.solver`` for any law: its sign is the force's, its zero simple.
+
+    ``force`` is the total one, and what the surfaces bear.
+    """
+    rest = force / (K * y) - y**5 if y > floor else cd * u / K + force / (K * floor)
+    return y - max(-rest, 0.0) ** 0.2
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -267,7 +286,7 @@ def _integrate(  # type: ignore[no-untyped-def]
     """
     start, dt, K, m, v0 = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     alpha, g, share, mobility, gain = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
-    reach = numbers[10]
+    reach, bears = numbers[10], numbers[11]
     n, first = out.size, _Z + count
     blocks = (first + 2 * masses + _LANES - 1) // _LANES
     for i in range(blocks * _BLOCK):
@@ -287,6 +306,9 @@ def _integrate(  # type: ignore[no-untyped-def]
         i = math.ceil(min(-start / dt - 1e-12, float(n)))
     new, k1, k7 = _TRIAL * _LANES, _K * _LANES, (_K + 6) * _LANES
     begin, end, corrections, ended = 0, 1, 0, False
+    # where the force ends the contact: it presses after `low` of the step, and no more after `high`
+    low, high, last, last_gap = 0.0, h, 0.0, 0.0
+    floor, most = _FLOOR * depth**0.25, 12 if math.isinf(bears) else _MOST_CORRECTIONS
     length, f0, deepest = h, 0.0, 0.0
     for step in range(MAX_STEPS):
         if i >= n and step > ENDLESS * steps:
@@ -299,15 +321,32 @@ def _integrate(  # type: ignore[no-untyped-def]
             begin, end, f0 = 1, _STAGES, f1
             continue
         y1, u1 = load(work, new + _Y), load(work, new + _U)
-        if corrections or (y1 <= 0.0 and u1 < 0.0):
-            # lift-off lies within the step: Newton for its length (dy/ds = u/4)
-            correction = 4.0 * y1 / u1
-            if abs(correction) > 1e-14 * h and corrections < 12:
-                length -= correction
+        parts = y1 <= 0.0 or f1 + bears <= 0.0
+        if corrections or (parts and u1 < 0.0):
+            # lift-off lies within the step: Newton for its length (dy/ds = u/4), then secants
+            if math.isinf(bears):
+                correction = 4.0 * y1 / u1
+                ahead = length - correction
+            else:
+                gap = _gap(y1, u1, f1 + bears, K, cd, floor)
+                if gap > 0.0:
+                    low = length
+                else:
+                    high = length
+                ahead = length - 4.0 * gap / u1 if u1 < 0.0 else low
+                if corrections and gap != last_gap:
+                    ahead = length - gap * (length - last) / (gap - last_gap)
+                if not low < ahead < high:
+                    ahead = 0.5 * (low + high)
+                last, last_gap = length, gap
+                correction = length - ahead if gap != 0.0 else 0.0
+            if abs(correction) > 1e-14 * h and corrections < most:
+                length = ahead
                 corrections += 1
                 continue
-            y1 = 0.0
-            store(work, new + _Y, 0.0)
+            if math.isinf(bears):
+                y1 = 0.0
+                store(work, new + _Y, 0.0)
             ended = True
         elif y1 < HOVERS * depth**0.25 and abs(u1) < HOVERS * speed:
             ended = True
@@ -360,14 +399,15 @@ def integrate_columns(  # type: ignore[no-untyped-def]
         Rows of samples.
     rows : ndarray of int64, shape (c,)
         Which row each impact is added to.
-    numbers : ndarray of float64, shape (c, 11)
+    numbers : ndarray of float64, shape (c, 12)
         In the order of `NUMBERS`. ``start``, ``dt``: first sample relative to touch-down, sample
         interval [s]. ``K``, ``m``, ``v0``, ``alpha``, ``g``: as in
         ``analysis.model.solver.integrate``. ``share``: part of the dissipative force that also
         loads the structure [1]. ``mobility``: speed at which the ground recedes per newton of the
         whole contact force [m/(N s)]. ``gain``: output per metre of crystal compression, or per
         newton for a rigid cell. ``reach``: how far beyond the plane of touch-down the contact ends
-        [m].
+        [m]. ``bears``: the pull at which it ends before that [N]; infinite in the paper's models,
+        and finite only with a ``share`` of 1.
     terms : ndarray of int64, shape (a,)
         Addresses of the contact terms that act, see ``analysis.model.by_address.address_of``.
     packed : ndarray of float64, shape (c, a, 4)

@@ -13,7 +13,6 @@ from analysis.effects.effect import Effect, ShotContext
 from analysis.effects.library import term_addresses
 from analysis.model.by_address import address_of
 from analysis.model.effect_solver import integrate_columns
-from analysis.model.hertz import damping_coefficient
 from analysis.model.structure import RIGID, Assembled, Structure
 
 Array = NDArray[np.float64]
@@ -55,6 +54,8 @@ class Cell:
     ----------
     mass_kg, stiffness_n_per_m, damping_n_s_per_m : float
         M, k, mu; NaN for a rigid cell.
+    coupon_kg : float
+        What rides on the crystal. [kg]
     gain : float
         Output per metre of compression, or per newton for a rigid cell.
     """
@@ -63,11 +64,14 @@ class Cell:
     stiffness_n_per_m: float
     damping_n_s_per_m: float
     gain: float
+    coupon_kg: float = 0.0
 
 
 def _structure(effects: Sequence[Effect], cell: Cell, column: Column) -> Structure:
     """Return what the sphere lands on, every effect's masses added in their order."""
-    found = Structure.kelvin_voigt(cell.mass_kg, cell.stiffness_n_per_m, cell.damping_n_s_per_m)
+    found = Structure.kelvin_voigt(
+        cell.mass_kg, cell.stiffness_n_per_m, cell.damping_n_s_per_m, cell.coupon_kg
+    )
     for effect in effects:
         if effect.structure is not None:
             effect.structure(found, column.values[effect.id], column.context)
@@ -76,27 +80,33 @@ def _structure(effects: Sequence[Effect], cell: Cell, column: Column) -> Structu
 
 def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[float, ...]:
     """Return a column's row of numbers, as `effect_solver.NUMBERS` orders them."""
+    context = column.context
     share, mobility, reach = 0.0, 0.0, 0.0
+    bears = math.inf
+    if context.closed:
+        share, bears = 1.0, 0.0
     for effect in effects:
         if effect.share is not None:
             share = effect.share(column.values[effect.id])
         if effect.mobility is not None:
             mobility += effect.mobility(column.values[effect.id])
+        if effect.bears is not None:
+            bears += effect.bears(column.values[effect.id], context)
         if effect.reach is not None:
-            reach = max(reach, effect.reach(column.values[effect.id], column.context))
-    context = column.context
+            reach = max(reach, effect.reach(column.values[effect.id], context))
     return (
         -context.touch_down_s,
         1.0 / context.sample_rate_hz,
         context.stiffness,
         context.mass_kg,
         context.speed_m_per_s,
-        damping_coefficient(context.restitution),
+        context.alpha,
         context.gravity_m_per_s2,
         share,
         mobility,
         cell.gain,
         reach,
+        bears,
     )
 
 

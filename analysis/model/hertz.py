@@ -7,13 +7,20 @@ References
 .. [1] B. J. Maranzano, B. C. Hancock, Sensing and Bio-Sensing Research 7 (2016) 31-37.
 .. [2] K. L. Johnson, Contact Mechanics (1985), ch. 4 and 11.4.
 .. [3] D. Antypov, J. A. Elliott, EPL 94 (2011) 50004.
+.. [4] T. Schwager, T. Poeschel, Granular Matter 9 (2007) 465-469.
 """
 
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from analysis.errors import ParameterOutOfRangeError
+
+_NEWTON_STEPS = 60
+_NEWTON_TOLERANCE = 4e-16
+_SERIES_BELOW = 1e-4
+"""Distance from critical damping where a series replaces 0/0; its next term is 1e-17."""
 
 CONTACT_TIME_FACTOR = 2.943275
 """Elastic contact time over ``delta_max / v0``: 2 * integral of 1/sqrt(1 - x^2.5) on [0, 1]."""
@@ -129,6 +136,62 @@ def damping_coefficient(restitution: float) -> float:
         raise ParameterOutOfRangeError("restitution", restitution, "positive")
     log = math.log(restitution)
     return -math.sqrt(5) * log / math.hypot(log, math.pi)
+
+
+def _arc_ratio(damping_ratio: float) -> tuple[float, float]:
+    """Return a = psi / sin psi with cos psi the damping ratio (cosh beyond 1), and d(gamma a)."""
+    e = 1.0 - damping_ratio
+    if abs(e) < _SERIES_BELOW:
+        arc = 1.0 + e / 3 + 2 * e**2 / 15 + 2 * e**3 / 35
+        return arc, (4 / 3 + 2 * e / 15 + 2 * e**2 / 35) / (1.0 + damping_ratio)
+    rest = e * (1.0 + damping_ratio)
+    root = math.sqrt(abs(rest))
+    arc = (math.acos(damping_ratio) if rest > 0.0 else math.acosh(damping_ratio)) / root
+    return arc, (arc - damping_ratio) / rest
+
+
+@lru_cache(maxsize=1024)
+def closed_damping_coefficient(restitution: float) -> float:
+    r"""Return the dashpot coefficient where the contact ends when its force does.
+
+    .. math:: \alpha = \sqrt5 \cos\psi, \quad \ln\epsilon = -2 \psi \cot\psi
+
+    Parameters
+    ----------
+    restitution : float
+        Rebound over impact rate of indentation on a rigid cell, the rebound taken where
+        F_el + F_dis is zero. Above 1, where no force pulls, Eq. 5 itself. [1]
+
+    Returns
+    -------
+    float
+        alpha of ``F_dis = alpha sqrt(m K) delta^(1/4) delta'``. [1]
+
+    Raises
+    ------
+    ParameterOutOfRangeError
+        If ``restitution`` is not positive.
+
+    Notes
+    -----
+    With z = delta^(5/4) and d(theta) = delta^(1/4) dt the contact is a damped linear oscillator of
+    damping ratio gamma = alpha / sqrt(5) [3]_. Its force is zero where z'' is, after
+    omega theta = 2 psi, gamma = cos(psi): [4]_ for the linear dashpot, in one formula that holds
+    beyond critical damping too (psi imaginary). gamma psi / sin(psi) is concave in gamma, so that
+    Newton's steps from Eq. 5's side never pass the root. Gravity is left out, as in Eq. 5.
+    Validation: ``tests/analysis/model/test_closed.py`` integrates it back.
+    """
+    if not 0.0 < restitution < 1.0:
+        return damping_coefficient(restitution)
+    wanted = -0.5 * math.log(restitution)
+    ratio = 2.0 * wanted / math.pi
+    for _ in range(_NEWTON_STEPS):
+        arc, slope = _arc_ratio(ratio)
+        step = (wanted - ratio * arc) / slope
+        ratio += step
+        if abs(step) <= _NEWTON_TOLERANCE * ratio:
+            break
+    return math.sqrt(5) * ratio
 
 
 def contact_time(stiffness: float, mass_kg: float, speed_m_per_s: float) -> float:

@@ -8,15 +8,19 @@ name       quantity                     unit of its exponential
 ========== ============================ ======================================================
 ln_K       contact stiffness            N m^-1.5 (N m^-1.5 per kg in reduced units)
 ln_S       gain S = k c; S of Eq. 7     N/V (kg or 1 for acceleration and force recordings)
-ln_w       crystal frequency omega0     rad/s (KV)
-ln_z       crystal damping ratio zeta   1 (KV)
-ln_M       crystal mass                 kg (KV; acts only through the recoil)
+ln_w       crystal frequency omega0     rad/s (KV; sqrt(k/M) without a coupon)
+ln_z       crystal damping ratio zeta   1 (KV; without a coupon)
+ln_M       crystal mass                 kg (KV; acts only through the recoil, in kv2 by the coupon)
 seen_ms    when the rebound was seen    ms after lift-off (of a stated restitution, not of a trace)
 ln_v0      impact speed                 m/s (nuisance)
-ln_e       Eq. 6's restitution          1 (nuisance)
+ln_e       Eq. 6's restitution          1 (nuisance; in kv2 where the force ends, on a rigid cell)
 t0_us      touch-down, in microseconds  after the window's first sample (nuisance)
 baseline   offset                       unit of the signal (nuisance)
 ========== ============================ ======================================================
+
+The base model ``kv2`` is KV closed: the dashpot's force loads the crystal too (third law), the
+coupon's known mass rides on the crystal, and the contact ends when its total force does. Delta is
+counted from where the cell rests under its own and the coupon's weight, so neither shows.
 
 The output is ``k Delta / S`` (KV) or ``F_el / S`` (HSD), plus the baseline. Effects add local
 parameters named ``<effect>.<parameter>``, in the coordinate that the effect states: shared ones,
@@ -74,6 +78,9 @@ class ShotFrame:
         Ends of the converter's range, where the record reaches one. [unit of the signal]
     sphere, surface : str or None
         For effects that act on one of them only.
+    coupon_on_crystal_kg : float
+        What ``kv2`` adds to the crystal's mass; 0 where unknown, or where the crystal's own mass is
+        no parameter. [kg]
     """
 
     sample_rate_hz: float
@@ -88,6 +95,7 @@ class ShotFrame:
     rail: tuple[float, float] | None = None
     sphere: str | None = None
     surface: str | None = None
+    coupon_on_crystal_kg: float = 0.0
 
     def cut(self, signal: Array, jacobian: Array | None = None) -> None:
         """Hold a signal within the converter's range; beyond it nothing moves it.
@@ -140,9 +148,11 @@ class ImpactModel:
     Attributes
     ----------
     base : str
-        ``hsd`` or ``kv``.
+        ``hsd``, ``kv`` or ``kv2``.
     kind : int
         `solver.HSD` or `solver.KV`.
+    closed : bool
+        Third law, the coupon's mass and an end where the force ends; ``kv2``.
     effects : tuple of Effect
         In the order they were added.
     step_share : float
@@ -154,6 +164,7 @@ class ImpactModel:
     kind: int
     effects: tuple[Effect, ...] = ()
     step_share: float = 1.0
+    closed: bool = False
 
     @property
     def name(self) -> str:
@@ -327,6 +338,8 @@ class ImpactModel:
             speed_m_per_s=math.exp(local[at]),
             touch_down_s=float(local[at + 2]) * 1e-6,
             restitution=math.exp(local[at + 1]),
+            closed=self.closed,
+            coupon_on_crystal_kg=frame.coupon_on_crystal_kg if self.closed else 0.0,
             radius_m=frame.radius_m,
             drop_height_m=frame.drop_height_m,
             coupon_mass_kg=frame.coupon_mass_kg,
@@ -410,7 +423,11 @@ class ImpactModel:
         return prediction, jacobian, gradient
 
 
-BASES = {"hsd": solver.HSD, "kv": solver.KV}
+BASES = {
+    "hsd": ImpactModel("hsd", solver.HSD),
+    "kv": ImpactModel("kv", solver.KV),
+    "kv2": ImpactModel("kv2", solver.KV, closed=True),
+}
 
 
 def model_named(name: str) -> ImpactModel:
@@ -419,7 +436,7 @@ def model_named(name: str) -> ImpactModel:
     Parameters
     ----------
     name : str
-        ``hsd`` or ``kv``, then effects: ``kv+coupler_highpass+echo``.
+        ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``.
 
     Returns
     -------
@@ -429,7 +446,8 @@ def model_named(name: str) -> ImpactModel:
     Raises
     ------
     UnknownModelError
-        If there is no such base or effect; the message lists those there are.
+        If there is no such base or effect, or the base holds the effect already; the message lists
+        those there are.
     """
     base, *effects = name.split("+")
     if base not in BASES:
@@ -439,4 +457,10 @@ def model_named(name: str) -> ImpactModel:
         )
     if len(set(effects)) != len(effects):
         raise UnknownModelError(f"{name!r} names an effect twice.")
-    return ImpactModel(base, BASES[base], tuple(effect_named(e) for e in effects))
+    found = tuple(effect_named(e) for e in effects)
+    for effect in found:
+        if base not in effect.bases:
+            raise UnknownModelError(
+                f"{effect.id!r} cannot be added to {base!r}, only to {', '.join(effect.bases)}."
+            )
+    return replace(BASES[base], effects=found)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.model import solver
 from analysis.model.effect_trace import Cell, Column, integrate_with_effects
-from analysis.model.hertz import damping_coefficient
 
 if TYPE_CHECKING:
     from analysis.model.impact_model import ImpactModel, ShotFrame
@@ -159,20 +158,22 @@ def moved(model: ImpactModel, frame: ShotFrame, centre: Column, move: Move) -> C
     return Column(move.at + 1, local, values, context, move.step, move.same_structure)
 
 
-def _cell(model: ImpactModel, local: Array) -> Cell:
+def _cell(model: ImpactModel, column: Column) -> Cell:
     """Return the cell from the identifiable forms."""
+    local = column.local
     if model.kind != solver.KV:
         return Cell(math.nan, math.nan, math.nan, math.exp(-local[1]))
     omega0, zeta, mass = math.exp(local[2]), math.exp(local[3]), math.exp(local[4])
     k = mass * omega0**2
-    return Cell(mass, k, 2 * zeta * mass * omega0, k * math.exp(-local[1]))
+    coupon = column.context.coupon_on_crystal_kg
+    return Cell(mass, k, 2 * zeta * mass * omega0, k * math.exp(-local[1]), coupon)
 
 
 def _base_trace(
     signal: Array, model: ImpactModel, column: Column, steps: int, later: tuple[float, float]
 ) -> tuple[float, float, float]:
     """Add the base model's impact, delayed by ``later[0]`` [s], at ``later[1]`` of its speed."""
-    cell, context = _cell(model, column.local), column.context
+    cell, context = _cell(model, column), column.context
     found: tuple[float, float, float] = solver.integrate(
         signal,
         model.kind,
@@ -181,13 +182,14 @@ def _base_trace(
         context.stiffness,
         context.mass_kg,
         context.speed_m_per_s * later[1],
-        damping_coefficient(context.restitution),
+        context.alpha,
         context.gravity_m_per_s2,
-        cell.mass_kg,
+        cell.mass_kg + cell.coupon_kg,
         cell.stiffness_n_per_m,
         cell.damping_n_s_per_m,
         cell.gain,
         steps,
+        model.closed,
     )
     return found
 
@@ -216,7 +218,7 @@ def add_first_contacts(
         How each column's structure was left.
     """
     if any(e.in_solver or e.rides for e in model.effects):
-        cells = [_cell(model, c.local) for c in columns]
+        cells = [_cell(model, c) for c in columns]
         found, states = integrate_with_effects(table, model.effects, columns, cells, steps=steps)
         ends = [End(float(t), s) for t, s in zip(found[:, 0], states, strict=True)]
         return found, ends
@@ -305,7 +307,7 @@ def _later_contact(
         speed_m_per_s=later[1],
     )
     again = dataclasses.replace(column, row=0, context=context)
-    cells = [_cell(model, column.local)]
+    cells = [_cell(model, column)]
     before = None
     if left is not None:
         span = later[0] - left.time_s

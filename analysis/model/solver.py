@@ -1,4 +1,4 @@
-r"""Compiled integration of the impact: HSD and KV on a grid that knows where it is hard.
+r"""Compiled integration of the impact: HSD, KV and KV closed, on a grid that knows where it is hard.
 
 The dashpot of Eq. 3 goes like :math:`\delta^{1/4}\dot\delta`, whose slope is infinite at touch-down
 and lift-off, so a scheme in equal steps of time converges slowly there. With
@@ -19,7 +19,20 @@ and lift-off are simple zeros of y, and a fifth-order Runge-Kutta scheme keeps i
 steps the samples come from quintic Hermite polynomials in t (value, rate, acceleration at both
 ends); after lift-off the crystal's ring is exact.
 
+The paper's models end the contact at :math:`\delta = 0` and load the crystal with F_el alone. The
+closed form (``closed``) loads it with F_el + F_dis and ends where that sum is zero, which is again a
+simple zero, of
+
+.. math:: H = y - \left(-c\,u / K\right)^{1/5}, \qquad c = \alpha\sqrt{mK}
+
+because :math:`F = y\,(K y^5 + c\,u)`; without a dashpot H is y itself. The surface is then still
+indented: it recovers behind the sphere (delayed recovery) [1]_.
+
 Signs: indentation, crystal compression and forces are positive in compression; speed downwards.
+
+References
+----------
+.. [1] T. Schwager, T. Poeschel, Phys. Rev. E 78 (2008) 051304.
 """
 
 # A compiled kernel takes its state as scalars, by position, and runs in one piece: numba keeps them
@@ -63,18 +76,21 @@ _B1, _B3, _B4, _B5, _B6 = 35 / 384, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84
 
 
 @njit(cache=True, inline="always")
-def _slope(y, u, D, w, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-def]
-    """Return d(y, u, Delta, w, t)/ds; the masses are already divided out."""
+def _slope(y, u, D, w, Km, cd, KM, cM, w2, g2, g):  # type: ignore[no-untyped-def]
+    """Return d(y, u, Delta, w, t)/ds; the masses are already divided out.
+
+    ``cM`` is the dashpot's share in the crystal's acceleration, 0 in the paper's models.
+    """
     y3 = y * y * y
     f = y3 * y3
-    a = KM * f - w2 * D - g2 * w
+    a = KM * f + cM * y * u - w2 * D - g2 * w
     return 0.25 * u, y3 * (g - Km * f - cd * y * u - a), y3 * w, y3 * a, y3
 
 
 @njit(cache=True, inline="always")
-def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-def]
+def _step(y, u, D, w, t, h, Km, cd, KM, cM, w2, g2, g):  # type: ignore[no-untyped-def]
     """Return the state one step of size h in s later."""
-    a1, b1, c1, d1, e1 = _slope(y, u, D, w, Km, cd, KM, w2, g2, g)
+    a1, b1, c1, d1, e1 = _slope(y, u, D, w, Km, cd, KM, cM, w2, g2, g)
     a2, b2, c2, d2, _ = _slope(
         y + h * _A21 * a1,
         u + h * _A21 * b1,
@@ -83,6 +99,7 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
         Km,
         cd,
         KM,
+        cM,
         w2,
         g2,
         g,
@@ -95,6 +112,7 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
         Km,
         cd,
         KM,
+        cM,
         w2,
         g2,
         g,
@@ -107,6 +125,7 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
         Km,
         cd,
         KM,
+        cM,
         w2,
         g2,
         g,
@@ -119,6 +138,7 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
         Km,
         cd,
         KM,
+        cM,
         w2,
         g2,
         g,
@@ -131,6 +151,7 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
         Km,
         cd,
         KM,
+        cM,
         w2,
         g2,
         g,
@@ -145,12 +166,22 @@ def _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, inline="always")
-def _lift_off(y, u, D, w, t, h, Km, cd, KM, w2, g2, g):  # type: ignore[no-untyped-def]
-    """Return the fraction of the step at which y is zero again (Newton; dy/ds = u/4)."""
+def _lift_off(y, u, D, w, t, h, Km, cd, KM, cM, w2, g2, g, end_cd):  # type: ignore[no-untyped-def]
+    """Return the fraction of the step at which the contact ends.
+
+    Newton on H of the module's text; ``end_cd`` is cd where the force ends the contact, 0 where the
+    indentation does.
+    """
     part = h
     for _ in range(12):
-        state = _step(y, u, D, w, t, part, Km, cd, KM, w2, g2, g)
-        correction = 4.0 * state[0] / state[1]
+        state = _step(y, u, D, w, t, part, Km, cd, KM, cM, w2, g2, g)
+        y1, u1 = state[0], state[1]
+        depth, slope = 0.0, 0.25 * u1
+        if end_cd > 0.0 and u1 < 0.0:
+            depth = (-end_cd * u1 / Km) ** 0.2
+            ahead = _slope(y1, u1, state[2], state[3], Km, cd, KM, cM, w2, g2, g)
+            slope -= 0.2 * depth * ahead[1] / u1
+        correction = (y1 - depth) / slope
         part -= correction
         if abs(correction) <= 1e-15 * h:
             break
@@ -217,7 +248,7 @@ def _ring(out, first, x0, v0, t0, start, dt, w2, g2, gain):  # type: ignore[no-u
 
 
 @njit(cache=True, nogil=True)
-def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps):  # type: ignore[no-untyped-def]
+def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps, closed):  # type: ignore[no-untyped-def]
     r"""Add one impact at t = 0, sampled at ``start + i dt``, to ``out``.
 
     Parameters
@@ -232,11 +263,15 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
         Stiffness [N m^-1.5], sphere mass [kg], impact speed [m/s], Eq. 5's alpha [1],
         gravity [m/s^2].
     M, k, mu : float
-        Crystal mass [kg], stiffness [N/m], damping [N s/m]; unused for `HSD`.
+        Mass on the spring (crystal, and the coupon on it) [kg], stiffness [N/m], damping [N s/m];
+        unused for `HSD`.
     gain : float
         1/S [V/N] for `HSD`, 1/c [V/m] for `KV`.
     steps : int
         Steps over the contact.
+    closed : bool
+        The dashpot's force loads the crystal as well, and the contact ends when the total force
+        does; False for the paper's models.
 
     Returns
     -------
@@ -246,15 +281,19 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
 
     Notes
     -----
-    Source: Eqs 1-11 of Maranzano & Hancock 2016. Validation:
-    ``tests/analysis/model/test_solver.py`` against DOP853 at rtol 1e-12.
+    Source: Eqs 1-11 of Maranzano & Hancock 2016; closed: Newton's third law, and [1]_ of the module.
+    Validation: ``tests/analysis/model/test_solver.py`` and ``test_closed.py`` against DOP853 at rtol
+    1e-12.
     """
     n = out.size
     Km = K / m
     cd = alpha * math.sqrt(Km)
-    KM, w2, g2 = 0.0, 0.0, 0.0
+    KM, cM, w2, g2 = 0.0, 0.0, 0.0, 0.0
     if kind == KV:
         KM, w2, g2 = K / M, k / M, mu / M
+        if closed:
+            cM = cd * m / M
+    end_cd = cd if closed and cd > 0.0 else 0.0
     # a sphere that hardly moves is driven by its weight
     speed = math.sqrt(v0 * v0 + 2.0 * g * (2.5 * g / Km) ** (2.0 / 3.0))
     depth = (1.25 * speed * speed / Km) ** 0.4
@@ -271,11 +310,12 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
     count = 0
     while not ended and count < MAX_STEPS and (i < n or count < ENDLESS * steps):
         count += 1
-        y1, u1, D1, w1, t1 = _step(y, u, D, w, t, h, Km, cd, KM, w2, g2, g)
-        if y1 <= 0.0 and u1 < 0.0:
-            part = _lift_off(y, u, D, w, t, h, Km, cd, KM, w2, g2, g)
-            y1, u1, D1, w1, t1 = _step(y, u, D, w, t, part, Km, cd, KM, w2, g2, g)
-            y1 = 0.0
+        y1, u1, D1, w1, t1 = _step(y, u, D, w, t, h, Km, cd, KM, cM, w2, g2, g)
+        if u1 < 0.0 and Km * y1**5 + end_cd * u1 <= 0.0:
+            part = _lift_off(y, u, D, w, t, h, Km, cd, KM, cM, w2, g2, g, end_cd)
+            y1, u1, D1, w1, t1 = _step(y, u, D, w, t, part, Km, cd, KM, cM, w2, g2, g)
+            if end_cd == 0.0:
+                y1 = 0.0
             ended = True
         elif y1 < HOVERS * y_scale and abs(u1) < HOVERS * speed:
             ended = True
@@ -284,8 +324,8 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps): 
             length = t1 - t
             f0, f1 = y**6, y1**6
             if kind == KV:
-                q0, r0, a0 = D, w, KM * f0 - w2 * D - g2 * w
-                q1, r1, a1 = D1, w1, KM * f1 - w2 * D1 - g2 * w1
+                q0, r0, a0 = D, w, KM * f0 + cM * y * u - w2 * D - g2 * w
+                q1, r1, a1 = D1, w1, KM * f1 + cM * y1 * u1 - w2 * D1 - g2 * w1
             else:
                 q0, r0, a0 = y**4, u, g - Km * f0 - cd * y * u
                 q1, r1, a1 = y1**4, u1, g - Km * f1 - cd * y1 * u1
@@ -352,6 +392,7 @@ def trace(
     crystal_damping_n_s_per_m: float = math.nan,
     gain: float = 1.0,
     steps: int | None = None,
+    closed: bool = False,
 ) -> tuple[NDArray[np.float64], float, float, float]:
     """Return one sampled impact; the readable face of `integrate`.
 
@@ -371,6 +412,8 @@ def trace(
         1/S or 1/c, see `integrate`.
     steps : int, optional
         Steps over the contact; by default what `contact_steps` says.
+    closed : bool
+        See `integrate`; ``crystal_mass_kg`` then holds the coupon's mass too.
 
     Returns
     -------
@@ -398,5 +441,6 @@ def trace(
         crystal_damping_n_s_per_m,
         gain,
         steps,
+        closed,
     )
     return out, duration, rebound, deepest

@@ -69,6 +69,8 @@ class Structure:
         The mass that the sphere touches.
     crystal, base : str
         The cell reads the crystal's displacement less the base's.
+    coupon_kg : float
+        Part of the crystal's mass that is a coupon lying on it; 0 in the paper's models. [kg]
     """
 
     masses: dict[str, float] = field(default_factory=dict)
@@ -76,11 +78,20 @@ class Structure:
     top: str = "crystal"
     crystal: str = "crystal"
     base: str = FRAME
+    coupon_kg: float = 0.0
 
     @classmethod
-    def kelvin_voigt(cls, mass_kg: float, stiffness: float, damping: float) -> Structure:
-        """Return the base model's crystal on a rigid frame."""
-        return cls({"crystal": mass_kg}, [("crystal", FRAME, stiffness, damping)])
+    def kelvin_voigt(
+        cls, mass_kg: float, stiffness: float, damping: float, coupon_kg: float = 0.0
+    ) -> Structure:
+        """Return the base model's crystal, with what lies on it, on a rigid frame."""
+        link = ("crystal", FRAME, stiffness, damping)
+        return cls({"crystal": mass_kg + coupon_kg}, [link], coupon_kg=coupon_kg)
+
+    def free_coupon(self) -> None:
+        """Take the coupon's mass off the crystal, for an effect that gives it a place of its own."""
+        self.masses["crystal"] -= self.coupon_kg
+        self.coupon_kg = 0.0
 
     def add(self, name: str, mass_kg: float) -> None:
         """Add a mass. [kg]"""

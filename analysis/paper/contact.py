@@ -16,6 +16,7 @@ from scipy.interpolate import CubicHermiteSpline
 from analysis.model import solver
 from analysis.model.hertz import (
     contact_stiffness,
+    closed_damping_coefficient,
     damping_coefficient,
     plane_strain_modulus,
     reduced_modulus,
@@ -142,7 +143,12 @@ class History:
 
 
 def contact_history(
-    drop: Drop, restitution: float, cell: Cell | None = None, *, steps: int = FINE_STEPS
+    drop: Drop,
+    restitution: float,
+    cell: Cell | None = None,
+    *,
+    steps: int = FINE_STEPS,
+    closed: bool = False,
 ) -> History:
     """Return one contact in full: what `solver.integrate` passes through on its way to a trace.
 
@@ -156,6 +162,8 @@ def contact_history(
         None for HSD's rigid cell.
     steps : int
         Over a loss-free contact.
+    closed : bool
+        See `solver.integrate`; the cell's mass then holds the coupon's too.
 
     Returns
     -------
@@ -168,22 +176,25 @@ def contact_history(
     ``tests/analysis/test_paper.py`` compares the two.
     """
     km = drop.stiffness / drop.mass_kg
-    cd = damping_coefficient(restitution) * math.sqrt(km)
-    big_km, w2, g2 = 0.0, 0.0, 0.0
+    alpha = closed_damping_coefficient(restitution) if closed else damping_coefficient(restitution)
+    cd = alpha * math.sqrt(km)
+    end_cd = max(cd, 0.0) if closed else 0.0
+    big_km, big_cd, w2, g2 = 0.0, 0.0, 0.0, 0.0
     if cell is not None:
         big_km = drop.stiffness / cell.mass_kg
         w2 = cell.stiffness_n_per_m / cell.mass_kg
         g2 = cell.damping_n_s_per_m / cell.mass_kg
-    law = (km, cd, big_km, w2, g2, GRAVITY_M_PER_S2)
+        big_cd = cd * drop.mass_kg / cell.mass_kg if closed else 0.0
+    law = (km, cd, big_km, big_cd, w2, g2, GRAVITY_M_PER_S2)
     depth = (1.25 * drop.speed_m_per_s**2 / km) ** 0.4
     h = 13.05 * depth**0.25 / drop.speed_m_per_s / steps  # as in solver.integrate
     state = (0.0, drop.speed_m_per_s, 0.0, 0.0, 0.0)
     states = [state]
     while len(states) < 20 * steps:
         ahead = solver._step(*state, h, *law)
-        if ahead[0] <= 0.0 and ahead[1] < 0.0:
-            ahead = solver._step(*state, solver._lift_off(*state, h, *law), *law)
-            states.append((0.0, *ahead[1:]))
+        if ahead[1] < 0.0 and km * ahead[0] ** 5 + end_cd * ahead[1] <= 0.0:
+            ahead = solver._step(*state, solver._lift_off(*state, h, *law, end_cd), *law)
+            states.append(ahead if end_cd > 0.0 else (0.0, *ahead[1:]))
             break
         state = ahead
         states.append(state)

@@ -20,7 +20,7 @@ class DiagnosisBody(Request):
         json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv"}}
     )
     shots: list[Annotated[int, Field(ge=1, le=LARGEST)]] = Field(min_length=1, max_length=500)
-    base: Literal["kv", "hsd"] = "kv"
+    base: Literal["kv2", "kv", "hsd"] = "kv"
 
 
 class NextDropBody(Request):

@@ -16,6 +16,7 @@ from impactd.console.options import Csv, Json, Url
 class BaseModel(StrEnum):
     """What a diagnosis may start from."""
 
+    KV2 = "kv2"
     KV = "kv"
     HSD = "hsd"
 
@@ -34,7 +35,9 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
             help="A campaign folder's file, fitted here; or shot numbers, fitted by the daemon.",
         ),
     ],
-    model: Annotated[str, typer.Option("--model", help="hsd or kv.")] = "kv",
+    model: Annotated[
+        str, typer.Option("--model", help="hsd, kv or kv2, effects added with +.")
+    ] = "kv",
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,

@@ -282,9 +282,9 @@ def test_impacts_add_up() -> None:
     """The solver adds an impact to what is there already, so bounces superpose."""
     out = np.ones(400)
     arguments = (solver.HSD, -50e-6, 1e-6, 1.37e8, 6e-4, 0.9, 0.1, 9.8, math.nan, math.nan)
-    solver.integrate(out, *arguments, math.nan, 1.0, 92)
+    solver.integrate(out, *arguments, math.nan, 1.0, 92, False)
     once = out - 1.0
-    solver.integrate(out, *arguments, math.nan, 1.0, 92)
+    solver.integrate(out, *arguments, math.nan, 1.0, 92, False)
     np.testing.assert_allclose(out, 1 + 2 * once, atol=1e-12)
 
 
