@@ -288,7 +288,7 @@ class Daemon:
 BASE_MODELS = {
     "hsd": "Hertz contact on a rigid load cell: force is volts times a constant",
     "kv": "Hertz contact on a Kelvin-Voigt load cell: crystal mass, stiffness and damping",
-    "kv2": "kv, physically closed: Newton's third law, the coupon's mass, no tension, a fall in air",
+    "kv2": "kv, physically closed: third law, the coupon's mass, no tension, a fall in air",
 }
 
 

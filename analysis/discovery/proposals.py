@@ -127,6 +127,8 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
             refused[listed.id] = why
             continue
         for effect in (listed, *listed.variants):
+            if problem.model.base not in effect.bases:
+                continue
             amplitude = amplitude_of(effect)
             lists = [
                 _starts(p, top)[:1] if at == amplitude else _starts(p, top)

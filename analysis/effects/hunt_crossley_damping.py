@@ -4,7 +4,8 @@ r"""Hunt-Crossley damping: a loss in proportion to the elastic force itself.
 
 So 1 - eps = (2/3) chi v for small chi: the loss grows with speed. Like the base dashpot it acts on
 the sphere only; in the variant ``hunt_crossley_damping:felt`` the cell feels it too, as Hunt and
-Crossley's whole contact force F = K delta^(3/2) (1 + chi delta') has it.
+Crossley's whole contact force F = K delta^(3/2) (1 + chi delta') has it. On the base
+``kv2`` it does so anyway.
 
 Source: Hunt & Crossley, J. Appl. Mech. 42 (1975) 440. Validity: small loss; a fitted law, not
 derived from a material. Validation: DOP853 of the coupled equations, and the law in v, in the
@@ -54,6 +55,7 @@ EFFECT = Effect(
             validation="DOP853",
             parameters=_PARAMETERS,
             contact=_felt,
+            bases=("hsd", "kv"),
             pack=lambda v, c: (v["damping_s_per_m"], 0.0, 0.0, 0.0),
         ),
     ),

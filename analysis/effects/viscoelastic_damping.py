@@ -5,7 +5,8 @@ r"""Viscoelastic damping: loss in the bulk of the contact, proportional to the r
 It is the rate of Hertz's force times a time constant A, hence a loss that grows with v^(1/5), where
 the base dashpot's is the same at every speed. Like the base dashpot it acts on the sphere only.
 In the variant ``viscoelastic_damping:felt`` the cell feels this force too, as Newton's third law
-asks of a stress in the bodies, while the base dashpot spares it as before.
+asks of a stress in the bodies, while the base dashpot spares it as before. On the base ``kv2`` it
+feels both anyway.
 
 Source: Kuwabara & Kono, Jpn J. Appl. Phys. 26 (1987) 1230; Brilliantov et al., Phys. Rev. E 53
 (1996) 5382. Validity: A much shorter than the contact time; no adhesion. Validation: DOP853 of the
@@ -53,7 +54,7 @@ EFFECT = Effect(
     id="viscoelastic_damping",
     slot="contact",
     title="the material loses energy with the rate of strain",
-    tell_tale="loss falls with speed, 1 - eps ~ v^(1/5)",
+    tell_tale="loss grows with speed, 1 - eps ~ v^(1/5)",
     source="Kuwabara & Kono 1987; Brilliantov et al. 1996",
     validation="DOP853; the v^(1/5) law",
     parameters=_PARAMETERS,
@@ -64,11 +65,12 @@ EFFECT = Effect(
             id="viscoelastic_damping:felt",
             slot="contact",
             title="the material loses energy with the rate of strain; the cell feels it",
-            tell_tale="loss falls with speed, 1 - eps ~ v^(1/5); early peak",
+            tell_tale="loss grows with speed, 1 - eps ~ v^(1/5); early peak",
             source="Kuwabara & Kono 1987; Brilliantov et al. 1996",
             validation="DOP853",
             parameters=_PARAMETERS,
             contact=_felt,
+            bases=("hsd", "kv"),
             pack=lambda v, c: (1.5 * v["dissipation_time_s"] * c.stiffness, 0.0, 0.0, 0.0),
         ),
     ),

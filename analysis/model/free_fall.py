@@ -74,7 +74,7 @@ def speed_in_air(
     def slope(root: float, squared: float) -> float:
         # d(v^2)/d(root), the way being height * root^2
         v = math.sqrt(max(squared, 0.0))
-        drag = stokes * v * (1 + 0.15 * (reynolds_per_speed * v) ** 0.687)
+        drag: float = stokes * v * (1 + 0.15 * (reynolds_per_speed * v) ** 0.687)
         return 4 * height_m * root * (pull - drag)
 
     squared, h = 0.0, 1.0 / _STEPS

@@ -261,7 +261,7 @@ class ImpactModel:
         context = column.context
         duration = contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
         omega0 = math.exp(column.local[2]) if self.kind == solver.KV else 0.0
-        least = float(solver.contact_steps(omega0, duration))
+        least = float(solver.contact_steps(omega0, duration, closed=self.closed))
         for effect in self.effects:
             if effect.steps is not None:
                 least = max(least, effect.steps(column.values[effect.id], context))

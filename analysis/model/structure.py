@@ -89,7 +89,7 @@ class Structure:
         return cls({"crystal": mass_kg + coupon_kg}, [link], coupon_kg=coupon_kg)
 
     def free_coupon(self) -> None:
-        """Take the coupon's mass off the crystal, for an effect that gives it a place of its own."""
+        """Take the coupon's mass off the crystal; an effect gives it a place of its own."""
         self.masses["crystal"] -= self.coupon_kg
         self.coupon_kg = 0.0
 

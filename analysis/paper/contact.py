@@ -15,8 +15,8 @@ from scipy.interpolate import CubicHermiteSpline
 
 from analysis.model import solver
 from analysis.model.hertz import (
-    contact_stiffness,
     closed_damping_coefficient,
+    contact_stiffness,
     damping_coefficient,
     plane_strain_modulus,
     reduced_modulus,

@@ -35,9 +35,7 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
             help="A campaign folder's file, fitted here; or shot numbers, fitted by the daemon.",
         ),
     ],
-    model: Annotated[
-        str, typer.Option("--model", help="hsd, kv or kv2, effects added with +.")
-    ] = "kv",
+    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = "kv",
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,

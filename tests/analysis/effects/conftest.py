@@ -63,6 +63,7 @@ class Rig:
             drop_height_m=self.drop_height,
             coupon_mass_kg=self.coupon_mass,
             coupon_thickness_m=3e-3,
+            coupon_on_crystal_kg=self.coupon_mass,
         )
 
     def context(self) -> ShotContext:
@@ -85,7 +86,7 @@ class Rig:
     def local(self, model: ImpactModel, values: Mapping[str, float] | None = None) -> Array:
         """Return local parameters; ``values`` are physical, by ``effect.parameter``."""
         omega = math.sqrt(self.cell_stiffness / self.cell_mass)
-        gain = self.cell_stiffness * self.compliance_m_per_v if model.base == "kv" else 1.0
+        gain = self.cell_stiffness * self.compliance_m_per_v if model.base != "hsd" else 1.0
         own = {
             "ln_K": math.log(self.stiffness),
             "ln_S": math.log(gain),

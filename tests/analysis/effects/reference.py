@@ -90,13 +90,15 @@ def impact(
     mobility: float = 0.0,
     share: float = 0.0,
     reach: float = 0.0,
+    bears: float = math.inf,
     after_turn: Callable[[float], Law] | None = None,
 ) -> Outcome:
     """Integrate one impact.
 
     ``recession`` is in metres per second per newton of elastic force, ``mobility`` of the whole
     force; ``share`` of the dissipative force loads the ground; the contact ends at the indentation
-    ``-reach``; ``after_turn`` makes the law of the way back from the deepest point.
+    ``-reach``, or where the force is a pull of ``bears``; ``after_turn`` makes the law of the way
+    back from the deepest point.
     """
     n = len(ground.masses)
     system = ground.system()
@@ -142,10 +144,15 @@ def impact(
         def lift_off(t: float, s: Array) -> float:
             return float(s[0]) + reach if t > 0 else 1.0
 
+        def let_go(t: float, s: Array) -> float:
+            elastic, lost, _, rate = forces(s)
+            return elastic + lost + bears if rate < 0 else 1.0
+
         def turn(t: float, s: Array) -> float:
             return float(forces(s)[3])
 
         lift_off.terminal, lift_off.direction = True, -1  # type: ignore[attr-defined]
+        let_go.terminal, let_go.direction = True, -1  # type: ignore[attr-defined]
         turn.terminal, turn.direction = True, -1  # type: ignore[attr-defined]
         turning = after_turn is not None and present[0] is law
         part = solve_ivp(
@@ -156,7 +163,7 @@ def impact(
             rtol=RTOL,
             atol=absolute,
             max_step=2e-6,
-            events=[turn] if turning else [lift_off],
+            events=[turn] if turning else [lift_off, let_go],
             dense_output=True,
         )
         assert part.status == 1, "the reference contact did not end"

@@ -28,6 +28,30 @@ def linear_force_end(damping_ratio: float) -> float:
     return math.exp(-b / w * angle)
 
 
+def fallen(height: float, radius: float, mass: float) -> float:
+    """Return the speed by the equation of motion in time: weight, buoyancy, added mass, drag."""
+    air, eta = 1.204, 1.81e-5
+    volume, area = 4 / 3 * math.pi * radius**3, math.pi * radius**2
+
+    def rates(_t: float, state: list[float]) -> list[float]:
+        v = state[1]
+        drag = 0.0
+        if v > 0:
+            re = 2 * radius * v * air / eta
+            drag = 24 / re * (1 + 0.15 * re**0.687) * 0.5 * air * area * v**2
+        force = (mass - air * volume) * GRAVITY - drag
+        return [v, force / (mass + 0.5 * air * volume)]
+
+    def arrives(_t: float, state: list[float]) -> float:
+        return state[0] - height
+
+    arrives.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(
+        rates, (0, 10), [0.0, 0.0], method="DOP853", rtol=1e-11, atol=1e-13, events=arrives
+    )
+    return float(found.y[1, -1])
+
+
 @dataclass(frozen=True)
 class ClosedImpact:
     """One impact of a sphere on a coupon that rides on a crystal. SI; alpha of Eq. 3."""
@@ -40,8 +64,6 @@ class ClosedImpact:
     crystal_stiffness: float
     crystal_damping: float
     coupon_mass: float = 0.0
-    third_law: bool = True
-    ends_with_force: bool = True
     gravity: float = GRAVITY
     rtol: float = 1e-12
 
@@ -56,22 +78,21 @@ class ClosedImpact:
         """Return the derivative of (x, x', Delta, Delta')."""
         elastic, lost = self.forces(state)
         _, v, crystal, w = state
-        pushed = elastic + lost if self.third_law else elastic
         spring = self.crystal_stiffness * crystal + self.crystal_damping * w
         heavy = self.crystal_mass + self.coupon_mass
-        return [v, self.gravity - (elastic + lost) / self.mass, w, (pushed - spring) / heavy]
+        force = elastic + lost
+        return [v, self.gravity - force / self.mass, w, (force - spring) / heavy]
 
     def solve(self, times: Array) -> tuple[Array, float, float]:
         """Return the crystal's compression at ``times``, the contact time, the rebound speed."""
         scale = (1.25 * self.mass * self.speed**2 / self.stiffness) ** 0.4
 
         def force_over_depth(_t: float, state: Array) -> float:
-            # F / delta^(1/4): the same zero, without the one at touch-down; odd, to be seen to cross
+            # F / delta^(1/4): the same zero, not the one at touch-down; odd, to be seen to cross
             depth = float(state[0] - state[2])
             viscous = self.alpha * math.sqrt(self.mass * self.stiffness)
             elastic = self.stiffness * math.copysign(abs(depth) ** 1.25, depth)
-            pull = viscous * float(state[1] - state[3]) if self.ends_with_force else 0.0
-            return elastic + pull
+            return elastic + viscous * float(state[1] - state[3])
 
         force_over_depth.terminal, force_over_depth.direction = True, -1  # type: ignore[attr-defined]
         contact = solve_ivp(
