@@ -40,6 +40,8 @@ SHORT_ORDER = 2
 SLOW_PRICE = 6.0
 """What a 1/f part must bring in twice the logarithm of the likelihood. Every amplifier has one, so
 it need not prove itself as a further order must; to whiten one that is not there does no harm."""
+PROMISED_SHARE = 0.5
+"""Of that price: what a score test must promise for a search. It promises rather too much."""
 
 
 @dataclass(frozen=True)
@@ -261,7 +263,10 @@ def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> Slow | No
     price = math.log(seen.pieces * seen.samples)
     best, least = None, -2.0 * flat.likelihood + flat.short.size * price
     for short, _ in islice(_by_order(gamma), min(flat.short.size, SHORT_ORDER) + 1):
-        found = noise_slow.with_slow_part(seen, short.size)
+        # a search costs more than all the rest of a shot's fit: only where it may be worth it
+        if noise_slow.promised_gain(seen, short) < PROMISED_SHARE * SLOW_PRICE:
+            continue
+        found = noise_slow.with_slow_part(seen, short)
         without = max(noise_slow.autoregressive(seen, a).likelihood for a in (short, found.short))
         worth = 2.0 * (found.likelihood - without) > SLOW_PRICE
         cost = -2.0 * found.likelihood + short.size * price + SLOW_PRICE

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft
 from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
-from scipy.optimize import minimize
 
 from analysis.quiet_spectrum import Spectrum, slow_covariance
 
@@ -24,8 +23,6 @@ Array = NDArray[np.float64]
 
 LONG_ORDER = 256
 """Taps of the filter that whitens 1/f: it holds down to a few hundredths of its inverse."""
-CORNERS = (1e-3, 1e-2)
-"""Cycles per sample from which the search for a corner begins."""
 FURTHEST_CORNER = 0.5
 """A corner beyond half the sample rate is colour of another kind than 1/f."""
 DOUBTED = 9.0
@@ -34,6 +31,16 @@ may be."""
 LEAST_CORNER = 1e-6
 """Cycles per sample below which no corner is tried."""
 _GRID = 1 << 14
+_RATIOS = np.geomspace(LEAST_CORNER, FURTHEST_CORNER, 60)
+_TURN_STEP = 1e-6
+_LARGEST_REFLECTION = 1.0 - 1e-9
+_MOST_TURNED = 10.0
+"""A reflection of 1 - 4e-9: beyond it noise is a tone."""
+_MOST_RATIO = 1e4
+"""Of 1/f to innovations: beyond it hardly any are left, and no corner is in sight."""
+_CLIMB_STEPS = 60
+_CLIMBED = 1e-3
+"""Gain in the likelihood's logarithm below which nothing depends on it: prices are of order 6."""
 
 
 @dataclass(frozen=True)
@@ -97,45 +104,128 @@ def _from_reflections(reflections: Array) -> Array:
     return a
 
 
-def with_slow_part(seen: Spectrum, order: int) -> Slow:
+def _profile(seen: Spectrum, shape: Array) -> Array:
+    """Return the largest likelihood with each of `_RATIOS`, the autoregressive shape kept."""
+    expected = shape * seen.white + _RATIOS[:, None] * seen.slow
+    level = np.average(seen.power / expected, weights=seen.lines, axis=1)
+    found = np.log(level[:, None] * expected) @ seen.lines
+    # at its best level a line's power is on average what is expected of it
+    return np.asarray(-0.5 * seen.pieces * (found + seen.lines.sum()))
+
+
+def _made(seen: Spectrum, ratio: float, turns: Array) -> Slow:
+    """Return noise of a shape, 1/f part over innovation and reflections, at its best level."""
+    short = _from_reflections(np.tanh(turns))
+    shape = _shape(short, seen.frequency) * seen.white + ratio * seen.slow
+    level = float(np.average(seen.power / shape, weights=seen.lines))
+    return Slow(short, level, ratio * level, _likelihood(seen, level * shape))
+
+
+def _scores(seen: Spectrum, at: Slow, turns: Array) -> tuple[Array, Array]:
+    """Return Fisher's score and information of (ln level, ratio, turns), see `_made`."""
+    waves = np.exp(-2j * np.pi * seen.frequency * np.arange(1, turns.size + 1)[:, None])
+    response = 1.0 - at.short @ waves
+    bent = np.empty((turns.size, turns.size))
+    for j in range(turns.size):
+        moved = turns.copy()
+        moved[j] += _TURN_STEP
+        bent[j] = (_from_reflections(np.tanh(moved)) - at.short) / _TURN_STEP
+    shape = seen.white / np.abs(response) ** 2
+    whole = shape + at.amplitude / at.innovation * seen.slow
+    slopes = np.empty((2 + turns.size, seen.frequency.size))
+    slopes[0], slopes[1] = 1.0, seen.slow / whole
+    slopes[2:] = bent @ (2.0 * (waves / response).real) * (shape / whole)
+    weighted = 0.5 * seen.pieces * seen.lines * slopes
+    score = weighted @ (seen.power / (at.innovation * whole) - 1.0)
+    return np.asarray(score), np.asarray(weighted @ slopes.T)
+
+
+def promised_gain(seen: Spectrum, short: Array) -> float:
+    """Return by how much twice the likelihood's logarithm would rise by a 1/f part (score test).
+
+    Parameters
+    ----------
+    seen : Spectrum
+        Of quiet stretches.
+    short : ndarray, shape (p,)
+        Coefficients of autoregressive noise, from which it is reckoned.
+
+    Returns
+    -------
+    float
+        Of a likelihood that is a parabola, 0 where a 1/f part would have to be negative.
+
+    Notes
+    -----
+    Source: Rao's score test. For lines above what is expected of them it promises more than they
+    bring (x - 1 squared, where the likelihood has 2 (x - 1 - ln x)).
+    """
+    turns = _turns(short)
+    score, information = _scores(seen, _made(seen, 0.0, turns), turns)
+    kept = np.arange(score.size) != 1
+    inner = np.linalg.inv(information[np.ix_(kept, kept)])
+    cross = information[1, kept] @ inner
+    own = float(information[1, 1] - cross @ information[kept, 1])
+    free = float(score[1] - cross @ score[kept])
+    return free**2 / own if free > 0.0 and own > 0.0 else 0.0
+
+
+def _turns(short: Array) -> Array:
+    """Return inverse hyperbolic tangents of the reflections that make these coefficients."""
+    found, a = [], short
+    for _ in range(short.size):
+        r = float(np.clip(a[-1], -_LARGEST_REFLECTION, _LARGEST_REFLECTION))
+        found.append(math.atanh(r))
+        a = (a[:-1] + r * a[-2::-1]) / (1.0 - r * r)
+    return np.array(found[::-1])
+
+
+def _climb(seen: Spectrum, ratio: float, turns: Array) -> Slow:
+    """Return the nearest largest likelihood: Fisher's scoring, damped where it leads too far."""
+    found, damping = _made(seen, ratio, turns), 0.0
+    for _ in range(_CLIMB_STEPS):
+        score, information = _scores(seen, found, turns)
+        information[np.diag_indices_from(information)] *= 1.0 + damping
+        step = np.linalg.solve(information, score)
+        # a 1/f part stays positive, and may vanish by steps
+        ahead = ratio + float(step[1])
+        ahead = ahead if ahead > 0.1 * ratio else 0.1 * ratio
+        moved = np.clip(turns + step[2:], -_MOST_TURNED, _MOST_TURNED)
+        tried = _made(seen, ahead, moved)
+        gain = tried.likelihood - found.likelihood
+        if gain > 0.0:
+            found, ratio, turns, damping = tried, ahead, moved, 0.1 * damping
+        else:
+            damping = max(10.0 * damping, 1e-2)
+        if abs(gain) < _CLIMBED or ratio > _MOST_RATIO:
+            break
+    return found
+
+
+def with_slow_part(seen: Spectrum, short: Array) -> Slow:
     """Return the best autoregressive noise of an order with a 1/f part.
 
     Parameters
     ----------
     seen : Spectrum
         Of quiet stretches.
-    order : int
-        Of the autoregressive part.
+    short : ndarray, shape (p,)
+        Coefficients without a 1/f part, of the order that is wanted.
 
     Returns
     -------
     Slow
-        At the largest likelihood.
+        At the largest likelihood, looked for from these coefficients and from white noise.
     """
-    level = float(np.median(seen.power / seen.white)) / 0.9
-
-    def model_of(point: Array) -> Slow:
-        """Return the noise at a point of the search."""
-        short = _from_reflections(np.tanh(point[2:]))
-        innovation = level * math.exp(point[0])
-        return Slow(short, innovation, innovation * math.exp(point[1]), 0.0)
-
-    def cost(point: Array) -> float:
-        """Return minus the logarithm of the likelihood per line."""
-        if np.any(np.abs(point) > 30.0):
-            return 1e9
-        found = _likelihood(seen, expected_power(seen, model_of(point)))
-        return -found / seen.samples
-
-    best: tuple[float, Array] | None = None
-    for corner in CORNERS:
-        start = np.concatenate([[0.0, math.log(corner)], np.zeros(order)])
-        found = minimize(cost, start, method="L-BFGS-B")
-        if best is None or found.fun < best[0]:
-            best = (float(found.fun), np.asarray(found.x))
-    assert best is not None
-    made = model_of(best[1])
-    return Slow(made.short, made.innovation, made.amplitude, -best[0] * seen.samples)
+    starts = [np.zeros(short.size)]
+    if short.size:
+        starts.append(_turns(short))
+    climbed = []
+    for turns in starts:
+        shape = _shape(_from_reflections(np.tanh(turns)), seen.frequency)
+        ratio = float(_RATIOS[int(np.argmax(_profile(seen, shape)))])
+        climbed.append(_climb(seen, ratio, turns))
+    return max(climbed, key=lambda found: found.likelihood)
 
 
 def largest_corner(seen: Spectrum, short: Array) -> float:
@@ -153,19 +243,10 @@ def largest_corner(seen: Spectrum, short: Array) -> float:
     float
         The corner at which the likelihood, at its best level, has fallen by `DOUBTED`.
     """
-    fast = seen.white * _shape(short, seen.frequency)
     at_zero = float(_shape(short, np.zeros(1))[0])
-
-    def likelihood(corner: float) -> float:
-        """Return the logarithm of the largest likelihood with a corner."""
-        expected = fast + corner * at_zero * seen.slow
-        level = float(np.average(seen.power / expected, weights=seen.lines))
-        return _likelihood(seen, level * expected)
-
-    tried = np.geomspace(LEAST_CORNER, FURTHEST_CORNER, 60)
-    found = np.array([likelihood(float(c)) for c in tried])
+    found = _profile(seen, _shape(short, seen.frequency) / at_zero)
     allowed = np.flatnonzero(2.0 * (found.max() - found) <= DOUBTED)
-    return float(tried[allowed[-1]])
+    return float(_RATIOS[allowed[-1]])
 
 
 def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float, Array]:

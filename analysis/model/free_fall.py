@@ -72,7 +72,7 @@ def speed_in_air(
     reynolds_per_speed = 2 * radius_m * air_density_kg_per_m3 / air_viscosity_pa_s
 
     def slope(root: float, squared: float) -> float:
-        # d(v^2)/d(root), the way being height * root^2
+        """Return d(v^2)/d(root), the way being height * root^2."""
         v = math.sqrt(max(squared, 0.0))
         drag: float = stokes * v * (1 + 0.15 * (reynolds_per_speed * v) ** 0.687)
         return 4 * height_m * root * (pull - drag)

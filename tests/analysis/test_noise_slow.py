@@ -6,8 +6,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from analysis.noise import NoiseModel, estimate_noise
-from analysis.noise_slow import Slow, whitening_filter
+from analysis.noise import SLOW_PRICE, NoiseModel, estimate_noise
+from analysis.noise_slow import (
+    Slow,
+    autoregressive,
+    promised_gain,
+    whitening_filter,
+    with_slow_part,
+)
+from analysis.quiet_spectrum import pooled_spectrum
 
 RATE_HZ = 1e6
 RMS_V = 1.5e-3
@@ -116,3 +123,21 @@ def test_a_long_filter_whitens_as_the_sum_that_it_is() -> None:
     np.testing.assert_allclose(noise.whiten(values)[100:], wanted, atol=1e-9)
     np.testing.assert_allclose(noise.whiten(values), noise.whiten(np.asfortranarray(values)))
     np.testing.assert_allclose(noise.whiten(values)[:, 1], noise.whiten(values[:, 1]), atol=1e-9)
+
+
+@pytest.mark.parametrize("corner_hz", [0.0, 300.0, 1e3, 3e3])
+@pytest.mark.parametrize("rho", [0.0, 0.6])
+def test_a_score_promises_at_least_half_of_what_a_search_brings(
+    corner_hz: float, rho: float
+) -> None:
+    """No 1/f part that is worth its price is missed by asking the score first."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        quiet = [_record(rng, 1490, corner_hz=corner_hz, rho=rho) for _ in range(3)]
+        seen = pooled_spectrum(quiet, RATE_HZ)
+        assert seen is not None
+        short = np.array([rho]) if rho else np.zeros(0)
+        found = with_slow_part(seen, short)
+        without = max(autoregressive(seen, a).likelihood for a in (short, found.short))
+        gain = 2.0 * (found.likelihood - without)
+        assert gain <= SLOW_PRICE or promised_gain(seen, short) >= 0.5 * gain

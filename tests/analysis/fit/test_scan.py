@@ -15,6 +15,7 @@ from analysis.fit.scan import best_contact_time
 from analysis.model import solver
 from analysis.model.hertz import contact_time, damping_coefficient
 from analysis.model.impact_model import model_named
+from analysis.model.impact_model import model_named
 
 OMEGA0, ZETA, MASS_KG, RADIUS_M, SPEED = 1.08e5, 0.073, 6.1e-4, 4.76e-3, 0.77
 TOUCH = 1500
@@ -58,7 +59,7 @@ def test_the_scan_finds_the_contact_time_and_the_touch_down(stiffness: float) ->
     """The grid's step is 16 %; amplitude and shift follow."""
     item = _item(stiffness)
     _, duration, amplitude, shift = best_contact_time(
-        item, solver.KV, speed=SPEED, omega0=OMEGA0, zeta=ZETA, e=0.75
+        item, model_named("kv"), speed=SPEED, omega0=OMEGA0, zeta=ZETA, e=0.75
     )
     true = contact_time(stiffness, MASS_KG, SPEED)
     assert abs(math.log(duration / true)) < 0.1
