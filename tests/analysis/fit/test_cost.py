@@ -13,8 +13,8 @@ from analysis.campaign import Quantity, Sensor
 TRACES = 70
 """Simulated traces: some five steps of a Jacobian of nine and a trial each; 62 as measured."""
 CALLS = 8000
-"""Of functions, Python's and numpy's; 6300 as measured, 41 000 when a search for 1/f noise took most
-of a fit."""
+"""Of functions, Python's and numpy's; 6300 as measured, and 41 000 when a search for 1/f noise took
+most of a fit."""
 
 
 def test_one_shots_fit_takes_few_operations(truth: Any) -> None:

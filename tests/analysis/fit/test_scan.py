@@ -15,7 +15,6 @@ from analysis.fit.scan import best_contact_time
 from analysis.model import solver
 from analysis.model.hertz import contact_time, damping_coefficient
 from analysis.model.impact_model import model_named
-from analysis.model.impact_model import model_named
 
 OMEGA0, ZETA, MASS_KG, RADIUS_M, SPEED = 1.08e5, 0.073, 6.1e-4, 4.76e-3, 0.77
 TOUCH = 1500
