@@ -6,6 +6,7 @@ Nothing here reads a file; ``impactd.storage.campaign_folder`` does and builds t
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,6 +27,28 @@ class Quantity:
 
     value: float
     u: float
+
+
+@dataclass(frozen=True)
+class Uncertainty:
+    """How far a stated number may be from the truth; the number itself stands beside it.
+
+    Attributes
+    ----------
+    u : float
+        Standard uncertainty, >= 0, in the unit of the number.
+    distribution : str
+        ``normal`` or ``rectangular``; a rectangle's half-width is sqrt(3) u.
+    degrees_of_freedom : float
+        Of ``u``; infinite where it is not an estimate from repetitions.
+    traceable_to : str or None
+        A certificate, a standard, an instrument.
+    """
+
+    u: float
+    distribution: str = "normal"
+    degrees_of_freedom: float = math.inf
+    traceable_to: str | None = None
 
 
 @dataclass(frozen=True)
@@ -55,24 +78,42 @@ class Sensor:
 
 @dataclass(frozen=True)
 class Sphere:
-    """A sphere. All SI; a ``None`` modulus is to be found, one with a value is a prior."""
+    """A sphere. All SI; a ``None`` modulus is to be found, one with a value is a prior.
+
+    A number without its ``u_`` counts as exact.
+    """
 
     name: str
     radius_m: float | None = None
     mass_kg: float | None = None
     youngs_modulus_pa: Quantity | None = None
     poissons_ratio: Quantity | None = None
+    u_radius_m: Uncertainty | None = None
+    u_mass_kg: Uncertainty | None = None
 
 
 @dataclass(frozen=True)
 class Surface:
-    """A coupon. All SI; a ``None`` modulus is to be found, one with a value is a prior."""
+    """A coupon. All SI; a ``None`` modulus is to be found, one with a value is a prior.
+
+    A number without its ``u_`` counts as exact.
+    """
 
     name: str
     youngs_modulus_pa: Quantity | None = None
     poissons_ratio: Quantity | None = None
     coupon_mass_kg: float | None = None
     coupon_thickness_m: float | None = None
+    u_coupon_mass_kg: Uncertainty | None = None
+    u_coupon_thickness_m: Uncertainty | None = None
+
+
+@dataclass(frozen=True)
+class Environment:
+    """What it was like around the rig; nothing here enters a model."""
+
+    temperature_c: Quantity | None = None
+    relative_humidity: Quantity | None = None
 
 
 @dataclass(frozen=True)
@@ -105,6 +146,14 @@ class Shot:
         The record sits on a limit of converter or amplifier; kept, and flagged.
     code_zero : float
         What the converter's code 0 stands for, in the unit of ``signal``.
+    u_drop_height_m : Uncertainty or None
+        Of this height alone, independent of the other shots'. [m]
+    u_sample_rate_hz : Uncertainty or None
+        Of the time base, which all shots of a campaign share. [Hz]
+    u_gain_relative : float
+        Of the converter's volts per code, which all shots of a campaign share. [1]
+    environment : Environment or None
+        At this shot.
     """
 
     name: str
@@ -120,6 +169,10 @@ class Shot:
     clipped: bool = False
     impact_speed_m_per_s: Quantity | None = None
     code_zero: float = 0.0
+    u_drop_height_m: Uncertainty | None = None
+    u_sample_rate_hz: Uncertainty | None = None
+    u_gain_relative: float = 0.0
+    environment: Environment | None = None
 
 
 @dataclass(frozen=True)
@@ -149,6 +202,14 @@ class Campaign:
         Relative standard deviation of the impact speed from shot to shot. [1]
     rejected : tuple of Rejected
         Shots that were refused on the way in.
+    u_gravity_m_per_s2 : Uncertainty or None
+        [m/s^2]
+    u_height_offset_m : Uncertainty or None
+        Of an offset that all drop heights share, of best estimate 0. [m]
+    u_sample_rate_relative : Uncertainty or None
+        Of a time base that all shots share; counts instead of the shots' own. [1]
+    environment : Environment or None
+        Of the whole campaign.
     """
 
     shots: tuple[Shot, ...]
@@ -158,3 +219,7 @@ class Campaign:
     gravity_m_per_s2: float = 9.80665
     speed_repeatability: float | None = None
     rejected: tuple[Rejected, ...] = ()
+    u_gravity_m_per_s2: Uncertainty | None = None
+    u_height_offset_m: Uncertainty | None = None
+    u_sample_rate_relative: Uncertainty | None = None
+    environment: Environment | None = None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.fit.estimates import pair_modulus
+from analysis.fit.inputs import PREFIX
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import SEEN, SENSOR_FIELDS
 from analysis.fit.problem import JointProblem, sensor_transform
@@ -59,7 +60,7 @@ def asked_of(problem: JointProblem, fitted: Fitted) -> list[Asked]:
         elif name == SEEN:
             words = "how long after lift-off the stated rebound speeds were seen (in ms)"
             found.append(Asked(name, words, unit[j], kind="delay", log=False))
-        elif not name.startswith(("sensor.", "pair.")):
+        elif not name.startswith(("sensor.", "pair.", PREFIX)):
             found.append(Asked(name, f"the effect's {name}", unit[j], kind="effect", log=False))
     return found
 

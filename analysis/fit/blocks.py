@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from analysis.fit.nuisances import prior_of
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
-from analysis.model.impact_model import ImpactModel
+from analysis.model.impact_model import ImpactModel, Prediction
 
 Array = NDArray[np.float64]
 
@@ -26,7 +26,7 @@ class ShotBlock:
     vector : ndarray, shape (s + q,)
         Whitened -J^T r.
     chain : ndarray, shape (s, g)
-        Shared local parameters by the globals.
+        Shared local parameters by the globals; behind them the inputs that the shot depends on.
     chi2 : float
         Whitened squares of the samples alone.
     cost : float
@@ -150,6 +150,7 @@ def linearise_shot(
     ShotBlock or None
         None when the contact did not end, or its squares have no number.
     """
+    stated, item = item, problem.item_at(item, theta)
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
     if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
@@ -160,6 +161,18 @@ def linearise_shot(
     if not np.isfinite(jacobian[-1]).all():
         return None
     extra, rows = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
+    acting = problem.inputs_of(stated)
+    if acting:
+        slopes = input_slopes(problem, (stated, item), local, found, extra)
+        if slopes is None:
+            return None
+        s = shared.size
+        jacobian = np.hstack([jacobian[:, :s], slopes[0], jacobian[:, s:]])
+        rows = [
+            np.concatenate([row[:s], own, row[s:]])
+            for row, own in zip(rows, slopes[1], strict=True)
+        ]
+        chain = np.vstack([chain, np.eye(theta.size)[[j for j, _ in acting]]])
     squares = whitened_squares(item, item.window.signal - found.signal, jacobian)
     if squares is None:
         return None
@@ -168,6 +181,57 @@ def linearise_shot(
         matrix += np.outer(row, row)
         vector -= residual * row
     return ShotBlock(matrix, vector, chain, chi2, chi2 + sum(x * x for x in extra))
+
+
+def input_slopes(
+    problem: JointProblem,
+    items: tuple[FitShot, FitShot],
+    local: Array,
+    found: Prediction,
+    known: list[float],
+) -> tuple[Array, Array] | None:
+    """Return what a shot's inputs change beyond its local parameters, which are held.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        With inputs.
+    items : tuple of FitShot
+        The shot as stated, and as `JointProblem.item_at` has it.
+    local : ndarray, shape (p,)
+        Local parameters.
+    found : Prediction
+        The trace.
+    known : list of float
+        Residuals of what is known of this shot, k of them.
+
+    Returns
+    -------
+    signal : ndarray, shape (n, i)
+        Derivative of the trace by each input. [unit of the signal per coordinate]
+    residuals : ndarray, shape (k, i)
+        Derivative of the residuals. None where a neighbour cannot be evaluated.
+    """
+    stated, item = items
+    acting = problem.inputs_of(stated)
+    signal, residuals = (
+        np.zeros((found.signal.size, len(acting))),
+        np.zeros((len(known), len(acting))),
+    )
+    steps = problem.model.steps(local, item.frame)
+    for column, (_, one) in enumerate(acting):
+        moved = one.moved(item, one.step)
+        beside = found
+        if moved.frame != item.frame:
+            beside = problem.model.predict(local, moved.frame, steps=steps)
+            if not math.isfinite(beside.rebound_ratio):
+                return None
+            signal[:, column] = (beside.signal - found.signal) / one.step
+        ahead, _ = prior_rows(
+            problem.model, moved, local, beside.rebound_ratio, np.zeros(local.size)
+        )
+        residuals[:, column] = (np.array(ahead) - known) / one.step
+    return signal, residuals
 
 
 def whitened_squares(
@@ -205,6 +269,7 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
 
     So they are for a step so hopeless that its squares have no number.
     """
+    item = problem.item_at(item, theta)
     shared, _ = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
     if not problem.model.is_thinkable(local):  # such a step is refused, not clamped

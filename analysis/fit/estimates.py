@@ -82,9 +82,14 @@ def pair_modulus(
     """
     if item.radius_m is None:
         return None
-    values, chain = problem.shared_local(item, fitted.theta)
-    log = float(values[0]) - math.log(4 / 3 * math.sqrt(item.radius_m))
+    at = problem.item_at(item, fitted.theta)
+    assert at.radius_m is not None
+    values, chain = problem.shared_local(at, fitted.theta)
+    log = float(values[0]) - math.log(4 / 3 * math.sqrt(at.radius_m))
     gradient = chain[0]
+    for j, one in problem.inputs_of(item):
+        if one.kind == "radius":
+            gradient[j] -= 0.5
     return log, math.sqrt(float(gradient @ fitted.covariance @ gradient)), gradient
 
 

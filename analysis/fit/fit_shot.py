@@ -41,6 +41,8 @@ class FitShot:
         Where the pair's stiffness is a modulus.
     speed_prior : Prior or None
         On ln v0.
+    in_air : bool
+        Whether it is the speed of a fall through air (``kv2``) or through nothing.
     """
 
     shot: Shot
@@ -51,6 +53,7 @@ class FitShot:
     heavy_crystal: float | None
     radius_m: float | None
     speed_prior: Prior | None
+    in_air: bool = False
 
     @property
     def pair(self) -> str:
@@ -89,6 +92,17 @@ def _gain_of(shot: Shot, frame: ShotFrame, *, known_gain: bool) -> float | None:
     return None if known_gain else 0.0
 
 
+def log_speed_in_air(frame: ShotFrame) -> float:
+    """Return ln of a frame's speed of fall; minus infinite where nothing falls. [m/s]"""
+    height, radius = frame.drop_height_m, frame.radius_m
+    assert height is not None
+    assert radius is not None
+    if height <= 0:
+        return -math.inf
+    speed = speed_in_air(height, radius, frame.mass_kg, frame.gravity_m_per_s2)
+    return math.log(speed) if speed > 0 else -math.inf
+
+
 def fit_shot(
     shot: Shot,
     campaign: Campaign,
@@ -124,19 +138,19 @@ def fit_shot(
     window = cut(shot)
     frame = _frame_of(shot, window, campaign)
     physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
-    speed = None
+    speed, in_air = None, False
     if shot.impact_speed_m_per_s is not None:
         measured = shot.impact_speed_m_per_s
         speed = Prior(math.log(measured.value), max(measured.u / measured.value, 1e-6))
     elif shot.drop_height_m is not None:
         mean = 0.5 * math.log(2 * campaign.gravity_m_per_s2 * shot.drop_height_m)
-        if closed and physical and sphere and sphere.mass_kg and sphere.radius_m:
-            mean = math.log(
-                speed_in_air(
-                    shot.drop_height_m, sphere.radius_m, sphere.mass_kg, campaign.gravity_m_per_s2
-                )
-            )
-        speed = Prior(mean, campaign.speed_repeatability or ASSUMED_REPEATABILITY)
+        scatter = campaign.speed_repeatability or ASSUMED_REPEATABILITY
+        if shot.u_drop_height_m is not None:
+            scatter = math.hypot(scatter, 0.5 * shot.u_drop_height_m.u / shot.drop_height_m)
+        in_air = closed and bool(physical)
+        if in_air:
+            mean = log_speed_in_air(frame)
+        speed = Prior(mean, scatter)
     heavy = None
     if kv and not physical:
         heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
@@ -152,6 +166,7 @@ def fit_shot(
         heavy,
         sphere.radius_m if physical and sphere else None,
         speed,
+        in_air,
     )
 
 

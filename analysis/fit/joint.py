@@ -27,7 +27,7 @@ GOOD_STEP, POOR_STEP = 0.7, 0.25
 STRAIGHT_UP_TO = 0.5
 """Share by which 1/E' may fall in one straight step."""
 _BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
-LEAST_DAMPING = 1e-9
+START_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 SUM_ROUNDING = 1e-12
 """Sums in different orders differ by less."""
 STALLED_DAMPING = 1e10
@@ -279,6 +279,7 @@ def fit(
     *,
     theta: Array | None = None,
     max_iterations: int = MAX_ITERATIONS,
+    damping: float = START_DAMPING,
     progress: Callable[[str, float], None] | None = None,
 ) -> Fitted:
     """Return the most probable parameters of a campaign.
@@ -293,6 +294,8 @@ def fit(
         Where the globals start; by default ``problem.start``.
     max_iterations : int
         Steps before giving up; giving up is an outcome, not an error.
+    damping : float
+        Of the first step; next to none where the start is known to be near.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 
@@ -304,7 +307,7 @@ def fit(
     theta = (problem.start if theta is None else theta).copy()
     nuisances = nuisances.copy()
     blocks = _linearise_all(problem, theta, nuisances)
-    damping, converged, iteration = 1e-3, blocks is None, 0
+    converged, iteration = blocks is None, 0
     if blocks is None:
         return _nowhere(theta, nuisances)
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)

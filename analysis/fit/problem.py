@@ -10,6 +10,7 @@ Global parameters (all logarithms):
 ``rebound.seen_ms``             how long after lift-off the stated rebound speeds were seen
 ``<effect>.<parameter>``        an effect's number, in the effect's own coordinate; ``[name]``
                                 behind it where it belongs to a surface, a sphere or a pair
+``input.<kind>[.<name>]``       a stated number with an uncertainty, see ``analysis.fit.inputs``
 ==============================  ===============================================================
 """
 
@@ -17,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,7 @@ from analysis.fit.fit_shot import (
     noise_by_instrument,
     usable_shots,
 )
+from analysis.fit.inputs import Input, exact_sentence, stated_numbers
 from analysis.fit.priors import (
     SEEN,
     SEEN_NEEDS_SHOTS,
@@ -59,6 +61,7 @@ __all__ = [
     "build",
     "modulus_prior",
     "sensor_transform",
+    "with_inputs",
 ]
 
 
@@ -87,6 +90,8 @@ class JointProblem:
         Shots that could not be used.
     assumptions : list of str
         What had to be assumed, in words.
+    inputs : tuple of Input
+        Stated numbers that are globals too, the last ones; see `with_inputs`.
     """
 
     model: ImpactModel
@@ -99,6 +104,29 @@ class JointProblem:
     by_pair: bool
     rejected: list[Rejected] = field(default_factory=list)
     assumptions: list[str] = field(default_factory=list)
+    inputs: tuple[Input, ...] = ()
+
+    def is_thinkable(self, theta: NDArray[np.float64]) -> bool:
+        """Tell whether the inputs among these globals stand for numbers at all."""
+        first = len(self.names) - len(self.inputs)
+        return all(
+            i.is_thinkable(float(t)) for i, t in zip(self.inputs, theta[first:], strict=True)
+        )
+
+    def item_at(self, item: FitShot, theta: NDArray[np.float64]) -> FitShot:
+        """Return a shot with masses, heights and the like where these globals have them."""
+        first = len(self.names) - len(self.inputs)
+        if not self.is_thinkable(theta):  # such a step is refused by `shared_local`
+            return item
+        for j, one in enumerate(self.inputs, start=first):
+            if one.acts_on(item):
+                item = one.moved(item, float(theta[j]) - one.stated)
+        return item
+
+    def inputs_of(self, item: FitShot) -> list[tuple[int, Input]]:
+        """Return the inputs that a shot depends on, with their places among the globals."""
+        first = len(self.names) - len(self.inputs)
+        return [(first + i, one) for i, one in enumerate(self.inputs) if one.acts_on(item)]
 
     def index(self, name: str) -> int | None:
         """Return a global's position, None where it is no parameter."""
@@ -144,7 +172,7 @@ class JointProblem:
         Parameters
         ----------
         shot : FitShot
-            The shot.
+            The shot, as `item_at` returns it.
         theta : ndarray, shape (g,)
             Globals.
 
@@ -159,6 +187,9 @@ class JointProblem:
         values = np.zeros(len(names))
         chain = np.zeros((len(names), len(self.names)))
         keys = self.material_keys(shot)
+        if not self.is_thinkable(theta):
+            values[0] = -math.inf
+            return values, chain
         if keys is None:
             j = self.names.index(f"pair.{shot.pair}")
             values[0], chain[0, j] = theta[j], 1.0
@@ -191,7 +222,29 @@ class JointProblem:
             else:
                 assert column is not None
                 values[row], chain[row, column] = theta[column], 1.0
+        self._follow_inputs(shot, theta, values, chain)
         return values, chain
+
+    def _follow_inputs(
+        self,
+        shot: FitShot,
+        theta: NDArray[np.float64],
+        values: NDArray[np.float64],
+        chain: NDArray[np.float64],
+    ) -> None:
+        """Add what the inputs do to the shared local parameters, in place."""
+        names = self.model.shared
+        for j, known in self.inputs_of(shot):
+            if known.kind == "radius" and self.material_keys(shot) is not None:
+                chain[0, j] += 0.5
+            elif known.kind == "converter_gain":
+                values[1] += theta[j] - known.stated
+                chain[1, j] += 1.0
+            elif known.kind == "mass":
+                if shot.fixed_gain is not None and shot.shot.quantity == "acceleration_m_per_s2":
+                    chain[1, j] += 1.0
+                if shot.heavy_crystal is not None:
+                    chain[names.index("ln_M"), j] += 1.0
 
 
 def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prior | None]:
@@ -276,6 +329,9 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         problem.assumptions.append(
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."
         )
+    _, exact = stated_numbers(campaign, shots)
+    if exact:
+        problem.assumptions.append(exact_sentence(exact))
     return problem
 
 
@@ -299,6 +355,37 @@ def _closed_assumptions(problem: JointProblem) -> list[str]:
             "sphere's radius and mass neither is a parameter."
         )
     return found
+
+
+def with_inputs(problem: JointProblem) -> JointProblem:
+    """Return a problem with the campaign's uncertain numbers as globals behind its own.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Prepared by ``analysis.fit.start``.
+
+    Returns
+    -------
+    JointProblem
+        The problem itself where every number is exact.
+    """
+    inputs, _ = stated_numbers(problem.campaign, problem.shots)
+    if not inputs or problem.inputs:
+        return problem
+    size, more = len(problem.names), len(inputs)
+    precision = np.zeros((size + more, size + more))
+    precision[:size, :size] = problem.prior_precision
+    precision[range(size, size + more), range(size, size + more)] = [i.u**-2 for i in inputs]
+    stated = np.array([i.stated for i in inputs])
+    return replace(
+        problem,
+        names=[*problem.names, *(i.name for i in inputs)],
+        start=np.concatenate([problem.start, stated]),
+        prior_mean=np.concatenate([problem.prior_mean, stated]),
+        prior_precision=precision,
+        inputs=inputs,
+    )
 
 
 def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:

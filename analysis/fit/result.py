@@ -86,7 +86,7 @@ class FitResult:
     def degrees_of_freedom(self) -> int:
         """Return samples less fitted parameters."""
         used = sum(s.item.frame.samples - s.item.noise.history - 4 for s in self.shots)
-        return used - len(self.problem.names)
+        return used - len(self.problem.names) + len(self.problem.inputs)
 
     @property
     def chi2_per_dof(self) -> float:

@@ -182,9 +182,10 @@ def collect(problem: JointProblem, fitted: Fitted, *, scale: float) -> tuple[Sho
     """
     found = []
     for row, item in enumerate(problem.shots):
-        shared, _ = problem.shared_local(item, fitted.theta)
+        at = problem.item_at(item, fitted.theta)
+        shared, _ = problem.shared_local(at, fitted.theta)
         local = np.concatenate([shared, fitted.nuisances[row]])
-        p = problem.model.predict(local, item.frame)
+        p = problem.model.predict(local, at.frame)
         plain = dataclasses.replace(
             item,
             noise=dataclasses.replace(
@@ -196,7 +197,7 @@ def collect(problem: JointProblem, fitted: Fitted, *, scale: float) -> tuple[Sho
         own = nuisance_covariance(problem, fitted, row)
         seen = (p.rebound_ratio, math.inf)
         if item.shot.restitution is not None:
-            seen = _seen(problem, item, local, own)
+            seen = _seen(problem, at, local, own)
         found.append(
             ShotFit(
                 plain,

@@ -56,7 +56,7 @@ def speed_in_air(
     Returns
     -------
     float
-        [m/s]
+        0 for a sphere lighter than the air it displaces. [m/s]
 
     Notes
     -----
@@ -85,4 +85,4 @@ def speed_in_air(
         c = slope(x + h / 2, squared + h / 2 * b)
         d = slope(x + h, squared + h * c)
         squared += h / 6 * (a + 2 * b + 2 * c + d)
-    return math.sqrt(squared)
+    return math.sqrt(max(squared, 0.0))

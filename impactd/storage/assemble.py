@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Protocol, TypeVar
 
-from analysis.campaign import Campaign, Sensor, Shot, Sphere, Surface
+from analysis.campaign import Campaign, Sensor, Shot, Sphere, Surface, Uncertainty
 from impactd.storage.errors import ArchiveError
 from impactd.storage.shot_about import StoredShot
 
@@ -115,4 +115,7 @@ def campaign_shot(stored: StoredShot) -> Shot:
         quantum=recording.quantum,
         clipped=recording.clipped,
         code_zero=recording.offset,
+        u_sample_rate_hz=Uncertainty(recording.sample_rate_u_hz)
+        if recording.sample_rate_u_hz > 0
+        else None,
     )

@@ -9,18 +9,22 @@ from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.campaign import Campaign, Rejected, Sphere, Surface
+from analysis.campaign import Campaign, Rejected, Sphere, Surface, Uncertainty
 from impactd.storage import ranges
 from impactd.storage.campaign_shot import SHOT_KEYS, CampaignShot, read_campaign_shot, shot_to_json
 from impactd.storage.errors import ArchiveError, CampaignError
 from impactd.storage.json_fields import Fields, read_json
 from impactd.storage.materials_json import (
+    ENVIRONMENT_KEYS,
     SENSOR_KEYS,
     SPHERE_KEYS,
     SURFACE_KEYS,
+    environment_from_json,
+    environment_to_json,
+    measured_to_json,
     sensor_from_json,
     sensor_to_json,
     sphere_from_json,
@@ -35,10 +39,19 @@ from impactd.storage.shot_about import Recording
 FORMAT = "impactd-campaign/1"
 JSON_NAME = "campaign.json"
 STANDARD_GRAVITY_M_PER_S2 = 9.80665
+RELEASE_KEYS = (
+    "speed_repeatability",
+    "height_offset_u_m",
+    "distribution",
+    "degrees_of_freedom",
+    "traceable_to",
+)
 CAMPAIGN_KEYS = (
     "format",
     "gravity_m_per_s2",
     "release",
+    "sample_rate_u_relative",
+    "environment",
     "sensor",
     "spheres",
     "surfaces",
@@ -126,8 +139,8 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
     root = Fields(read_json(file), file=str(file), known=CAMPAIGN_KEYS)
     if root.text("format") != FORMAT:
         root.refuse("format", f"is {root.value('format')!r}; this program reads {FORMAT!r}.")
-    gravity = root.number("gravity_m_per_s2", ranges.GRAVITY_M_PER_S2)
-    release = root.child("release", known=("speed_repeatability",))
+    gravity, u_gravity = root.measured("gravity_m_per_s2", ranges.GRAVITY_M_PER_S2)
+    release = root.child("release", known=RELEASE_KEYS)
     header = Campaign(
         shots=(),
         spheres=_spheres(root),
@@ -135,6 +148,10 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
         sensor=sensor_from_json(root.child("sensor", known=SENSOR_KEYS)),
         gravity_m_per_s2=STANDARD_GRAVITY_M_PER_S2 if gravity is None else gravity,
         speed_repeatability=release.number("speed_repeatability", ranges.REPEATABILITY),
+        u_gravity_m_per_s2=u_gravity,
+        u_height_offset_m=release.uncertainty("height_offset_u_m", ranges.HEIGHT_OFFSET_U_M),
+        u_sample_rate_relative=root.uncertainty("sample_rate_u_relative", ranges.RELATIVE_U),
+        environment=environment_from_json(root.child("environment", known=ENVIRONMENT_KEYS)),
     )
     return _with_shots(root, header, file)
 
@@ -153,16 +170,19 @@ def _with_shots(root: Fields, header: Campaign, file: Path) -> CampaignFolder:
     if not good:
         first = f" The first: {rejected[0].path}: {rejected[0].reason}" if rejected else ""
         root.refuse("shots", f"none of {len(rejected)} shots can be used.{first}")
-    campaign = Campaign(
-        shots=tuple(one.shot for one in good),
-        spheres=header.spheres,
-        surfaces=header.surfaces,
-        sensor=header.sensor,
-        gravity_m_per_s2=header.gravity_m_per_s2,
-        speed_repeatability=header.speed_repeatability,
-        rejected=tuple(rejected),
-    )
+    campaign = replace(header, shots=tuple(one.shot for one in good), rejected=tuple(rejected))
     return CampaignFolder(campaign, tuple(good))
+
+
+def release_to_json(repeatability: float | None, offset: Uncertainty | None) -> dict[str, object]:
+    """Return what is known of the release, in the keys of the campaign format."""
+    found: dict[str, object] = {"speed_repeatability": repeatability}
+    if offset is not None:
+        about = measured_to_json(0.0, offset)
+        assert isinstance(about, dict)
+        found["height_offset_u_m"] = offset.u
+        found |= {key: about[key] for key in about if key not in ("value", "u")}
+    return found
 
 
 def _spheres(root: Fields) -> dict[str, Sphere]:
@@ -217,10 +237,15 @@ def write_campaign(
         name = f"shot{position:03d}.npy"
         write_samples(folder / name, shot.signal if recording is None else recording.samples)
         shots.append(shot_to_json(shot, name, recording))
+    time_base = campaign.u_sample_rate_relative
     root = {
         "format": FORMAT,
-        "gravity_m_per_s2": campaign.gravity_m_per_s2,
-        "release": {"speed_repeatability": campaign.speed_repeatability},
+        "gravity_m_per_s2": measured_to_json(
+            campaign.gravity_m_per_s2, campaign.u_gravity_m_per_s2
+        ),
+        "release": release_to_json(campaign.speed_repeatability, campaign.u_height_offset_m),
+        "sample_rate_u_relative": None if time_base is None else time_base.u,
+        "environment": environment_to_json(campaign.environment),
         "sensor": sensor_to_json(campaign.sensor),
         "spheres": {name: sphere_to_json(one) for name, one in campaign.spheres.items()},
         "surfaces": {name: surface_to_json(one) for name, one in campaign.surfaces.items()},

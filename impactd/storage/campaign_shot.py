@@ -15,11 +15,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Campaign, Shot
+from analysis.campaign import Campaign, Shot, Uncertainty
 from impactd.storage import ranges
 from impactd.storage.clipping import is_clipped
 from impactd.storage.json_fields import Fields
-from impactd.storage.materials_json import quantity_to_json
+from impactd.storage.materials_json import (
+    ENVIRONMENT_KEYS,
+    environment_from_json,
+    environment_to_json,
+    measured_to_json,
+    quantity_to_json,
+)
+from impactd.storage.ranges import Range
 from impactd.storage.sample_file import SampleFileError, read_samples
 from impactd.storage.shot_about import QUANTITIES, VOLTAGE, Recording
 
@@ -38,6 +45,7 @@ SHOT_KEYS = (
     "surface",
     "drop_height_m",
     "restitution",
+    "environment",
 )
 
 
@@ -89,8 +97,9 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         samples, file_rate_hz = read_samples(folder, name, quantity)
     except SampleFileError as error:
         fields.refuse("file", f"{name!r} {error}")
-    rate_hz = _rate(fields, file_rate_hz)
-    per_code = fields.number("volts_per_code", ranges.PER_CODE)
+    rate_hz, u_rate = _rate(fields, file_rate_hz)
+    per_code, u_per_code = fields.measured("volts_per_code", ranges.PER_CODE)
+    height_m, u_height = fields.measured("drop_height_m", ranges.DROP_HEIGHT_M)
     offset = fields.number("volts_offset", ranges.SIGNAL) or 0.0
     is_code = samples.dtype.kind in "iu"
     if is_code and per_code is None:
@@ -107,7 +116,7 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         offset=offset if is_code else 0.0,
         quantity=quantity,
         sample_rate_hz=rate_hz,
-        sample_rate_u_hz=fields.number("sample_rate_u_Hz", ranges.SAMPLE_RATE_U_HZ) or 0.0,
+        sample_rate_u_hz=0.0 if u_rate is None else u_rate.u,
         trigger_index=trigger,
         clipped=is_clipped(samples, quantum=None if is_code else per_code),
     )
@@ -120,29 +129,37 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         quantity=quantity,
         sphere=_member(fields, "sphere", header.spheres),
         surface=_member(fields, "surface", header.surfaces),
-        drop_height_m=fields.number("drop_height_m", ranges.DROP_HEIGHT_M),
+        drop_height_m=height_m,
         restitution=fields.quantity("restitution", ranges.RESTITUTION),
         quantum=per_code,
         clipped=recording.clipped,
         code_zero=recording.offset,
+        u_drop_height_m=u_height,
+        u_sample_rate_hz=u_rate,
+        u_gain_relative=u_per_code.u / per_code if per_code and u_per_code else 0.0,
+        environment=environment_from_json(fields.child("environment", known=ENVIRONMENT_KEYS)),
     )
     return CampaignShot(shot, recording)
 
 
-def _rate(fields: Fields, file_rate_hz: float | None) -> float:
-    stated = fields.number("sample_rate_Hz", ranges.SAMPLE_RATE_HZ)
-    if stated is None:
-        if file_rate_hz is None:
-            fields.refuse("sample_rate_Hz", "is missing.")
-        if not ranges.SAMPLE_RATE_HZ.low <= file_rate_hz <= ranges.SAMPLE_RATE_HZ.high:
-            said = f"the file's time column says {file_rate_hz:g} Hz"
-            fields.refuse("sample_rate_Hz", f"{said}; it must be {ranges.SAMPLE_RATE_HZ}.")
-        return file_rate_hz
-    if file_rate_hz is not None and not math.isclose(stated, file_rate_hz, rel_tol=RATE_TOLERANCE):
+def _rate(fields: Fields, file_rate_hz: float | None) -> tuple[float, Uncertainty | None]:
+    rate_hz, known = fields.measured("sample_rate_Hz", ranges.SAMPLE_RATE_HZ)
+    if rate_hz is None:
+        rate_hz = file_rate_hz
+    if rate_hz is None:
+        fields.refuse("sample_rate_Hz", "is missing.")
+    if not ranges.SAMPLE_RATE_HZ.low <= rate_hz <= ranges.SAMPLE_RATE_HZ.high:
+        said = f"the file's time column says {rate_hz:g} Hz"
+        fields.refuse("sample_rate_Hz", f"{said}; it must be {ranges.SAMPLE_RATE_HZ}.")
+    if file_rate_hz is not None and not math.isclose(rate_hz, file_rate_hz, rel_tol=RATE_TOLERANCE):
         fields.refuse(
-            "sample_rate_Hz", f"is {stated:g} Hz; the file's time column says {file_rate_hz:g} Hz."
+            "sample_rate_Hz", f"is {rate_hz:g} Hz; the file's time column says {file_rate_hz:g} Hz."
         )
-    return stated
+    if known is None:
+        u = fields.number("sample_rate_u_Hz", Range(0.0, rate_hz, "Hz")) or 0.0
+        fields.refuse_unnoticeable("sample_rate_u_Hz", u, beside=rate_hz, unit="Hz")
+        known = Uncertainty(u) if u else None
+    return rate_hz, known
 
 
 def _refuse_unusable(fields: Fields, samples: NDArray[Any], name: str) -> None:
@@ -182,19 +199,24 @@ def _member(fields: Fields, key: str, known: dict[str, Any]) -> str | None:
 def shot_to_json(shot: Shot, name: str, recording: Recording | None) -> dict[str, Any]:
     """Return the object of a shot whose samples are in the file ``name``; unknown keys left out."""
     is_code = recording is not None and recording.samples.dtype.kind in "iu"
+    per_code = recording.per_code if recording and is_code else shot.quantum
+    gain = (
+        Uncertainty(shot.u_gain_relative * per_code) if per_code and shot.u_gain_relative else None
+    )
     found = {
         "file": name,
         "name": shot.name,
         "sample_rate_Hz": shot.sample_rate_hz,
-        "sample_rate_u_Hz": recording.sample_rate_u_hz if recording is not None else None,
+        "sample_rate_u_Hz": None if shot.u_sample_rate_hz is None else shot.u_sample_rate_hz.u,
         "samples": shot.signal.size,
-        "volts_per_code": recording.per_code if recording and is_code else shot.quantum,
+        "volts_per_code": measured_to_json(per_code, gain),
         "volts_offset": recording.offset if recording and is_code else None,
         "trigger_index": shot.trigger_index,
         "quantity": shot.quantity,
         "sphere": shot.sphere,
         "surface": shot.surface,
-        "drop_height_m": shot.drop_height_m,
+        "drop_height_m": measured_to_json(shot.drop_height_m, shot.u_drop_height_m),
         "restitution": quantity_to_json(shot.restitution),
+        "environment": environment_to_json(shot.environment),
     }
     return {key: value for key, value in found.items() if value is not None}

@@ -14,10 +14,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, NoReturn
 
-from analysis.campaign import Quantity
+from analysis.campaign import Quantity, Uncertainty
 from impactd.storage.errors import CampaignError
 from impactd.storage.plain_text import find_forbidden
-from impactd.storage.ranges import RELATIVE_RESOLUTION, Range
+from impactd.storage.ranges import DEGREES_OF_FREEDOM, RELATIVE_RESOLUTION, Range
 from impactd.storage.regular_file import read_regular_file
 
 JSON_LIMIT_BYTES = 16 * 1024 * 1024
@@ -89,6 +89,8 @@ def read_json(path: Path) -> Any:
         raise CampaignError(str(path), "$", f"is not JSON: {error}.") from error
 
 
+_OF_UNCERTAINTY = ("distribution", "degrees_of_freedom", "traceable_to")
+DISTRIBUTIONS = ("normal", "rectangular")
 _COUNT = Range(0, 2**53)
 """What a JSON number counts exactly."""
 
@@ -196,11 +198,43 @@ class Fields:
             inner.refuse("value", "is missing.")
         if u is None:
             inner.refuse("u", "is missing: a quantity needs its standard uncertainty.")
-        least = RELATIVE_RESOLUTION * (abs(value) or 1.0)
-        if 0.0 < u < least:
-            limits = f"0 or at least {least:g} {within.unit}"
-            inner.refuse("u", f"is {u:g} {within.unit}; beside {value:g} it must be {limits}.")
+        inner.refuse_unnoticeable("u", u, beside=value, unit=within.unit)
         return Quantity(value, u)
+
+    def measured(self, key: str, within: Range) -> tuple[float | None, Uncertainty | None]:
+        """Return a number, and its uncertainty where it is ``{"value": ..., "u": ...}``."""
+        if not isinstance(self._values.get(key), dict):
+            return self.number(key, within), None
+        inner = self.child(key, known=("value", "u", *_OF_UNCERTAINTY))
+        value = inner.number("value", within)
+        if value is None:
+            inner.refuse("value", "is missing.")
+        if not inner.has("u"):
+            inner.refuse("u", "is missing: a quantity needs its standard uncertainty.")
+        # its logarithm is fitted, and has no Gaussian about a number that may as well be nothing
+        return value, inner.uncertainty("u", Range(0.0, abs(value), within.unit), beside=value)
+
+    def uncertainty(self, key: str, within: Range, *, beside: float = 1.0) -> Uncertainty | None:
+        """Return a standard uncertainty with what is said of it, ``None`` when it is absent."""
+        u = self.number(key, within)
+        if u is None:
+            return None
+        self.refuse_unnoticeable(key, u, beside=beside, unit=within.unit)
+        form = self.text("distribution") or DISTRIBUTIONS[0]
+        if form not in DISTRIBUTIONS:
+            told = " or ".join(DISTRIBUTIONS)
+            self.refuse("distribution", f"is {form!r}; it must be {told}.")
+        freedom = self.number("degrees_of_freedom", DEGREES_OF_FREEDOM)
+        return Uncertainty(
+            u, form, math.inf if freedom is None else freedom, self.text("traceable_to")
+        )
+
+    def refuse_unnoticeable(self, key: str, u: float, *, beside: float, unit: str) -> None:
+        """Refuse an uncertainty that rounding hides beside its value, unless it is 0."""
+        least = RELATIVE_RESOLUTION * (abs(beside) or 1.0)
+        if 0.0 < u < least:
+            limits = f"0 or at least {least:g} {unit}"
+            self.refuse(key, f"is {u:g} {unit}; beside {beside:g} it must be {limits}.")
 
     def child(self, key: str, *, known: Iterable[str] = ()) -> Fields:
         """Return the object at a key; an absent one is empty."""

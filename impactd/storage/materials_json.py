@@ -6,11 +6,12 @@ into a campaign.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
-from analysis.campaign import Quantity, Sensor, Sphere, Surface
+from analysis.campaign import Environment, Quantity, Sensor, Sphere, Surface, Uncertainty
 from impactd.storage import ranges
 from impactd.storage.json_fields import Fields
 
@@ -24,7 +25,10 @@ SENSOR_KEYS = (
     "hsd_N_per_V",
     "log_covariance",
 )
+ENVIRONMENT_KEYS = ("temperature_C", "relative_humidity")
 LOG_PARAMETERS = 4
+
+Json = dict[str, Any]
 
 
 def quantity_to_json(quantity: Quantity | None) -> dict[str, float] | None:
@@ -32,11 +36,45 @@ def quantity_to_json(quantity: Quantity | None) -> dict[str, float] | None:
     return None if quantity is None else {"value": quantity.value, "u": quantity.u}
 
 
+def measured_to_json(value: float | None, known: Uncertainty | None) -> Json | float | None:
+    """Return a number, or ``{"value", "u", ...}`` where its uncertainty is known."""
+    if value is None or known is None:
+        return value
+    found: Json = {"value": value, "u": known.u}
+    if known.distribution != "normal":
+        found["distribution"] = known.distribution
+    if math.isfinite(known.degrees_of_freedom):
+        found["degrees_of_freedom"] = known.degrees_of_freedom
+    if known.traceable_to is not None:
+        found["traceable_to"] = known.traceable_to
+    return found
+
+
+def environment_from_json(fields: Fields) -> Environment | None:
+    """Return what it was like around the rig, ``None`` where nothing is said."""
+    found = Environment(
+        fields.quantity("temperature_C", ranges.TEMPERATURE_C),
+        fields.quantity("relative_humidity", ranges.RELATIVE_HUMIDITY),
+    )
+    return None if found == Environment() else found
+
+
+def environment_to_json(environment: Environment | None) -> Json | None:
+    """Return it in the keys of the campaign format, ``None`` for ``None``."""
+    if environment is None:
+        return None
+    found = {
+        "temperature_C": quantity_to_json(environment.temperature_c),
+        "relative_humidity": quantity_to_json(environment.relative_humidity),
+    }
+    return {key: value for key, value in found.items() if value is not None}
+
+
 def sphere_to_json(sphere: Sphere) -> dict[str, Any]:
     """Return a sphere in the keys of the campaign format; its name is the key it stands under."""
     return {
-        "radius_m": sphere.radius_m,
-        "mass_kg": sphere.mass_kg,
+        "radius_m": measured_to_json(sphere.radius_m, sphere.u_radius_m),
+        "mass_kg": measured_to_json(sphere.mass_kg, sphere.u_mass_kg),
         "youngs_modulus_Pa": quantity_to_json(sphere.youngs_modulus_pa),
         "poissons_ratio": quantity_to_json(sphere.poissons_ratio),
     }
@@ -47,8 +85,10 @@ def surface_to_json(surface: Surface) -> dict[str, Any]:
     return {
         "youngs_modulus_Pa": quantity_to_json(surface.youngs_modulus_pa),
         "poissons_ratio": quantity_to_json(surface.poissons_ratio),
-        "coupon_mass_kg": surface.coupon_mass_kg,
-        "coupon_thickness_m": surface.coupon_thickness_m,
+        "coupon_mass_kg": measured_to_json(surface.coupon_mass_kg, surface.u_coupon_mass_kg),
+        "coupon_thickness_m": measured_to_json(
+            surface.coupon_thickness_m, surface.u_coupon_thickness_m
+        ),
     }
 
 
@@ -67,23 +107,31 @@ def sensor_to_json(sensor: Sensor) -> dict[str, Any]:
 
 def sphere_from_json(name: str, fields: Fields) -> Sphere:
     """Return a sphere; raise CampaignError at the first impossible value."""
+    radius_m, u_radius_m = fields.measured("radius_m", ranges.RADIUS_M)
+    mass_kg, u_mass_kg = fields.measured("mass_kg", ranges.MASS_KG)
     return Sphere(
         name=name,
-        radius_m=fields.number("radius_m", ranges.RADIUS_M),
-        mass_kg=fields.number("mass_kg", ranges.MASS_KG),
+        radius_m=radius_m,
+        mass_kg=mass_kg,
         youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", ranges.YOUNGS_MODULUS_PA),
         poissons_ratio=fields.quantity("poissons_ratio", ranges.POISSONS_RATIO),
+        u_radius_m=u_radius_m,
+        u_mass_kg=u_mass_kg,
     )
 
 
 def surface_from_json(name: str, fields: Fields) -> Surface:
     """Return a surface; raise CampaignError at the first impossible value."""
+    mass_kg, u_mass_kg = fields.measured("coupon_mass_kg", ranges.MASS_KG)
+    thickness_m, u_thickness_m = fields.measured("coupon_thickness_m", ranges.THICKNESS_M)
     return Surface(
         name=name,
         youngs_modulus_pa=fields.quantity("youngs_modulus_Pa", ranges.YOUNGS_MODULUS_PA),
         poissons_ratio=fields.quantity("poissons_ratio", ranges.POISSONS_RATIO),
-        coupon_mass_kg=fields.number("coupon_mass_kg", ranges.MASS_KG),
-        coupon_thickness_m=fields.number("coupon_thickness_m", ranges.THICKNESS_M),
+        coupon_mass_kg=mass_kg,
+        coupon_thickness_m=thickness_m,
+        u_coupon_mass_kg=u_mass_kg,
+        u_coupon_thickness_m=u_thickness_m,
     )
 
 

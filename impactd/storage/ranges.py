@@ -36,6 +36,10 @@ class Range:
 # Slower than 1 Hz no impact is seen; no converter of such resolution is faster than 1 GHz.
 SAMPLE_RATE_HZ = Range(1.0, 1e9, "Hz")
 SAMPLE_RATE_U_HZ = Range(0.0, 1e9, "Hz")
+# A number known worse than to itself is not known.
+RELATIVE_U = Range(0.0, 1.0)
+# One reading too many tells of scatter; nobody takes more than 1e12.
+DEGREES_OF_FREEDOM = Range(1.0, 1e12)
 # A step below 1e-15 V is under the thermal noise of one ohm in one hertz (1.3e-10 V); newtons and
 # m/s^2 share the key. A step above the limit would leave SIGNAL with the code 1.
 PER_CODE = Range(1e-15, 1e9, "of its unit")
@@ -46,6 +50,7 @@ GRAVITY_M_PER_S2 = Range(1e-4, 1e4, "m/s^2")
 REPEATABILITY = Range(0.0, 1.0)
 # Lower than a micrometre a fall is shorter than the sphere's deformation; 100 m is a drop tower.
 DROP_HEIGHT_M = Range(1e-6, 100.0, "m")
+HEIGHT_OFFSET_U_M = Range(0.0, 100.0, "m")
 # Of an impact that comes back at all, and none comes back faster than it went.
 RESTITUTION = Range(1e-6, 1.0)
 # From a grain of dust to a wrecking ball; the masses are those of such spheres.
@@ -65,3 +70,6 @@ CRYSTAL_DAMPING_N_S_PER_M = Range(1e-6, 1e10, "N s/m")
 HSD_N_PER_V = Range(1e-7, 1e10, "N/V")
 # Variances of logarithms: 1e6 is a factor of e^1000, beyond what a double holds.
 LOG_COVARIANCE = Range(-1e6, 1e6)
+# From absolute zero to where no coupon is solid.
+TEMPERATURE_C = Range(-273.15, 5e3, "degC")
+RELATIVE_HUMIDITY = Range(0.0, 1.0)

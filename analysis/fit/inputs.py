@@ -1,0 +1,281 @@
+"""What was measured before the records: masses, radii, heights, time base, with their uncertainty.
+
+Every such number with a stated uncertainty is a global of its own, known beforehand as a Gaussian
+about what was stated. The records hardly move it; its uncertainty reaches every modulus through the
+joint covariance, which is generalised least squares with the common errors as parameters.
+
+=========================  ===================================================================
+``input.mass.<sphere>``    ln of a sphere's mass [kg]
+``input.radius.<sphere>``  ln of a sphere's radius [m]
+``input.coupon_mass.<s>``  ln of a coupon's mass [kg]; ``coupon_thickness`` [m] likewise
+``input.height_offset``    offset that all drop heights share [mm]
+``input.time_base``        ln of true over stated sample rate, of all shots [1]
+``input.gravity``          ln of the acceleration of fall [m/s^2]
+``input.converter_gain``   ln of true over stated volts per code, of all shots [1]
+=========================  ===================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Campaign, Uncertainty
+from analysis.fit.fit_shot import FitShot, log_speed_in_air
+from analysis.fit.priors import Prior
+from analysis.model.impact_model import ShotFrame
+
+PREFIX = "input."
+LOG_STEP = 1e-6
+HEIGHT_STEP_MM = 1e-4
+LARGEST_LOG = 300.0
+"""No stated number is wrong by e^300; more than twice that, and a double cannot hold it."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Input:
+    """One stated number with an uncertainty, and how it moves a shot.
+
+    Attributes
+    ----------
+    kind : str
+        Behind ``input.`` in the table above.
+    owner : str or None
+        Sphere or surface; None for what all shots share.
+    value : float
+        As stated. [``unit``]
+    unit : str
+        Of ``value``.
+    uncertainty : Uncertainty
+        Of ``value``, in the same unit.
+    path : str
+        Where a campaign states it.
+    """
+
+    kind: str
+    owner: str | None
+    value: float
+    unit: str
+    uncertainty: Uncertainty
+    path: str
+
+    @property
+    def name(self) -> str:
+        """Return the global's name."""
+        return PREFIX + (self.kind if self.owner is None else f"{self.kind}.{self.owner}")
+
+    @property
+    def scale(self) -> float:
+        """Return the coordinate's change per unit of ``value``."""
+        return 1e3 if self.kind == "height_offset" else 1.0 / self.value
+
+    @property
+    def stated(self) -> float:
+        """Return the coordinate of the stated value."""
+        return 0.0 if self.kind == "height_offset" else math.log(self.value)
+
+    @property
+    def u(self) -> float:
+        """Return the standard uncertainty of the coordinate."""
+        return self.uncertainty.u * self.scale
+
+    @property
+    def step(self) -> float:
+        """Return how far the coordinate is moved for a derivative."""
+        return HEIGHT_STEP_MM if self.kind == "height_offset" else LOG_STEP
+
+    def value_at(self, coordinate: float) -> float:
+        """Return the value in ``unit`` that a coordinate stands for."""
+        if self.kind == "height_offset":
+            return coordinate * 1e-3
+        return math.exp(coordinate)
+
+    def is_thinkable(self, coordinate: float) -> bool:
+        """Tell whether the coordinate stands for a number that a double holds."""
+        return self.kind == "height_offset" or abs(coordinate - self.stated) < LARGEST_LOG
+
+    def acts_on(self, item: FitShot) -> bool:
+        """Tell whether a shot depends on it."""
+        if self.kind in ("mass", "radius"):
+            return item.shot.sphere == self.owner
+        if self.kind in ("coupon_mass", "coupon_thickness"):
+            return item.shot.surface == self.owner
+        if self.kind == "height_offset":
+            return _fell(item)
+        return True
+
+    def moved(self, item: FitShot, by: float) -> FitShot:
+        """Return a shot with this input's coordinate moved from where it was."""
+        change = _MOVES.get(self.kind)
+        return item if change is None or by == 0.0 else change(item, by)
+
+
+def _fell(item: FitShot) -> bool:
+    """Tell whether the speed follows from a height."""
+    return item.shot.impact_speed_m_per_s is None and item.shot.drop_height_m is not None
+
+
+def _refallen(item: FitShot, frame: ShotFrame, by: float) -> FitShot:
+    """Return a shot of another frame, its speed of fall with it; ``by`` without air. [ln m/s]"""
+    prior = item.speed_prior
+    if prior is not None and _fell(item):
+        mean = log_speed_in_air(frame) if item.in_air else prior.mean + by
+        prior = Prior(mean, prior.u)
+    return replace(item, frame=frame, speed_prior=prior)
+
+
+def _mass(item: FitShot, by: float) -> FitShot:
+    frame = replace(item.frame, mass_kg=item.frame.mass_kg * math.exp(by))
+    gain, heavy = item.fixed_gain, item.heavy_crystal
+    if gain is not None and item.shot.quantity == "acceleration_m_per_s2":
+        gain += by
+    heavy = None if heavy is None else heavy + by
+    return replace(_refallen(item, frame, 0.0), fixed_gain=gain, heavy_crystal=heavy)
+
+
+def _radius(item: FitShot, by: float) -> FitShot:
+    radius = None if item.radius_m is None else item.radius_m * math.exp(by)
+    known = item.frame.radius_m
+    frame = replace(item.frame, radius_m=None if known is None else known * math.exp(by))
+    return replace(_refallen(item, frame, 0.0), radius_m=radius)
+
+
+def _coupon_mass(item: FitShot, by: float) -> FitShot:
+    known = item.frame.coupon_mass_kg
+    mass = None if known is None else known * math.exp(by)
+    riding = item.frame.coupon_on_crystal_kg * math.exp(by)
+    frame = replace(item.frame, coupon_mass_kg=mass, coupon_on_crystal_kg=riding)
+    return replace(item, frame=frame)
+
+
+def _coupon_thickness(item: FitShot, by: float) -> FitShot:
+    known = item.frame.coupon_thickness_m
+    thickness = None if known is None else known * math.exp(by)
+    return replace(item, frame=replace(item.frame, coupon_thickness_m=thickness))
+
+
+def _height_offset(item: FitShot, by_mm: float) -> FitShot:
+    stated = item.frame.drop_height_m
+    assert stated is not None
+    height = stated + by_mm * 1e-3
+    # an offset that leaves no height has no speed, and a fit steps back from it
+    faster = 0.5 * math.log(height / stated) if height > 0 else -math.inf
+    return _refallen(item, replace(item.frame, drop_height_m=height), faster)
+
+
+def _time_base(item: FitShot, by: float) -> FitShot:
+    frame = replace(
+        item.frame,
+        sample_rate_hz=item.frame.sample_rate_hz * math.exp(by),
+        window_start_s=item.frame.window_start_s * math.exp(-by),
+    )
+    return replace(item, frame=frame)
+
+
+def _gravity(item: FitShot, by: float) -> FitShot:
+    frame = replace(item.frame, gravity_m_per_s2=item.frame.gravity_m_per_s2 * math.exp(by))
+    return _refallen(item, frame, 0.5 * by)
+
+
+_MOVES = {
+    "mass": _mass,
+    "radius": _radius,
+    "coupon_mass": _coupon_mass,
+    "coupon_thickness": _coupon_thickness,
+    "height_offset": _height_offset,
+    "time_base": _time_base,
+    "gravity": _gravity,
+}
+"""The converter's gain is no part of a shot: it moves the local parameter ``ln_S``."""
+
+
+@dataclass(frozen=True)
+class _Stated:
+    """A number that a campaign states, with its uncertainty or without."""
+
+    kind: str
+    owner: str | None
+    value: float
+    unit: str
+    uncertainty: Uncertainty | None
+    path: str
+
+
+def _of_materials(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Stated]:
+    for name in sorted({i.shot.sphere for i in items if i.shot.sphere is not None}):
+        ball = campaign.spheres[name]
+        at = f"spheres.{name}"
+        if ball.radius_m is not None:
+            yield _Stated("radius", name, ball.radius_m, "m", ball.u_radius_m, f"{at}.radius_m")
+        if ball.mass_kg is not None:
+            yield _Stated("mass", name, ball.mass_kg, "kg", ball.u_mass_kg, f"{at}.mass_kg")
+    for name in sorted({i.shot.surface for i in items if i.shot.surface is not None}):
+        coupon = campaign.surfaces[name]
+        for kind, value, unit, u in (
+            ("coupon_mass", coupon.coupon_mass_kg, "kg", coupon.u_coupon_mass_kg),
+            ("coupon_thickness", coupon.coupon_thickness_m, "m", coupon.u_coupon_thickness_m),
+        ):
+            if value is not None:
+                yield _Stated(kind, name, value, unit, u, f"surfaces.{name}.{kind}_{unit}")
+
+
+def _of_the_rig(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Stated]:
+    if any(_fell(i) for i in items):
+        u = campaign.u_height_offset_m
+        yield _Stated("height_offset", None, 0.0, "m", u, "release.height_offset_u_m")
+        g = campaign.gravity_m_per_s2
+        yield _Stated("gravity", None, g, "m/s^2", campaign.u_gravity_m_per_s2, "gravity_m_per_s2")
+    u = _time_base_u(campaign, items)
+    yield _Stated("time_base", None, 1.0, "1", u, "sample_rate_u_relative")
+    gain = max(i.shot.u_gain_relative for i in items)
+    if gain > 0:
+        yield _Stated("converter_gain", None, 1.0, "1", Uncertainty(gain), "volts_per_code")
+
+
+def _time_base_u(campaign: Campaign, items: Sequence[FitShot]) -> Uncertainty | None:
+    """Return the time base's relative uncertainty: the campaign's, else the widest of its shots."""
+    if campaign.u_sample_rate_relative is not None:
+        return campaign.u_sample_rate_relative
+    own = [(i.shot.u_sample_rate_hz, i.shot.sample_rate_hz) for i in items]
+    known = [replace(u, u=u.u / rate) for u, rate in own if u is not None]
+    return max(known, key=lambda u: u.u, default=None)
+
+
+def stated_numbers(
+    campaign: Campaign, items: Sequence[FitShot]
+) -> tuple[tuple[Input, ...], tuple[str, ...]]:
+    """Return a campaign's numbers that have an uncertainty, and where those stand that have none.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        What is known.
+    items : sequence of FitShot
+        The shots that are fitted; what none of them depends on is left out.
+
+    Returns
+    -------
+    inputs : tuple of Input
+        In the order of spheres, surfaces, rig.
+    exact : tuple of str
+        Paths in the campaign.
+    """
+    known = (*_of_materials(campaign, items), *_of_the_rig(campaign, items))
+    inputs = tuple(
+        Input(s.kind, s.owner, s.value, s.unit, s.uncertainty, s.path)
+        for s in known
+        if s.uncertainty is not None and s.uncertainty.u > 0
+    )
+    uncertain = {i.path for i in inputs}
+    return inputs, tuple(s.path for s in known if s.path not in uncertain)
+
+
+def exact_sentence(paths: Sequence[str]) -> str:
+    """Return what a result says of the numbers that were taken as exact."""
+    return f"Taken as exact, because no uncertainty is stated: {', '.join(paths)}."
