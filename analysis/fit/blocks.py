@@ -31,6 +31,8 @@ class ShotBlock:
         Whitened squares of the samples alone.
     cost : float
         Whitened squares with the nuisances' priors.
+    known : ndarray, shape (k, s + q)
+        The rows of what is known of this shot, which ``matrix`` contains; see `prior_rows`.
     """
 
     matrix: Array
@@ -38,6 +40,7 @@ class ShotBlock:
     chain: Array
     chi2: float
     cost: float
+    known: Array
 
 
 def _speed_shift_gradient(model: ImpactModel, item: FitShot, local: Array) -> Array:
@@ -180,7 +183,8 @@ def linearise_shot(
     for residual, row in zip(extra, rows, strict=True):
         matrix += np.outer(row, row)
         vector -= residual * row
-    return ShotBlock(matrix, vector, chain, chi2, chi2 + sum(x * x for x in extra))
+    cost = chi2 + sum(x * x for x in extra)
+    return ShotBlock(matrix, vector, chain, chi2, cost, np.array(rows))
 
 
 def input_slopes(

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.budget import budgets_json
 from analysis.fit import estimates, statements
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json, as_quantity, measurand, young_from_plane_strain
@@ -136,6 +137,12 @@ class FitResult:
         """Return ``moduli`` of ``impactd-diagnosis/1``; nothing where the fit has no solution."""
         return {} if self._void else statements.moduli_json(self.problem, self.fitted)
 
+    def budget(self) -> Json | None:
+        """Return ``impactd-budget/1`` of every modulus; None where there is none."""
+        if self._void:
+            return None
+        return budgets_json(self.problem, self.fitted, self.degrees_of_freedom)
+
     def pairs(self) -> Json:
         """Return each pair's reduced modulus, or its stiffness in reduced units."""
         return {} if self._void else statements.pairs_json(self.problem, self.fitted)
@@ -162,6 +169,7 @@ class FitResult:
                 "parameters": {},
                 "covariance": None,
                 "moduli": {},
+                "budget": None,
                 "pairs": {},
                 "identifiability": None,
                 "shots": [],
@@ -187,6 +195,7 @@ class FitResult:
                 "matrix": self.fitted.covariance.tolist(),
             },
             "moduli": self.moduli(),
+            "budget": self.budget(),
             "pairs": self.pairs(),
             "identifiability": self.identifiability().to_json(),
             "shots": [s.to_json() for s in self.shots],

@@ -1,4 +1,4 @@
-"""Commands around the analysis: fit, diagnose, effects."""
+"""Commands around the analysis: fit, budget, diagnose, effects."""
 
 # ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
 
@@ -23,7 +23,7 @@ class BaseModel(StrEnum):
 
 def add_to(app: typer.Typer) -> None:
     """Add these commands."""
-    for command in (fit, diagnose, effects):
+    for command in (fit, budget, diagnose, effects):
         app.command()(command)
 
 
@@ -66,6 +66,33 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
         )
     else:
         raise typer.BadParameter("give one campaign file, or only shot numbers")
+
+
+def budget(
+    campaign: Annotated[
+        Path, typer.Argument(metavar="CAMPAIGN.json", help="A campaign folder's file.")
+    ],
+    model: Annotated[str, typer.Option("--model", help="hsd or kv.")] = "kv",
+    draws: Annotated[
+        int | None,
+        typer.Option(
+            "--monte-carlo", metavar="N", help="Compare with N draws; 10000 take a second."
+        ),
+    ] = None,
+    refits: Annotated[
+        int | None,
+        typer.Option(
+            "--refits", metavar="N", help="Compare with N whole fits of redrawn records.", min=2
+        ),
+    ] = None,
+    json_out: Annotated[
+        Path | None, typer.Option("--json", metavar="OUT", help="Write the budgets here; - prints.")
+    ] = None,
+) -> None:
+    """Show what the uncertainty of every modulus is made of, and what would lessen it most."""
+    from impactd.console import budgets
+
+    budgets.budget(campaign, model, draws=draws, refits=refits, json_out=json_out)
 
 
 def diagnose(  # noqa: PLR0917 - typer reads options from the parameters

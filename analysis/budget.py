@@ -1,0 +1,272 @@
+"""The uncertainty budget of every modulus of a joint fit: ``impactd-budget/1``.
+
+Each row is one source with its sensitivity coefficient and contribution; the squares of all
+contributions add up to the modulus' own. What all shots share stands apart from what more shots
+would lessen, and a sentence says what would improve the modulus most.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.budget_sources import Source, nu_slope, sources
+from analysis.campaign import Quantity
+from analysis.fit.joint import Fitted
+from analysis.fit.measurand import young_from_plane_strain
+from analysis.fit.problem import JointProblem
+
+FORMAT = "impactd-budget/1"
+PLANE, YOUNG = "plane_strain_modulus_Pa", "youngs_modulus_Pa"
+NEGLIGIBLE = 1e-12
+"""Share of the variance below which a row is left out: what rounding leaves."""
+ENOUGH = 3.0
+"""A source whose contribution is a third of all others' together adds 5 % to them."""
+
+Json = dict[str, Any]
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Row:
+    """One source's line.
+
+    Attributes
+    ----------
+    source : Source
+        What it is.
+    parts : ndarray, shape (r,)
+        Change of the modulus' logarithm by each independent standard deviation of the source. [1]
+    """
+
+    source: Source
+    parts: Array
+
+    @property
+    def contribution(self) -> float:
+        """Return the relative standard uncertainty that the source alone would leave. [1]"""
+        return math.sqrt(float(self.parts @ self.parts))
+
+    @property
+    def sensitivity(self) -> float | None:
+        """Return d ln(modulus) / d ln(source), or / d source; None where it is no number."""
+        said, value = self.source.uncertainty.u, self.source.value
+        if self.parts.size != 1 or value is None or not said > 0:
+            return None
+        return float(self.parts[0]) / (said / value if self.source.relative else said)
+
+
+@dataclass(frozen=True)
+class Budget:
+    """What the uncertainty of one modulus is made of.
+
+    Attributes
+    ----------
+    name, measurand : str
+        The global, ``sphere.<name>`` or ``surface.<name>``, and which of its moduli.
+    value : float
+        [Pa]
+    rows : tuple of Row
+        Largest contribution first.
+    """
+
+    name: str
+    measurand: str
+    value: float
+    rows: tuple[Row, ...]
+
+    @property
+    def relative_u(self) -> float:
+        """Return the combined relative standard uncertainty. [1]"""
+        return math.sqrt(sum(r.contribution**2 for r in self.rows))
+
+    def part(self, *, common: bool) -> float:
+        """Return the relative standard uncertainty of what all shots share, or do not. [1]"""
+        return math.sqrt(sum(r.contribution**2 for r in self.rows if r.source.common == common))
+
+    @property
+    def degrees_of_freedom(self) -> float:
+        """Return the effective degrees of freedom (Welch-Satterthwaite, JCGM 100 G.4.1)."""
+        spent = sum(r.contribution**4 / r.source.uncertainty.degrees_of_freedom for r in self.rows)
+        return self.relative_u**4 / spent if spent > 0 else math.inf
+
+    def advice(self) -> str:
+        """Return what would improve the modulus most, in a sentence."""
+        common = [r for r in self.rows if r.source.common]
+        total, averaged = self.relative_u, self.part(common=False)
+        worst = max(common, key=lambda r: r.contribution, default=None)
+        if worst is None or worst.contribution < averaged:
+            rest = self.part(common=True)
+            return (
+                f"{averaged**2 / total**2:.0%} of its variance is noise and scatter of the shots: "
+                f"four times as many shots would bring u from {total:.2g} to "
+                f"{math.hypot(rest, averaged / 2):.2g} of the value."
+            )
+        rest = math.sqrt(max(total**2 - worst.contribution**2, 0.0))
+        said, value = worst.source.uncertainty.u, worst.source.value
+        # u at which the source would be a third of the rest; a tenth of today's where it is alone
+        target = _rounded_down(said * max(min(rest / ENOUGH / worst.contribution, 0.5), 0.1))
+        left = math.hypot(rest, worst.contribution * target / said)
+        if worst.source.relative and value is not None:
+            now, then = f"{said / value:.2g} of its value", f"{target / value:.1g}"
+        else:
+            now, then = f"{said:.2g} {worst.source.unit}", f"{target:.1g} {worst.source.unit}"
+        return (
+            f"{worst.contribution**2 / total**2:.0%} of its variance is the {worst.source.label} "
+            f"(u {now}): known to {then}, it would bring u from {total:.2g} to {left:.2g} of the "
+            "value."
+        )
+
+    def to_json(self) -> Json:
+        """Return the budget as ``impactd-budget/1``; NaN and infinity never appear."""
+        total = self.relative_u
+        return {
+            "format": FORMAT,
+            "material": self.name.partition(".")[2],
+            "measurand": self.measurand,
+            "value": self.value,
+            "u": self.value * total,
+            "unit": "Pa",
+            "relative_u": total,
+            "relative_u_common": self.part(common=True),
+            "relative_u_averaged": self.part(common=False),
+            "effective_degrees_of_freedom": _finite(self.degrees_of_freedom),
+            "rows": [_row_json(r, total) for r in self.rows],
+            "improve": self.advice(),
+        }
+
+
+def _rounded_down(u: float) -> float:
+    """Return one significant digit of an uncertainty, not more than it."""
+    unit = 10.0 ** math.floor(math.log10(u))
+    return math.floor(u / unit + 1e-9) * unit
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _row_json(row: Row, total: float) -> Json:
+    source = row.source
+    return {
+        "input": source.name,
+        "label": source.label,
+        "value": source.value,
+        "u": source.uncertainty.u,
+        "unit": source.unit,
+        "distribution": source.uncertainty.distribution,
+        "sensitivity": row.sensitivity,
+        "sensitivity_to": "logarithm" if source.relative else "value",
+        "contribution": row.contribution,
+        "share": row.contribution**2 / total**2 if total > 0 else 0.0,
+        "degrees_of_freedom": _finite(source.uncertainty.degrees_of_freedom),
+        "traceable_to": source.uncertainty.traceable_to,
+        "common": source.common,
+    }
+
+
+def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> list[Budget]:
+    """Return the budgets of all moduli of a fit, two for a material whose Poisson's ratio is known.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    degrees_of_freedom : float
+        Of its residual.
+
+    Returns
+    -------
+    list of Budget
+        In the order of the materials; empty in reduced units and for single pairs.
+
+    Notes
+    -----
+    Source: JCGM 100 (GUM) 5.1, on the joint fit's own linear form. Validation: the contributions'
+    squares against the covariance, against ``uncertainties`` and against sampling in
+    ``tests/analysis/test_budget.py``.
+    """
+    at = [j for j, n in enumerate(problem.names) if n.startswith(("sphere.", "surface."))]
+    if not at or not fitted.blocks:
+        return []
+    found = sources(problem, fitted, degrees_of_freedom)
+    return [b for j in at for b in _of_material(problem, fitted, found, j)]
+
+
+def _of_material(
+    problem: JointProblem, fitted: Fitted, found: list[Source], j: int
+) -> list[Budget]:
+    name = problem.names[j]
+    side, _, short = name.partition(".")
+    log, u = float(fitted.theta[j]), math.sqrt(float(fitted.covariance[j, j]))
+    made = [_budget(name, PLANE, math.exp(log), found, (j, 1.0), {})]
+    known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
+    young, ratio = known[short].youngs_modulus_pa, known[short].poissons_ratio
+    if ratio is None:
+        return made
+    value, _ = young_from_plane_strain(log, u, young, ratio)
+    share, direct = _youngs_form(young, ratio)
+    own = {f"{side}s.{short}.{key}": x for key, x in direct.items()}
+    return [*made, _budget(name, YOUNG, value, found, (j, share), own)]
+
+
+def _youngs_form(young: Quantity | None, ratio: Quantity) -> tuple[float, dict[str, float]]:
+    """Return how ln E follows ln E', and the material's own statements besides, by one u each.
+
+    As `young_from_plane_strain` shares ln E' out between E and Poisson's ratio.
+    """
+    u_nu = nu_slope(ratio) * ratio.u
+    if young is None:
+        return 1.0, {"poissons_ratio": -u_nu}
+    u_young = young.u / young.value
+    total = u_young**2 + u_nu**2
+    share = u_young**2 / total if total > 0 else 0.0
+    return share, {"youngs_modulus_Pa": (1 - share) * u_young, "poissons_ratio": -share * u_nu}
+
+
+def _budget(
+    name: str,
+    measurand: str,
+    value: float,
+    found: list[Source],
+    form: tuple[int, float],
+    direct: dict[str, float],
+) -> Budget:
+    j, share = form
+    rows = [Row(s, share * s.spread[j] + direct.get(s.name, 0.0)) for s in found]
+    total = sum(r.contribution**2 for r in rows)
+    kept = [r for r in rows if r.contribution**2 > NEGLIGIBLE * total]
+    kept.sort(key=lambda r: -r.contribution)
+    return Budget(name, measurand, value, tuple(kept))
+
+
+def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> Json | None:
+    """Return all budgets as a fit's JSON has them, by material and modulus; None without moduli.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    degrees_of_freedom : float
+        Of its residual.
+
+    Returns
+    -------
+    dict or None
+        ``{"format", "moduli": {material: {measurand: budget}}}``; a name that is both a sphere's
+        and a surface's is preceded by which it is, as under ``moduli``.
+    """
+    found = budgets(problem, fitted, degrees_of_freedom)
+    if not found:
+        return None
+    plain = [name.partition(".")[2] for name in dict.fromkeys(b.name for b in found)]
+    moduli: Json = {}
+    for one in found:
+        short = one.name.partition(".")[2]
+        key = short if plain.count(short) == 1 else one.name.replace(".", ":", 1)
+        moduli.setdefault(key, {})[one.measurand] = one.to_json()
+    return {"format": FORMAT, "moduli": moduli}
