@@ -114,7 +114,8 @@ class Budget:
         if worst.source.relative and value is not None:
             now, then = f"{said / value:.2g} of its value", f"{target / value:.1g}"
         else:
-            now, then = f"{said:.2g} {worst.source.unit}", f"{target:.1g} {worst.source.unit}"
+            unit = "" if worst.source.unit == "1" else f" {worst.source.unit}"
+            now, then = f"{said:.2g}{unit}", f"{target:.1g}{unit}"
         return (
             f"{worst.contribution**2 / total**2:.0%} of its variance is the {worst.source.label} "
             f"(u {now}): known to {then}, it would bring u from {total:.2g} to {left:.2g} of the "

@@ -22,6 +22,7 @@ from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
 from analysis.fit import joint
+from analysis.fit.campaign_fit import inputs_freed
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json
 from analysis.fit.problem import JointProblem, build
@@ -147,7 +148,7 @@ def fit_named(
         if j is not None:
             problem.start[j] = quantity["coordinate"]
     fitted = joint.fit(problem, nuisances, progress=progress)
-    return quality(problem, fitted, heldout=heldout)
+    return inputs_freed(quality(problem, fitted, heldout=heldout))
 
 
 def _put_priors(problem: JointProblem, known: Json) -> None:

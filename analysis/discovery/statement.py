@@ -22,6 +22,7 @@ from analysis.discovery.reasons import not_refitted, to_the_end, why_not
 from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
+from analysis.fit.campaign_fit import inputs_freed
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.fit.statements import effect_parameters_json, parameters_json
@@ -47,15 +48,19 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     first, last = diagnosis.steps[0], diagnosis.steps[-1]
     before = quality(first.problem, first.fitted)
     after = before if last is first else quality(last.problem, last.fitted)
-    stated = _block(after)
+    # the loop itself takes masses, heights and the like as exact; what it states does not
+    honest = inputs_freed(before), inputs_freed(after)
+    stated = _block(honest[1])
     located = diagnosis.located
     if diagnosis.verdict == "unknown" and located is not None:
-        stated = with_closure(after, located)
+        stated = with_closure(honest[1], located)
     next_drop = diagnosis.next_drop
     document: Json = {
         "format": FORMAT,
         "verdict": diagnosis.verdict,
-        "sentence": sentence(diagnosis, before, after),
+        "sentence": " ".join(
+            [sentence(diagnosis, before, after), *(c.sentence for c in honest[1].conflicts)]
+        ),
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.background),
@@ -66,7 +71,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "slot": diagnosis.slot,
         "slots": {} if located is None else _slots(last, located),
         "also_possible_slots": [] if located is None else located.also,
-        "before": _block(before),
+        "before": _block(honest[0]),
         "after": stated,
         "accepted_model": definition_of(after.problem, after.fitted) if diagnosis.chosen else None,
         "remaining": _remaining(diagnosis, last),
@@ -102,6 +107,8 @@ def _block(result: FitResult) -> Json:
         "degrees_of_freedom": result.degrees_of_freedom,
         "uncertainty_widened_by": math.sqrt(result.misfit),
         "moduli": result.moduli(),
+        "conflicts": [c.to_json() for c in result.conflicts],
+        "budget": result.budget(),
         "pairs": result.pairs(),
         "parameters": result.parameters(),
         "flags": result.flags(),
@@ -122,14 +129,20 @@ def with_closure(result: FitResult, located: Located) -> Json:
     -------
     dict
         As a block. Moduli that were to be found are withheld, because nobody knows how far
-        something unnamed moves them; those of references are as they were stated.
+        something unnamed moves them, unless leaving out a statement that the shots contradict
+        leaves noise and moves them little; those of references are as they were stated.
     """
     block = _block(result)
+    explained = _explained_by_a_statement(result)
     block["moduli"] = {
-        name: _as_stated(result, name, entry) if entry["status"] == "reference" else _held(entry)
+        name: _as_stated(result, name, entry)
+        if entry["status"] == "reference"
+        else entry
+        if explained and entry["without_conflicts"]["stable"]
+        else _held(entry)
         for name, entry in block["moduli"].items()
     }
-    block.update(parameters={}, pairs={})
+    block.update(parameters={}, pairs={}, budget=None)
     learned = located.learned
     if learned is None or not learned.rms < result.rms:
         return block
@@ -143,6 +156,17 @@ def with_closure(result: FitResult, located: Located) -> Json:
         heldout_rms_V=learned.heldout_rms,
     )
     return block
+
+
+def _explained_by_a_statement(result: FitResult) -> bool:
+    """Tell whether only noise remains once the contradicted statements are left out."""
+    clear = result.without_conflicts
+    if clear is None:
+        return False
+    # chi2 per degree of freedom of noise has a variance of 2 / dof; chance alone goes beyond
+    # four standard deviations once in 30 000
+    limit = 1.0 + 4.0 * math.sqrt(2.0 / clear.degrees_of_freedom)
+    return clear.chi2_per_dof <= limit
 
 
 def _as_stated(result: FitResult, name: str, entry: Json) -> Json:

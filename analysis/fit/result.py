@@ -6,12 +6,14 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.budget import budgets_json
 from analysis.fit import estimates, statements
+from analysis.fit.conflicts import Conflict, conflicts, fit_without
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json, as_quantity, measurand, young_from_plane_strain
 from analysis.fit.problem import FitShot, JointProblem
@@ -134,8 +136,36 @@ class FitResult:
         return estimates.calibration_part(self.problem, self.fitted, item)
 
     def moduli(self) -> Json:
-        """Return ``moduli`` of ``impactd-diagnosis/1``; nothing where the fit has no solution."""
-        return {} if self._void else statements.moduli_json(self.problem, self.fitted)
+        """Return ``moduli`` of ``impactd-diagnosis/1``; nothing where the fit has no solution.
+
+        Where statements contradict the shots, every other modulus also says what it is without
+        them, and whether it rests on them.
+        """
+        if self._void:
+            return {}
+        found = statements.moduli_json(self.problem, self.fitted)
+        if self.without_conflicts is not None:
+            statements.add_without_conflicts(found, self.without_conflicts.moduli())
+        return found
+
+    @cached_property
+    def conflicts(self) -> list[Conflict]:
+        """Return the statements that contradict the shots, worst first."""
+        return [] if self._void else conflicts(self.problem, self.fitted)
+
+    @cached_property
+    def without_conflicts(self) -> FitResult | None:
+        """Return the fit in which those statements say next to nothing; None where none does."""
+        if not self.conflicts:
+            return None
+        problem, fitted = fit_without(self.problem, self.fitted, self.conflicts)
+        if not fitted.blocks:
+            return None
+        shots = collect(problem, fitted, scale=self.misfit)
+        found = dataclasses.replace(self, problem=problem, fitted=fitted, shots=shots)
+        # what was left out does not contradict any more; asking again would never end
+        found.__dict__["conflicts"] = []
+        return found
 
     def budget(self) -> Json | None:
         """Return ``impactd-budget/1`` of every modulus; None where there is none."""
@@ -169,6 +199,7 @@ class FitResult:
                 "parameters": {},
                 "covariance": None,
                 "moduli": {},
+                "conflicts": [],
                 "budget": None,
                 "pairs": {},
                 "identifiability": None,
@@ -195,6 +226,7 @@ class FitResult:
                 "matrix": self.fitted.covariance.tolist(),
             },
             "moduli": self.moduli(),
+            "conflicts": [c.to_json() for c in self.conflicts],
             "budget": self.budget(),
             "pairs": self.pairs(),
             "identifiability": self.identifiability().to_json(),

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from analysis.campaign import Sphere, Surface
+from analysis.fit.conflicts import STABLE_BELOW
 from analysis.fit.estimates import (
     HSD_FIELDS,
     calibration_part,
@@ -88,6 +89,29 @@ def _modulus(log: float, u: float, side: str, material: Sphere | Surface) -> Jso
         entry["status"] = "reference"
         entry["shift_from_stated_in_u"] = (log - stated.mean) / stated.u
     return entry
+
+
+def add_without_conflicts(moduli: Json, without: Json) -> None:
+    """Add to every modulus what it is without the statements that contradict the shots.
+
+    Parameters
+    ----------
+    moduli : dict
+        From `moduli_json`; added to.
+    without : dict
+        The same of the fit without them.
+    """
+    for name, entry in moduli.items():
+        ours, theirs = (x[name]["plane_strain_modulus_Pa"] for x in (moduli, without))
+        moved = None
+        if ours and theirs:
+            moved = math.log(theirs["value"] / ours["value"]) / (theirs["u"] / theirs["value"])
+        entry["without_conflicts"] = {
+            "youngs_modulus_Pa": without[name]["youngs_modulus_Pa"],
+            "plane_strain_modulus_Pa": theirs,
+            "moved_by_u": moved,
+            "stable": moved is not None and abs(moved) < STABLE_BELOW,
+        }
 
 
 def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:

@@ -159,12 +159,24 @@ def report(document: dict[str, Any]) -> str:
             f"chi2/dof {document['chi2_per_dof']:.3g}"
             + (f", held-out rms {heldout:.3g}" if heldout else "")
         )
+    parts += [one["sentence"] for one in document.get("conflicts") or []]
+    parts += _improvements(document)
     parts += _warnings(document)
     parts += [
         f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
         for item in document.get("rejected") or []
     ]
     return "\n\n".join(parts)
+
+
+def _improvements(document: dict[str, Any]) -> list[str]:
+    """Return, for every modulus that was to be found, what would lessen its uncertainty most."""
+    budgets = (document.get("budget") or {}).get("moduli") or {}
+    return [
+        f"u of E/(1-nu^2) of {name}: {one['plane_strain_modulus_Pa']['improve']}"
+        for name, one in budgets.items()
+        if document["moduli"][name]["status"] == "fitted"
+    ]
 
 
 def _outcome(document: dict[str, Any]) -> str:

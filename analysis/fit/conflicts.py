@@ -1,0 +1,196 @@
+"""Which stated number contradicts the shots: found one by one, named, and left out for a check."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Quantity
+from analysis.fit import joint
+from analysis.fit.joint import Fitted
+from analysis.fit.measurand import Json
+from analysis.fit.priors import UNKNOWN_LOG_U
+from analysis.fit.problem import JointProblem
+
+CONFLICT_ABOVE = 3.3
+"""Standard uncertainties of the difference; chance alone does it once in a thousand statements."""
+LEAST_CONTROL = 1e-4
+"""Share of a statement's variance that the shots must take off for them to contradict it at all."""
+STABLE_BELOW = 2.0
+"""A modulus that moves by less of its own u when a statement is left out does not rest on it."""
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Conflict:
+    """One statement that the shots, with all other statements, contradict.
+
+    Attributes
+    ----------
+    name : str
+        The global.
+    path : str
+        Where a campaign states it.
+    stated, found : Quantity
+        As stated, and as everything else says. [``unit``]
+    unit : str
+        Of both.
+    score : float
+        Their difference over its own standard uncertainty.
+    """
+
+    name: str
+    path: str
+    stated: Quantity
+    found: Quantity
+    unit: str
+    score: float
+
+    @property
+    def sentence(self) -> str:
+        """Return who contradicts whom, and what to look at."""
+        kind, _, owner = self.path.partition(".")
+        what, _, key = owner.rpartition(".")
+        thing = f"{key.rpartition('_')[0].replace('_', ' ')} of {what}" if what else self.path
+        if key.startswith("youngs"):
+            thing = what
+        scale, unit = (1e-9, "GPa") if self.unit == "Pa" else (1.0, self.unit)
+        said, seen = f"{self.stated.value * scale:.3g}", f"{self.found.value * scale:.3g}"
+        look = {
+            "spheres": "check its label and certificate, and that this sphere was dropped",
+            "surfaces": "check its label and certificate, and that this coupon was under test",
+        }.get(kind, "measure it again")
+        return (
+            f"The stated {said} {unit} of {thing} is {abs(self.score):.0f} u from what the shots "
+            f"and all other statements say ({seen} {unit}): {look}."
+        )
+
+    def to_json(self) -> Json:
+        """Return the conflict as a fit's JSON has it."""
+        return {
+            "path": self.path,
+            "stated": dataclasses.asdict(self.stated),
+            "found": dataclasses.asdict(self.found),
+            "unit": self.unit,
+            "difference_in_u": self.score,
+            "sentence": self.sentence,
+        }
+
+
+def _statements(problem: JointProblem) -> list[int]:
+    """Return the globals about which a campaign makes a statement that shots can contradict."""
+    found = []
+    for j, name in enumerate(problem.names):
+        side, _, short = name.partition(".")
+        if side in ("sphere", "surface"):
+            known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
+            if known[short].youngs_modulus_pa is not None:
+                found.append(j)
+    return [*found, *range(len(problem.names) - len(problem.inputs), len(problem.names))]
+
+
+def _without(
+    problem: JointProblem, theta: Array, information: Array, j: int
+) -> tuple[Array, Array]:
+    """Return globals and information when one statement says next to nothing, to first order."""
+    own = float(problem.prior_precision[j, j])
+    less = own - UNKNOWN_LOG_U**-2
+    after = information.copy()
+    after[j, j] -= less
+    pull = np.zeros(theta.size)
+    pull[j] = less * (theta[j] - problem.prior_mean[j])
+    return theta + np.linalg.solve(after, pull), after
+
+
+def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
+    """Return the statements that contradict the shots, worst first.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    list of Conflict
+        After each the rest is judged without it, so that it does not make its neighbours look bad.
+
+    Notes
+    -----
+    Source: W. Baarda's data snooping (1968), as for the network of moduli. The difference of a
+    statement and what everything else says has the variance of both; where shots take nothing off
+    a statement's own they cannot contradict it.
+    """
+    if not fitted.blocks:
+        return []
+    theta, information = fitted.theta, np.linalg.inv(fitted.covariance)
+    candidates, found = _statements(problem), []
+    while candidates:
+        covariance = np.linalg.inv(information)
+        scores = {j: _score(problem, theta, covariance, j) for j in candidates}
+        worst = max(scores, key=lambda j: abs(scores[j]))
+        if not abs(scores[worst]) > CONFLICT_ABOVE:
+            break
+        theta, information = _without(problem, theta, information, worst)
+        u = math.sqrt(float(np.linalg.inv(information)[worst, worst]))
+        found.append(_conflict(problem, worst, (float(theta[worst]), u), scores[worst]))
+        candidates.remove(worst)
+    return found
+
+
+def _score(problem: JointProblem, theta: Array, covariance: Array, j: int) -> float:
+    before = 1 / float(problem.prior_precision[j, j])
+    left = before - float(covariance[j, j])
+    if left < LEAST_CONTROL * before:
+        return 0.0
+    return float(theta[j] - problem.prior_mean[j]) / math.sqrt(left)
+
+
+def _conflict(problem: JointProblem, j: int, seen: tuple[float, float], score: float) -> Conflict:
+    name, (at, u) = problem.names[j], seen
+    side, _, short = name.partition(".")
+    if side not in ("sphere", "surface"):
+        one = problem.inputs[j - len(problem.names) + len(problem.inputs)]
+        stated = Quantity(one.value, one.uncertainty.u)
+        return Conflict(
+            name, one.path, stated, Quantity(one.value_at(at), u / one.scale), one.unit, score
+        )
+    known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
+    stated = known[short].youngs_modulus_pa
+    assert stated is not None
+    # the same Poisson's ratio on both sides: its uncertainty is in the score already
+    value = stated.value * math.exp(at - float(problem.prior_mean[j]))
+    path = f"{side}s.{short}.youngs_modulus_Pa"
+    return Conflict(name, path, stated, Quantity(value, u * value), "Pa", score)
+
+
+def fit_without(
+    problem: JointProblem, fitted: Fitted, found: list[Conflict]
+) -> tuple[JointProblem, Fitted]:
+    """Return the fit again with the conflicting statements saying next to nothing.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    found : list of Conflict
+        From `conflicts`.
+
+    Returns
+    -------
+    problem : JointProblem
+        With those priors widened.
+    fitted : Fitted
+        Its solution.
+    """
+    precision = problem.prior_precision.copy()
+    for one in found:
+        j = problem.names.index(one.name)
+        precision[j, j] = UNKNOWN_LOG_U**-2
+    wide = dataclasses.replace(problem, prior_precision=precision)
+    return wide, joint.fit(wide, fitted.nuisances, theta=fitted.theta)
