@@ -204,7 +204,7 @@ def _of_material(
     name = problem.names[j]
     side, _, short = name.partition(".")
     log, u = float(fitted.theta[j]), math.sqrt(float(fitted.covariance[j, j]))
-    made = [_budget(name, PLANE, math.exp(log), found, (j, 1.0), {})]
+    made = [_budget((name, PLANE), math.exp(log), found, (j, 1.0), {})]
     known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
     young, ratio = known[short].youngs_modulus_pa, known[short].poissons_ratio
     if ratio is None:
@@ -212,7 +212,7 @@ def _of_material(
     value, _ = young_from_plane_strain(log, u, young, ratio)
     share, direct = _youngs_form(young, ratio)
     own = {f"{side}s.{short}.{key}": x for key, x in direct.items()}
-    return [*made, _budget(name, YOUNG, value, found, (j, share), own)]
+    return [*made, _budget((name, YOUNG), value, found, (j, share), own)]
 
 
 def _youngs_form(young: Quantity | None, ratio: Quantity) -> tuple[float, dict[str, float]]:
@@ -230,8 +230,7 @@ def _youngs_form(young: Quantity | None, ratio: Quantity) -> tuple[float, dict[s
 
 
 def _budget(
-    name: str,
-    measurand: str,
+    whose: tuple[str, str],
     value: float,
     found: list[Source],
     form: tuple[int, float],
@@ -242,7 +241,7 @@ def _budget(
     total = sum(r.contribution**2 for r in rows)
     kept = [r for r in rows if r.contribution**2 > NEGLIGIBLE * total]
     kept.sort(key=lambda r: -r.contribution)
-    return Budget(name, measurand, value, tuple(kept))
+    return Budget(*whose, value, tuple(kept))
 
 
 def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> Json | None:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Quantity, Uncertainty
 from analysis.fit.blocks import ShotBlock
+from analysis.fit.estimates import CELL
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, sensor_transform
 from analysis.fit.problem import FitShot, JointProblem
@@ -23,7 +24,6 @@ from analysis.model import solver
 
 Array = NDArray[np.float64]
 
-CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
 _CELL_LABELS = {
     "crystal_mass_kg": ("sensor.crystal_mass_kg", "mass of the load cell's crystal", "kg"),
     "crystal_stiffness_n_per_m": (

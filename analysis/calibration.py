@@ -12,12 +12,15 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from analysis.calibration_document import FORMAT, IDENTIFIABLE, sensor_from_json
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.cell_drift import drift, drift_basis
 from analysis.errors import AnalysisError
 from analysis.fit.campaign_fit import Progress, fit_campaign
-from analysis.fit.problem import SENSOR_FIELDS
+from analysis.fit.estimates import CELL, input_parts
+from analysis.fit.problem import SENSOR_FIELDS, sensor_transform
 from analysis.fit.result import FitResult
 from analysis.identifiability_words import short_sentence
 
@@ -82,6 +85,7 @@ class CalibrationResult:
                 name: found[f"sensor.{name}"] for name in SENSOR_FIELDS if f"sensor.{name}" in found
             },
             "covariance": covariance,
+            "inputs": _inputs_json(self.fit) if cell is not None else {},
             "drift_basis": drift_basis(self.fit.problem, self.fit.fitted) if found else None,
             "hsd": _hsd_json(self.hsd),
             "quality": _quality(self.fit) if found else None,
@@ -108,10 +112,30 @@ def _quality(fit: FitResult) -> Json:
     }
 
 
+def _inputs_json(fit: FitResult) -> Json:
+    """Return how the cell's logarithms follow each input, by one u of it."""
+    problem, at = fit.problem, fit.problem.positions(CELL)
+    rows = np.zeros((4, len(problem.names)))
+    rows[:, at] = sensor_transform()
+    parts = input_parts(problem, fit.fitted, rows)
+    return {name: (follows * u).tolist() for name, (follows, u) in parts.items()}
+
+
+def _gain_inputs_json(hsd: FitResult) -> Json:
+    rows = np.zeros((1, len(hsd.problem.names)))
+    rows[0, hsd.problem.names.index("sensor.ln_S")] = 1.0
+    parts = input_parts(hsd.problem, hsd.fitted, rows)
+    return {name: (follows * u).tolist() for name, (follows, u) in parts.items()}
+
+
 def _hsd_json(hsd: FitResult | None) -> Json | None:
     if hsd is None or hsd.outcome.status != "converged":
         return None
-    return {"gain_N_per_V": hsd.parameters()["sensor.gain_N_per_V"], "quality": _quality(hsd)}
+    return {
+        "gain_N_per_V": hsd.parameters()["sensor.gain_N_per_V"],
+        "inputs": _gain_inputs_json(hsd),
+        "quality": _quality(hsd),
+    }
 
 
 def _why_not(shot: Shot, campaign: Campaign) -> str | None:

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 from analysis import moduli_checks
 from analysis.campaign import Sphere, Surface
 from analysis.errors import AnalysisError
-from analysis.moduli_network import SensorCovariance, build, grouped, solve
+from analysis.moduli_network import CalibrationInputs, SensorCovariance, build, grouped, solve
 from analysis.moduli_result import ModuliResult
 from analysis.pair_observation import (
     PairObservation,
@@ -38,6 +38,7 @@ def adjust_moduli(
     spheres: Mapping[str, Sphere],
     surfaces: Mapping[str, Surface],
     sensor_covariance: SensorCovariance | None = None,
+    calibrated_by: Mapping[str, CalibrationInputs] | None = None,
 ) -> ModuliResult:
     """Return every material's modulus from the reduced moduli of pairs.
 
@@ -51,6 +52,9 @@ def adjust_moduli(
         Covariance of ln(M, k, mu, c), or of ln S for HSD. Without it each observation's
         ``u_calibration`` counts as one error common to its calibration. Either way the
         calibration's uncertainty is not averaged away.
+    calibrated_by : mapping of calibration to mapping, optional
+        Change of ln(M, k, mu, c), or of ln S, by one u of each input that the calibration rests on:
+        a sphere whose mass is wrong spoils the calibration and the shots in one.
 
     Returns
     -------
@@ -76,7 +80,7 @@ def adjust_moduli(
             f"Reduced moduli of different models ({', '.join(models)}) cannot be adjusted together;"
             " choose one."
         )
-    system = build(observations, spheres, surfaces, sensor_covariance)
+    system = build(observations, spheres, surfaces, sensor_covariance, calibrated_by)
     checks, contradicting = moduli_checks.snoop(system)
     as_stated = moduli_checks.consistency(system)
     system, dark_u = moduli_checks.with_dark_uncertainty(system)

@@ -16,9 +16,13 @@ from analysis.pair_observation import PairObservation
 
 Array = NDArray[np.float64]
 SensorCovariance = Array | Mapping[str, Array]
+CalibrationInputs = Mapping[str, Array]
+"""Change of the logarithms that a calibration found, by one u of each input it rests on."""
 
 ITERATIONS = 50
 TOLERANCE = 1e-10
+LEAST_SHARE = 1e-12
+"""Of the largest variance, below which a covariance has no direction but rounding."""
 ROUNDING = 1e-13
 """A decrease of chi2 by this share of it drowns in the rounding of its sum: no search along the
 step could see it. With chi2 = 1e4 the step is 3e-5 of the standard uncertainties."""
@@ -26,20 +30,20 @@ step could see it. With chi2 = 1e4 the step is 3e-5 of the standard uncertaintie
 
 @dataclass(frozen=True)
 class Block:
-    """The observations under one calibration, and how they follow its errors.
+    """The observations under one calibration, and how they follow common errors.
 
     Attributes
     ----------
     rows : ndarray of int, shape (m,)
         Which observations.
-    columns : slice
-        Its errors among those of all calibrations.
+    columns : ndarray of int, shape (width,)
+        Its calibration's errors, and those of stated inputs, among all common errors.
     slopes : ndarray, shape (m, width)
         d ln E* / d error.
     """
 
     rows: NDArray[np.int64]
-    columns: slice
+    columns: NDArray[np.int64]
     slopes: Array
 
 
@@ -145,27 +149,39 @@ def grouped(system: System) -> Groups:
     for block in system.blocks:
         at, w = system.group[block.rows], system.weight[block.rows]
         for i, values in enumerate(block.slopes.T):
-            common[:, block.columns.start + i] = np.bincount(at, w * values, count) / weight
-        d = block.slopes - common[at, block.columns]
-        scatter[block.columns, block.columns] = d.T @ (w[:, None] * d)
-        slope[block.columns] = d.T @ (w * about_mean[block.rows])
+            common[:, block.columns[i]] += np.bincount(at, w * values, count) / weight
+        d = block.slopes - common[np.ix_(at, block.columns)]
+        scatter[np.ix_(block.columns, block.columns)] += d.T @ (w[:, None] * d)
+        slope[block.columns] += d.T @ (w * about_mean[block.rows])
     return Groups(weight, observed, common, scatter, slope, float(system.weight @ about_mean**2))
 
 
 def _blocks(
-    observations: Sequence[PairObservation], covariance: SensorCovariance | None
+    observations: Sequence[PairObservation],
+    covariance: SensorCovariance | None,
+    calibrated_by: Mapping[str, CalibrationInputs],
 ) -> tuple[tuple[Block, ...], NDArray[np.int64], Array]:
-    """Return each calibration's block, each observation's calibration, the errors' precision."""
+    """Return each calibration's block, each observation's calibration, the errors' precision.
+
+    The errors of stated inputs come last, in units of their standard uncertainty: they are common
+    to all calibrations, and to the shots that a calibration rests on itself.
+    """
+    inputs = sorted(
+        {name for o in observations for name in o.inputs}
+        | {name for known in calibrated_by.values() for name in known}
+    )
     calibrations = sorted({o.calibration for o in observations})
     numbers = {name: i for i, name in enumerate(calibrations)}
     calibration = np.array([numbers[o.calibration] for o in observations])
     blocks: list[Block] = []
     inner: list[Array] = []
+    owns: list[Array] = []
     at = 0
     for number, name in enumerate(calibrations):
         known = covariance.get(name) if isinstance(covariance, Mapping) else covariance
         rows = np.flatnonzero(calibration == number)
         mine = [observations[i] for i in rows.tolist()]
+        own = np.array([[o.inputs.get(one, 0.0) for one in inputs] for o in mine])
         if known is None:
             # one error common to all; the sign cannot matter to a fully correlated part
             slopes = np.array([[o.u_calibration] for o in mine])
@@ -179,13 +195,32 @@ def _blocks(
                     " was it fitted with another model than the calibration?"
                 )
             slopes = np.array([o.sensitivity for o in mine])
+            cell = calibrated_by.get(name, {})
+            if cell:
+                follows = np.array([cell.get(one, np.zeros(width)) for one in inputs])
+                own = own + slopes @ follows.T
+                known = _without_inputs(known, follows)
             inner.append(np.asarray(np.linalg.inv(known)))
-        blocks.append(Block(rows, slice(at, at + slopes.shape[1]), slopes))
+        blocks.append(Block(rows, np.arange(at, at + slopes.shape[1]), slopes))
+        owns.append(own)
         at += slopes.shape[1]
-    precision = np.zeros((at, at))
+    precision = np.eye(at + len(inputs))
     for block, one in zip(blocks, inner, strict=True):
-        precision[block.columns, block.columns] = one
-    return tuple(blocks), calibration, precision
+        precision[np.ix_(block.columns, block.columns)] = one
+    last = np.arange(at, at + len(inputs))
+    whole = tuple(
+        Block(b.rows, np.concatenate([b.columns, last]), np.hstack([b.slopes, own]))
+        for b, own in zip(blocks, owns, strict=True)
+    )
+    return whole, calibration, precision
+
+
+def _without_inputs(covariance: Array, follows: Array) -> Array:
+    """Return the cell's covariance without the part that the inputs' columns carry."""
+    values, vectors = np.linalg.eigh(covariance - follows.T @ follows)
+    # what rounding takes below zero is a direction that the inputs alone leave open
+    floor = LEAST_SHARE * float(values.max())
+    return np.asarray((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
 def _start(
@@ -213,6 +248,7 @@ def build(
     spheres: Mapping[str, Sphere],
     surfaces: Mapping[str, Surface],
     covariance: SensorCovariance | None,
+    calibrated_by: Mapping[str, CalibrationInputs] | None = None,
 ) -> System:
     """Return the network's equations.
 
@@ -223,6 +259,8 @@ def build(
     spheres, surfaces : mapping
         By name.
     covariance : ndarray, mapping or None
+        As `analysis.moduli.adjust_moduli` takes it.
+    calibrated_by : mapping, optional
         As `analysis.moduli.adjust_moduli` takes it.
 
     Returns
@@ -252,7 +290,7 @@ def build(
     pair = np.array([numbers[o.sphere, o.surface] for o in observations])
     left = np.array([names.index(f"sphere.{sphere}") for sphere, _ in pairs])
     right = np.array([names.index(f"surface.{surface}") for _, surface in pairs])
-    blocks, calibration, inner = _blocks(observations, covariance)
+    blocks, calibration, inner = _blocks(observations, covariance, calibrated_by or {})
     together, group = np.unique(pair + len(pairs) * calibration, return_inverse=True)
     observed = np.array([o.log_reduced_modulus for o in observations])
     size = len(names) + inner.shape[0]

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -41,6 +42,9 @@ class PairObservation:
         at hand; then counted as one error common to all observations of a calibration. [1]
     calibration : str
         Which calibration; observations of different ones have different common errors.
+    inputs : dict of float
+        Standard uncertainty of ln E*, with its sign, from each stated mass, radius and the like, by
+        name: one error common to all observations that name it. [1]
     """
 
     sphere: str
@@ -52,6 +56,7 @@ class PairObservation:
     model: str
     u_calibration: float = 0.0
     calibration: str = ""
+    inputs: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def pair(self) -> str:
@@ -89,6 +94,12 @@ def observations_from_fit(
             continue
         value = float(modulus["value"])
         u, u_cell = float(modulus["u"]) / value, float(entry["u_calibration_Pa"]) / value
+        # fits of earlier versions took every stated number as exact
+        stated = {
+            name: float(one["d_ln_reduced_modulus_d_input"]) * float(one["u"])
+            for name, one in (entry.get("inputs") or {}).items()
+        }
+        own = u**2 - u_cell**2 - sum(part**2 for part in stated.values())
         by_field = entry["d_ln_reduced_modulus_d_ln_sensor"]
         fields = HSD_FIELDS if HSD_FIELDS[0] in by_field else SENSOR_FIELDS
         observations.append(
@@ -96,12 +107,13 @@ def observations_from_fit(
                 sphere=str(entry["sphere"]),
                 surface=str(entry["surface"]),
                 log_reduced_modulus=math.log(value),
-                u_random=math.sqrt(max(u**2 - u_cell**2, 1e-12)),
+                u_random=math.sqrt(max(own, 1e-12)),
                 sensitivity=np.array([float(by_field[name]) for name in fields]),
                 shot=shot,
                 model=str(found["model"]),
                 u_calibration=u_cell,
                 calibration=calibration,
+                inputs=stated,
             )
         )
     return tuple(observations)

@@ -238,11 +238,15 @@ def _adjusted(
     from analysis import adjust_moduli
 
     covariances: dict[str, NDArray[np.float64]] = {}
+    calibrated_by: dict[str, dict[str, NDArray[np.float64]]] = {}
     for name in {one.calibration for one in observations}:
         covariance = _cell_covariance(archive, name, model)
         if covariance is not None:
             covariances[name] = covariance
-    result = adjust_moduli(observations, materials.spheres, materials.surfaces, covariances)
+            calibrated_by[name] = _calibration_inputs(archive, name, model)
+    result = adjust_moduli(
+        observations, materials.spheres, materials.surfaces, covariances, calibrated_by
+    )
     return result.to_json()
 
 
@@ -260,6 +264,15 @@ def _cell_covariance(archive: Archive, name: str, model: str) -> NDArray[np.floa
         return sensor.covariance
     gain = sensor.hsd_n_per_v
     return None if gain is None else np.array([[(gain.u / gain.value) ** 2]])
+
+
+def _calibration_inputs(archive: Archive, name: str, model: str) -> dict[str, NDArray[np.float64]]:
+    """Return how a calibration follows the masses, radii and heights that it was made with."""
+    result = archive.calibrations.get(int(name)).result or {}
+    if model.partition("+")[0] == RIGID_CELL_MODEL:
+        result = result.get("hsd") or {}
+    # calibrations of earlier versions took every stated number as exact
+    return {key: np.array(one) for key, one in (result.get("inputs") or {}).items()}
 
 
 def _only(found: Json, specimen: str) -> Json:

@@ -215,6 +215,14 @@ class ReleaseSection(Section):
         lt=0.5,
         where="repeat one drop ten times",
     )
+    height_offset_u_m: float = key(
+        "Standard uncertainty of an offset that all drop heights share",
+        "m",
+        ge=0,
+        lt=0.01,
+        default=0.0,
+        where="how well tube end and coupon are set against the scale; 0 counts as exact",
+    )
 
 
 class SensorSection(Section):

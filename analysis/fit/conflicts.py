@@ -128,10 +128,11 @@ def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
     """
     if not fitted.blocks:
         return []
-    theta, information = fitted.theta, np.linalg.inv(fitted.covariance)
+    theta = fitted.theta
+    information: Array = np.asarray(np.linalg.inv(fitted.covariance))
     candidates, found = _statements(problem), []
     while candidates:
-        covariance = np.linalg.inv(information)
+        covariance = np.asarray(np.linalg.inv(information))
         scores = {j: _score(problem, theta, covariance, j) for j in candidates}
         worst = max(scores, key=lambda j: abs(scores[j]))
         if not abs(scores[worst]) > CONFLICT_ABOVE:
@@ -161,12 +162,12 @@ def _conflict(problem: JointProblem, j: int, seen: tuple[float, float], score: f
             name, one.path, stated, Quantity(one.value_at(at), u / one.scale), one.unit, score
         )
     known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-    stated = known[short].youngs_modulus_pa
-    assert stated is not None
+    young = known[short].youngs_modulus_pa
+    assert young is not None
     # the same Poisson's ratio on both sides: its uncertainty is in the score already
-    value = stated.value * math.exp(at - float(problem.prior_mean[j]))
+    value = young.value * math.exp(at - float(problem.prior_mean[j]))
     path = f"{side}s.{short}.youngs_modulus_Pa"
-    return Conflict(name, path, stated, Quantity(value, u * value), "Pa", score)
+    return Conflict(name, path, young, Quantity(value, u * value), "Pa", score)
 
 
 def fit_without(

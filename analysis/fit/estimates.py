@@ -18,7 +18,7 @@ from analysis.fit.problem import (
 from analysis.model import solver
 
 HSD_FIELDS = ("hsd_n_per_v",)
-_CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
+CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
 
 Array = NDArray[np.float64]
 
@@ -55,7 +55,7 @@ def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | 
     tuple of ndarray, shapes (4,) and (4, 4), or None
         In the order of ``SENSOR_FIELDS``.
     """
-    at = problem.positions(_CELL)
+    at = problem.positions(CELL)
     if at is None:
         return None
     transform = sensor_transform()
@@ -130,3 +130,32 @@ def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tu
         if size > 1:
             sensitivity = sensitivity @ np.linalg.inv(sensor_transform())
     return math.sqrt(max(float(follows @ precision @ follows), 0.0)), sensitivity
+
+
+def input_parts(
+    problem: JointProblem, fitted: Fitted, rows: Array
+) -> dict[str, tuple[Array, float]]:
+    r"""Return how directions in the globals follow what was stated of masses, radii and the like.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    rows : ndarray, shape (k, g)
+        Gradients of what is asked for.
+
+    Returns
+    -------
+    dict of tuple
+        By input: change of each row per unit of the stated coordinate, shape (k,), and the standard
+        uncertainty of that coordinate.
+
+    Notes
+    -----
+    As in `calibration_part`: an error d of a stated value moves the fit by :math:`\Sigma P d`.
+    """
+    found = {}
+    first = len(problem.names) - len(problem.inputs)
+    for j, one in enumerate(problem.inputs, start=first):
+        found[one.name] = (rows @ fitted.covariance[:, j] / one.u**2, one.u)
+    return found

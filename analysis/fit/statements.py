@@ -11,6 +11,7 @@ from analysis.fit.conflicts import STABLE_BELOW
 from analysis.fit.estimates import (
     HSD_FIELDS,
     calibration_part,
+    input_parts,
     log_of,
     pair_modulus,
     sensor_logs,
@@ -143,6 +144,10 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
             entry["d_ln_reduced_modulus_d_ln_sensor"] = dict(
                 zip(fields, sensitivity.tolist(), strict=True)
             )
+            entry["inputs"] = {
+                name: {"d_ln_reduced_modulus_d_input": float(follows[0]), "u": u}
+                for name, (follows, u) in input_parts(problem, fitted, modulus[2][None]).items()
+            }
         else:
             values, chain = problem.shared_local(item, fitted.theta)
             k = math.exp(values[0])

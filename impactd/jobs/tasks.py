@@ -16,7 +16,7 @@ import numpy as np
 from analysis import calibrate as analysis_calibrate
 from analysis import fit_campaign as analysis_fit_campaign
 from analysis import with_bounces
-from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface
+from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface, Uncertainty
 from analysis.discovery.named_model import fit_named
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
@@ -236,6 +236,9 @@ def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
         campaign = assemble_campaign(
             shots, known, sensor, order["gravity_m_per_s2"], order["speed_repeatability"]
         )
+        if order.get("height_offset_u_m"):
+            offset = Uncertainty(order["height_offset_u_m"])
+            campaign = dataclasses.replace(campaign, u_height_offset_m=offset)
     rebounds = {one["number"]: one.get("rebound_height_m") for one in order["shots"]}
     by_number = sorted(shots, key=lambda one: one.shot.number)
     bounced = [

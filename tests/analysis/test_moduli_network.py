@@ -38,6 +38,7 @@ def _drawn(shots: int) -> list[PairObservation]:
                 "kv",
                 float(rng.uniform(1e-3, 5e-3)),
                 str(rng.choice(["certificate", "1", "2"])),
+                {f"input.mass.{sphere}": float(rng.normal(0, 2e-3)), "input.height_offset": 1e-3},
             )
         )
     return found
