@@ -3,14 +3,25 @@
 from __future__ import annotations
 
 import difflib
+import math
 import tomllib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationError,
+    field_validator,
+)
 
-from analysis.campaign import Quantity, Sphere, Surface
+from analysis.campaign import Quantity, Sphere, Surface, Uncertainty
+from impactd.ball_grades import diameter_tolerance_m, grades, rectangular_u
 from impactd.settings import SettingsError, SettingsFinding
 
 
@@ -112,6 +123,31 @@ class _Value(BaseModel):
         return Quantity(self.value, self.u)
 
 
+class _Measured(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    value: float = Field(gt=0, allow_inf_nan=False)
+    u: float = Field(ge=0, allow_inf_nan=False)
+    distribution: Literal["normal", "rectangular"] = "normal"
+    degrees_of_freedom: float | None = Field(default=None, gt=0)
+    traceable_to: str | None = None
+
+
+class _Batch(BaseModel):
+    """What the bag of balls says; it counts where radius or mass have no uncertainty themselves."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    grade: str
+    mass_tolerance_kg: float | None = Field(default=None, ge=0, allow_inf_nan=False)
+    traceable_to: str | None = None
+
+    @field_validator("grade")
+    @classmethod
+    def _known(cls, grade: str) -> str:
+        if grade not in grades():
+            raise ValueError(f"there is no grade {grade!r}; known: {', '.join(grades())}")
+        return grade
+
+
 class _Modulus(_Value):
     value: float = Field(gt=0, allow_inf_nan=False)
     u: float = Field(gt=0, allow_inf_nan=False)
@@ -122,10 +158,23 @@ class _Poisson(_Value):
     value: float = Field(gt=0, le=0.5)
 
 
+_FORMS = ("a plain number", "a quantity")
+
+
+_EITHER = Discriminator(lambda value: _FORMS[isinstance(value, dict | _Measured)])
+_PLAIN = Tag(_FORMS[0])
+_Quantity = Annotated[_Measured, Tag(_FORMS[1])]
+_Radius = Annotated[Annotated[float, Field(gt=0, le=0.1), _PLAIN] | _Quantity, _EITHER]
+_Mass = Annotated[Annotated[float, Field(gt=0, le=1.0), _PLAIN] | _Quantity, _EITHER]
+_CouponMass = Annotated[Annotated[float, Field(gt=0, le=10.0), _PLAIN] | _Quantity, _EITHER]
+_Thickness = Annotated[Annotated[float, Field(gt=0, le=1.0), _PLAIN] | _Quantity, _EITHER]
+
+
 class _SphereEntry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
-    radius_m: float = Field(gt=0, le=0.1)
-    mass_kg: float = Field(gt=0, le=1.0)
+    radius_m: _Radius
+    mass_kg: _Mass
+    batch: _Batch | None = None
     youngs_modulus_pa: _Modulus | None = None
     poissons_ratio: _Poisson
     reference: bool = False
@@ -136,8 +185,8 @@ class _SurfaceEntry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
     youngs_modulus_pa: _Modulus | None = None
     poissons_ratio: _Poisson
-    coupon_mass_kg: float | None = Field(default=None, gt=0, le=10.0)
-    coupon_thickness_m: float | None = Field(default=None, gt=0, le=1.0)
+    coupon_mass_kg: _CouponMass | None = None
+    coupon_thickness_m: _Thickness | None = None
     reference: bool = False
     source: str
 
@@ -176,7 +225,11 @@ def load_materials(file: Path) -> Materials:
         entries = _MaterialsFile.model_validate(content)
     except ValidationError as error:
         findings = tuple(
-            SettingsFinding(".".join(map(str, detail["loc"])), f"{detail['msg']}")
+            # which of two forms was taken is no part of the path
+            SettingsFinding(
+                ".".join(str(part) for part in detail["loc"] if part not in _FORMS),
+                f"{detail['msg']}",
+            )
             for detail in error.errors()
         )
         raise SettingsError(file, findings[0].path_in_file, findings[0].reason, findings) from None
@@ -200,23 +253,55 @@ def _check_references(entries: _MaterialsFile, file: Path) -> None:
                 )
 
 
+def _split(number: float | _Measured | None) -> tuple[float | None, Uncertainty | None]:
+    if not isinstance(number, _Measured):
+        return number, None
+    freedom = math.inf if number.degrees_of_freedom is None else number.degrees_of_freedom
+    return number.value, Uncertainty(number.u, number.distribution, freedom, number.traceable_to)
+
+
+def _of_batch(batch: _Batch, radius_m: float, mass_kg: float) -> tuple[Uncertainty, Uncertainty]:
+    """Return what a batch says of radius and mass."""
+    half_m = diameter_tolerance_m(batch.grade)
+    # of one density, a ball's mass follows its diameter's cube
+    half_kg = batch.mass_tolerance_kg
+    if half_kg is None:
+        half_kg = 3 * mass_kg * half_m / (2 * radius_m)
+    told = batch.traceable_to or f"grade {batch.grade}"
+    return (
+        Uncertainty(rectangular_u(half_m / 2), "rectangular", traceable_to=told),
+        Uncertainty(rectangular_u(half_kg), "rectangular", traceable_to=told),
+    )
+
+
 def _sphere(name: str, entry: _SphereEntry) -> Sphere:
     modulus = entry.youngs_modulus_pa
+    radius_m, u_radius = _split(entry.radius_m)
+    mass_kg, u_mass = _split(entry.mass_kg)
+    if entry.batch is not None and radius_m is not None and mass_kg is not None:
+        of_radius, of_mass = _of_batch(entry.batch, radius_m, mass_kg)
+        u_radius, u_mass = u_radius or of_radius, u_mass or of_mass
     return Sphere(
         name=name,
-        radius_m=entry.radius_m,
-        mass_kg=entry.mass_kg,
+        radius_m=radius_m,
+        mass_kg=mass_kg,
         youngs_modulus_pa=modulus.quantity() if modulus else None,
         poissons_ratio=entry.poissons_ratio.quantity(),
+        u_radius_m=u_radius,
+        u_mass_kg=u_mass,
     )
 
 
 def _surface(name: str, entry: _SurfaceEntry) -> Surface:
     modulus = entry.youngs_modulus_pa
+    mass_kg, u_mass = _split(entry.coupon_mass_kg)
+    thickness_m, u_thickness = _split(entry.coupon_thickness_m)
     return Surface(
         name=name,
         youngs_modulus_pa=modulus.quantity() if modulus else None,
         poissons_ratio=entry.poissons_ratio.quantity(),
-        coupon_mass_kg=entry.coupon_mass_kg,
-        coupon_thickness_m=entry.coupon_thickness_m,
+        coupon_mass_kg=mass_kg,
+        coupon_thickness_m=thickness_m,
+        u_coupon_mass_kg=u_mass,
+        u_coupon_thickness_m=u_thickness,
     )

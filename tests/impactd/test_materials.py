@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.campaign import Uncertainty
 from impactd.materials import UnknownMaterialError, load_materials
 from impactd.settings import SettingsError, find_config
 
@@ -88,3 +89,45 @@ def test_a_wrong_material_is_refused_with_its_path(tmp_path: Path, text: str, pa
     with pytest.raises(SettingsError) as raised:
         load_materials(file)
     assert raised.value.path_in_file == path
+
+
+def _written(tmp_path: Path, ball: str) -> Path:
+    file = tmp_path / "materials.toml"
+    text = f'[sphere.ball]\n{ball}\npoissons_ratio = {{ value = 0.35, u = 0.01 }}\nsource = "s"\n'
+    surface = '[surface.plate]\npoissons_ratio = { value = 0.33, u = 0.01 }\nsource = "s"\n'
+    file.write_text(text + surface + "coupon_mass_kg = { value = 8.1e-3, u = 1e-6 }\n")
+    return file
+
+
+def test_a_batch_says_how_far_its_balls_may_be_off(tmp_path: Path) -> None:
+    """A tolerance is a rectangle; without one of its own the mass follows the diameter cubed."""
+    ball = 'radius_m = 4.76e-3\nmass_kg = 6e-4\nbatch = { grade = "G200", traceable_to = "lot 3" }'
+    materials = load_materials(_written(tmp_path, ball))
+    found, half_m = materials.spheres["ball"], 71e-6
+    assert found.u_radius_m is not None
+    assert found.u_mass_kg is not None
+    assert found.u_radius_m.u == pytest.approx(half_m / 2 / math.sqrt(3))
+    assert found.u_mass_kg.u == pytest.approx(6e-4 * 3 * half_m / 9.52e-3 / math.sqrt(3))
+    assert found.u_mass_kg.distribution == found.u_radius_m.distribution == "rectangular"
+    assert found.u_mass_kg.traceable_to == "lot 3"
+    plate = materials.surfaces["plate"]
+    assert (plate.coupon_mass_kg, plate.u_coupon_mass_kg) == (8.1e-3, Uncertainty(1e-6))
+
+
+def test_what_is_weighed_counts_instead_of_the_batch(tmp_path: Path) -> None:
+    """A measured mass keeps its own uncertainty; the batch still speaks for the radius."""
+    mass = '{ value = 6e-4, u = 2e-7, degrees_of_freedom = 9, traceable_to = "balance 4" }'
+    tolerance = 'batch = { grade = "G1000", mass_tolerance_kg = 1e-5 }'
+    found = load_materials(
+        _written(tmp_path, f"radius_m = 4.76e-3\nmass_kg = {mass}\n{tolerance}")
+    ).spheres["ball"]
+    assert found.u_mass_kg == Uncertainty(2e-7, "normal", 9.0, "balance 4")
+    assert found.u_radius_m is not None
+    assert found.u_radius_m.u == pytest.approx(150e-6 / 2 / math.sqrt(3))
+
+
+def test_an_unknown_grade_is_refused_with_those_there_are(tmp_path: Path) -> None:
+    """The message lists the grades."""
+    ball = 'radius_m = 4.76e-3\nmass_kg = 6e-4\nbatch = { grade = "G7" }'
+    with pytest.raises(SettingsError, match=r"G3, G5.*G2000"):
+        load_materials(_written(tmp_path, ball))
