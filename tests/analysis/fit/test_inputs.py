@@ -186,3 +186,33 @@ def test_a_converters_gain_moves_a_force_recordings_stiffness(
     fit = fit_campaign(dataclasses.replace(campaign, shots=shots), heldout=False)
     assert [i.kind for i in fit.problem.inputs] == ["converter_gain"]
     assert log_modulus(fit)[1] > log_modulus(first)[1]
+
+
+ISSUED = [
+    (lambda c: _heavier(c, ("acetal", "hdpe", "acetal_small")), 4.9e-3),
+    (lambda c: _heavier(c, ("acetal",)), 4.6e-3),
+    (_larger, -2.4e-3),
+    (lambda c: _of_shots(c, _half_a_millimetre_higher), -5.7e-3),
+    (_faster, 2.5e-4),
+]
+
+
+def _half_a_millimetre_higher(shot: Any) -> Any:
+    return dataclasses.replace(shot, drop_height_m=shot.drop_height_m + 5e-4)
+
+
+def test_known_shifts_of_a_shared_campaign_are_inside_what_is_stated(shared_campaign: Any) -> None:
+    """Wrong inputs move an exact fit as measured; with that u declared they stay within 2 u."""
+    campaign, truth = shared_campaign("campaigns/clean")
+    exact = fit_campaign(campaign, heldout=False)
+    wide = declared(campaign, mass=5e-3, radius=5e-3, height_m=5e-4, rate=1e-4, g=1e-5)
+    free = fit_campaign(wide, heldout=False)
+    for change, known in ISSUED:
+        moved = fit_campaign(change(campaign), heldout=False)
+        assert log_modulus(moved)[0] - log_modulus(exact)[0] == pytest.approx(known, rel=0.03)
+        assert moved.chi2_per_dof == pytest.approx(exact.chi2_per_dof, abs=5e-3)
+        value, u = log_modulus(fit_campaign(change(wide), heldout=False))
+        assert abs(value - log_modulus(free)[0]) < 2 * u
+    found = fit_campaign(honest(campaign), heldout=False)
+    low, high = found.moduli()["specimen"]["youngs_modulus_Pa"]["interval95"]
+    assert low <= truth["specimen_youngs_modulus_Pa"] <= high
