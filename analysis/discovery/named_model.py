@@ -22,7 +22,7 @@ from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
 from analysis.fit import joint
-from analysis.fit.campaign_fit import inputs_freed
+from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json
 from analysis.fit.problem import JointProblem, build

@@ -22,7 +22,7 @@ from analysis.discovery.reasons import not_refitted, to_the_end, why_not
 from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
-from analysis.fit.campaign_fit import inputs_freed
+from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.fit.statements import effect_parameters_json, parameters_json

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from analysis.campaign import Campaign
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot, shot_cost
-from analysis.fit.problem import JointProblem, build, with_inputs
+from analysis.fit.freed_inputs import inputs_freed
+from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import MISFIT_ABOVE, FitResult, Outcome, collect
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
@@ -208,28 +209,3 @@ def fit_campaign(
         progress("joint fit", 1.0)
     shots = collect(problem, fitted, scale=scale)
     return inputs_freed(FitResult(model, outcome, problem, fitted, shots, scale, held))
-
-
-def inputs_freed(result: FitResult) -> FitResult:
-    """Return a fit in which masses, radii, heights and the like are as uncertain as stated.
-
-    Parameters
-    ----------
-    result : FitResult
-        A fit that took them as exact: where this one starts, a step or two from its end.
-
-    Returns
-    -------
-    FitResult
-        Itself where no such number has an uncertainty, or the fit has no solution.
-    """
-    problem = with_inputs(result.problem)
-    if problem is result.problem or not result.fitted.blocks:
-        return result
-    more = problem.start[len(result.problem.names) :]
-    theta = np.concatenate([result.fitted.theta, more])
-    fitted = joint.fit(problem, result.fitted.nuisances, theta=theta, damping=joint.LEAST_DAMPING)
-    if not fitted.blocks:
-        return result
-    shots = collect(problem, fitted, scale=result.misfit)
-    return dataclasses.replace(result, problem=problem, fitted=fitted, shots=shots)

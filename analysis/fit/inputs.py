@@ -115,6 +115,37 @@ class Input:
         change = _MOVES.get(self.kind)
         return item if change is None or by == 0.0 else change(item, by)
 
+    def local_slopes(
+        self, item: FitShot, names: Sequence[str], *, by_moduli: bool
+    ) -> list[tuple[int, float]]:
+        """Return which shared local parameters follow it, and by how much.
+
+        Parameters
+        ----------
+        item : FitShot
+            The shot.
+        names : sequence of str
+            Of the shared local parameters.
+        by_moduli : bool
+            Whether the stiffness is made of moduli and the radius.
+
+        Returns
+        -------
+        list of tuple
+            Place and derivative.
+        """
+        if self.kind == "radius":
+            return [(0, 0.5)] if by_moduli else []
+        if self.kind == "converter_gain":
+            return [(names.index("ln_S"), 1.0)]
+        found = []
+        if self.kind == "mass":
+            if item.fixed_gain is not None and item.shot.quantity == "acceleration_m_per_s2":
+                found.append((names.index("ln_S"), 1.0))
+            if item.heavy_crystal is not None:
+                found.append((names.index("ln_M"), 1.0))
+        return found
+
 
 def _fell(item: FitShot) -> bool:
     """Tell whether the speed follows from a height."""

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,6 @@ __all__ = [
     "build",
     "modulus_prior",
     "sensor_transform",
-    "with_inputs",
 ]
 
 
@@ -91,7 +90,7 @@ class JointProblem:
     assumptions : list of str
         What had to be assumed, in words.
     inputs : tuple of Input
-        Stated numbers that are globals too, the last ones; see `with_inputs`.
+        Stated numbers that are globals too, the last ones; see ``analysis.fit.freed_inputs``.
     """
 
     model: ImpactModel
@@ -233,18 +232,12 @@ class JointProblem:
         chain: NDArray[np.float64],
     ) -> None:
         """Add what the inputs do to the shared local parameters, in place."""
-        names = self.model.shared
+        by_moduli = self.material_keys(shot) is not None
         for j, known in self.inputs_of(shot):
-            if known.kind == "radius" and self.material_keys(shot) is not None:
-                chain[0, j] += 0.5
-            elif known.kind == "converter_gain":
-                values[1] += theta[j] - known.stated
-                chain[1, j] += 1.0
-            elif known.kind == "mass":
-                if shot.fixed_gain is not None and shot.shot.quantity == "acceleration_m_per_s2":
-                    chain[1, j] += 1.0
-                if shot.heavy_crystal is not None:
-                    chain[names.index("ln_M"), j] += 1.0
+            for row, slope in known.local_slopes(shot, self.model.shared, by_moduli=by_moduli):
+                chain[row, j] += slope
+                if known.kind == "converter_gain":  # all others have moved the shot itself
+                    values[row] += slope * (theta[j] - known.stated)
 
 
 def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prior | None]:
@@ -355,37 +348,6 @@ def _closed_assumptions(problem: JointProblem) -> list[str]:
             "sphere's radius and mass neither is a parameter."
         )
     return found
-
-
-def with_inputs(problem: JointProblem) -> JointProblem:
-    """Return a problem with the campaign's uncertain numbers as globals behind its own.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Prepared by ``analysis.fit.start``.
-
-    Returns
-    -------
-    JointProblem
-        The problem itself where every number is exact.
-    """
-    inputs, _ = stated_numbers(problem.campaign, problem.shots)
-    if not inputs or problem.inputs:
-        return problem
-    size, more = len(problem.names), len(inputs)
-    precision = np.zeros((size + more, size + more))
-    precision[:size, :size] = problem.prior_precision
-    precision[range(size, size + more), range(size, size + more)] = [i.u**-2 for i in inputs]
-    stated = np.array([i.stated for i in inputs])
-    return replace(
-        problem,
-        names=[*problem.names, *(i.name for i in inputs)],
-        start=np.concatenate([problem.start, stated]),
-        prior_mean=np.concatenate([problem.prior_mean, stated]),
-        prior_precision=precision,
-        inputs=inputs,
-    )
 
 
 def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
