@@ -96,31 +96,45 @@ class Budget:
 
     def advice(self) -> str:
         """Return what would improve the modulus most, in a sentence."""
-        common = [r for r in self.rows if r.source.common]
         total, averaged = self.relative_u, self.part(common=False)
-        worst = max(common, key=lambda r: r.contribution, default=None)
-        if worst is None or worst.contribution < averaged:
-            rest = self.part(common=True)
+        worst = max(self._measurable(), key=_combined, default=[])
+        if _combined(worst) < averaged:
+            left = math.hypot(self.part(common=True), averaged / 2)
             return (
-                f"{averaged**2 / total**2:.0%} of its variance is noise and scatter of the shots: "
-                f"four times as many shots would bring u from {total:.2g} to "
-                f"{math.hypot(rest, averaged / 2):.2g} of the value."
+                "Drop four times as many shots: noise and scatter are "
+                f"{averaged**2 / total**2:.0%} of its variance, and u would fall from "
+                f"{_percent(total)} to {_percent(left)}."
             )
-        rest = math.sqrt(max(total**2 - worst.contribution**2, 0.0))
-        said, value = worst.source.uncertainty.u, worst.source.value
+        whole, source = _combined(worst), worst[0].source
+        share = f"{whole**2 / total**2:.0%} of its variance"
+        if source.value is None:
+            return f"The {source.label} is {share}; nothing else would improve it as much."
+        rest = math.sqrt(max(total**2 - whole**2, 0.0))
         # u at which the source would be a third of the rest; a tenth of today's where it is alone
-        target = _rounded_down(said * max(min(rest / ENOUGH / worst.contribution, 0.5), 0.1))
-        left = math.hypot(rest, worst.contribution * target / said)
-        if worst.source.relative and value is not None:
-            now, then = f"{said / value:.2g} of its value", f"{target / value:.1g}"
+        share_left = max(min(rest / ENOUGH / whole, 0.5), 0.1)
+        said = source.uncertainty.u
+        if source.relative:
+            said = max(r.source.uncertainty.u / (r.source.value or 1.0) for r in worst)
+            now, then = _percent(said), f"{100 * _rounded_down(said * share_left):.1g} %"
         else:
-            unit = "" if worst.source.unit == "1" else f" {worst.source.unit}"
-            now, then = f"{said:.2g}{unit}", f"{target:.1g}{unit}"
+            unit = "" if source.unit == "1" else f" {source.unit}"
+            now, then = f"{said:.2g}{unit}", f"{_rounded_down(said * share_left):.1g}{unit}"
+        left = math.hypot(rest, whole * share_left)
         return (
-            f"{worst.contribution**2 / total**2:.0%} of its variance is the {worst.source.label} "
-            f"(u {now}): known to {then}, it would bring u from {total:.2g} to {left:.2g} of the "
-            "value."
+            f"Measure the {_together(worst)} to {then} (now {now}): it is {share}, and u would "
+            f"fall from {_percent(total)} to {_percent(left)}."
         )
+
+    def _measurable(self) -> list[list[Row]]:
+        """Return what all shots share by what one measures in one go: all radii, all masses."""
+        found: dict[str, list[Row]] = {}
+        for row in self.rows:
+            if row.source.common:
+                side, _, rest = row.source.name.partition(".")
+                key = rest.rpartition(".")[2]
+                together = side == "spheres" and key in ("radius_m", "mass_kg")
+                found.setdefault(key if together else row.source.name, []).append(row)
+        return list(found.values())
 
     def to_json(self) -> Json:
         """Return the budget as ``impactd-budget/1``; NaN and infinity never appear."""
@@ -145,6 +159,24 @@ def _rounded_down(u: float) -> float:
     """Return one significant digit of an uncertainty, not more than it."""
     unit = 10.0 ** math.floor(math.log10(u))
     return math.floor(u / unit + 1e-9) * unit
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
+
+
+def _combined(rows: list[Row]) -> float:
+    return math.sqrt(sum(r.contribution**2 for r in rows))
+
+
+def _together(rows: list[Row]) -> str:
+    """Return what several rows of one kind are called."""
+    label = rows[0].source.label.removeprefix("stated ")
+    if len(rows) == 1:
+        return label
+    what, _, first = label.partition(" of the sphere ")
+    rest = [r.source.label.partition(" of the sphere ")[2] for r in rows[1:]]
+    return f"{what} of the spheres {', '.join([first, *rest[:-1]])} and {rest[-1]}"
 
 
 def _finite(value: float) -> float | None:

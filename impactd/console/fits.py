@@ -162,6 +162,7 @@ def report(document: dict[str, Any]) -> str:
     parts += [one["sentence"] for one in document.get("conflicts") or []]
     parts += _improvements(document)
     parts += _warnings(document)
+    parts += document.get("assumptions") or []
     parts += [
         f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
         for item in document.get("rejected") or []
