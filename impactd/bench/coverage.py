@@ -204,8 +204,9 @@ def _archive(campaign: Campaign, base: str) -> Iterator[tuple[str, str, Json]]:
             observations += observations_from_fit(single, shot=shot.name)
             for pair in single.pairs().values():
                 yield "E* of one shot", f"{shot.sphere}/{shot.surface}", pair["reduced_modulus_Pa"]
+    shared = {name: np.array(by) for name, by in cell.to_json()["inputs"].items()}
     network = adjust_moduli(
-        observations, campaign.spheres, campaign.surfaces, sensor.covariance
+        observations, campaign.spheres, campaign.surfaces, sensor.covariance, {"": shared}
     ).to_json()
     yield from _moduli(network["moduli"])
     for name, pair in network["pairs"].items():
