@@ -72,7 +72,7 @@ def budget(
     campaign: Annotated[
         Path, typer.Argument(metavar="CAMPAIGN.json", help="A campaign folder's file.")
     ],
-    model: Annotated[str, typer.Option("--model", help="hsd or kv.")] = "kv",
+    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = "kv",
     draws: Annotated[
         int | None,
         typer.Option(

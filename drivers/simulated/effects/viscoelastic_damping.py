@@ -1,7 +1,7 @@
 """Viscoelastic loss in the bulk: ``(3/2) A K sqrt(delta) delta'`` more on the sphere.
 
 Source: Kuwabara & Kono 1987; Brilliantov et al. 1996. Quasi-static viscoelastic spheres, A short
-against the contact. Tell-tale: loss falls with speed, 1 - eps ~ v^(1/5) (tested).
+against the contact. Tell-tale: the loss grows with speed, 1 - eps ~ v^(1/5) (tested).
 """
 
 from __future__ import annotations
