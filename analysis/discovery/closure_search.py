@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.closure_point import Block, Form, Point, blocks, links
-from analysis.fit import joint
+from analysis.fit import steps
 from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
@@ -217,7 +217,7 @@ def _moved(ground: Ground, here: Reached, parts: Sequence[_Reduced], step: Array
         mine = part.own - part.back @ (wide @ step[at])
         own[row] += mine[:o]
         nuisances[row] += mine[o:]
-    theta = joint.along(ground.problem, point.theta, step[:g])
+    theta = steps.along(ground.problem, point.theta, step[:g])
     return Point(theta, nuisances, point.shared + step[g:], own)
 
 

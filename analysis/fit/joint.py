@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.shots_at_once import at_once
+from analysis.fit.steps import along
 
 MAX_ITERATIONS = 120
 STEP_TOLERANCE = 2e-3
@@ -24,9 +25,6 @@ STEP_TOLERANCE = 2e-3
 COST_TOLERANCE = 1e-9
 GOOD_STEP, POOR_STEP = 0.7, 0.25
 """Shares of the promised fall above which damping falls, below which it grows."""
-STRAIGHT_UP_TO = 0.5
-"""Share by which 1/E' may fall in one straight step."""
-_BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
 START_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
 SUM_ROUNDING = 1e-12
 """Sums in different orders differ by less."""
@@ -206,59 +204,6 @@ def _promised_fall(
         local = np.concatenate([block.chain @ step, nuisance])
         fall += float(2 * block.vector @ local - local @ block.matrix @ local)
     return fall
-
-
-def _is_modulus(name: str) -> bool:
-    return name.startswith(("sphere.", "surface."))
-
-
-def along(problem: JointProblem, theta: Array, step: Array) -> Array:
-    """Return where a step leads: moduli move straight in 1/E', of which the pairs see sums.
-
-    What a network of pairs leaves open is a straight line in the compliances and a bent one in
-    their logarithms, along which a fit would have to creep.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Says which globals are moduli.
-    theta, step : ndarray, shape (g,)
-        Globals, and what a linear model would add to them.
-
-    Returns
-    -------
-    ndarray, shape (g,)
-        New globals.
-    """
-    moved = theta + step
-    for j, name in enumerate(problem.names):
-        if _is_modulus(name):
-            d = float(step[j])
-            # 1/E' must stay positive: beyond half way down it goes on like the logarithm
-            ahead = -math.log1p(-d) if d < STRAIGHT_UP_TO else d + _BEYOND
-            moved[j] = theta[j] + ahead
-    return moved
-
-
-def step_towards(name: str, distance: float) -> float:
-    """Return the step of one global after which `along` has moved it by a distance.
-
-    Parameters
-    ----------
-    name : str
-        The global.
-    distance : float
-        Wanted change. [logarithm or coordinate]
-
-    Returns
-    -------
-    float
-        The step.
-    """
-    if not _is_modulus(name):
-        return distance
-    step = -math.expm1(-distance)
-    return step if step < STRAIGHT_UP_TO else distance - _BEYOND
 
 
 def _next_damping(damping: float, kept: float) -> float:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.fit import joint
+from analysis.fit import joint, steps
 from analysis.fit.measurand import NORMAL95
 from analysis.fit.problem import JointProblem
 
@@ -90,8 +90,8 @@ def cost_held_at(
     """
     j = problem.names.index(name)
     u = math.sqrt(float(fitted.covariance[j, j]))
-    size = joint.step_towards(name, x - float(fitted.theta[j]))
-    start = joint.along(problem, fitted.theta, fitted.covariance[:, j] / u**2 * size)
+    size = steps.step_towards(name, x - float(fitted.theta[j]))
+    start = steps.along(problem, fitted.theta, fitted.covariance[:, j] / u**2 * size)
     start[j] = x
     found = joint.fit(_pinned(problem, j, x, u), fitted.nuisances, theta=start)
     if not found.blocks:

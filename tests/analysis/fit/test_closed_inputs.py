@@ -10,16 +10,19 @@ import pytest
 
 from analysis import fit_campaign
 from analysis.campaign import Campaign
+from analysis.fit.campaign_fit import solve
 from analysis.fit.fit_shot import log_speed_in_air
 from analysis.fit.freed_inputs import with_inputs
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import FitResult
 from analysis.fit.start import prepare
+from analysis.fit.steps import along
 from analysis.model.free_fall import speed_in_air
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 from drivers.simulated.label_spread import TYPICAL
-from drivers.simulated.specimens import SPHERES
+from drivers.simulated.noise import NoiseSettings
+from drivers.simulated.specimens import SPHERES, SURFACES
 from impactd.bench.simulated_campaign import through_a_folder
 
 SEED = 18
@@ -200,3 +203,48 @@ def test_an_input_that_no_double_holds_is_refused(problem: JointProblem) -> None
     assert not problem.is_thinkable(theta)
     values, _ = problem.shared_local(problem.item_at(problem.shots[0], theta), theta)
     assert not problem.model.is_thinkable(np.concatenate([values, np.zeros(4)]))
+
+
+@pytest.fixture(scope="module")
+def one_coupon() -> Campaign:
+    """Return drops of three spheres on one coupon, as a calibration has them."""
+    settings = dataclasses.replace(
+        SETTINGS,
+        spheres={name: SPHERES[name] for name in ("acetal_small", "hdpe", "ptfe")},
+        surfaces={"aluminium": SURFACES["aluminium"]},
+        drop_heights_m=(0.016, 0.0185, 0.027),
+        noise=NoiseSettings(rms_v=9e-4, ar1=0.0, pink_corner_hz=0.0),
+    )
+    return through_a_folder(simulate_campaign(settings, 1002))
+
+
+def test_drops_on_one_coupon_do_not_creep(one_coupon: Campaign) -> None:
+    """What is crystal and what is coupon stays open there, and the fit settles in few steps."""
+    problem = build(one_coupon, model_named("kv2"))
+    fitted, _ = solve(problem, prepare(problem))
+    assert fitted.converged
+    assert fitted.iterations <= 30
+    freed = fit_campaign(one_coupon, "kv2", heldout=False)
+    assert freed.problem.inputs
+    assert freed.outcome.status == "converged"
+    assert freed.fitted.iterations <= 30
+
+
+def test_a_step_keeps_the_ring_of_the_loaded_cell_straight(problem: JointProblem) -> None:
+    """Whatever a step makes of crystal and coupons, the loaded ring moves as it says."""
+    mass = float(np.mean([s.frame.coupon_on_crystal_kg for s in problem.shots]))
+    names = [*problem.names]
+    step = np.zeros(len(names))
+    at = [names.index(f"sensor.{n}") for n in ("ln_w", "ln_z", "ln_M")]
+    step[at] = 1e-3, 2e-3, -0.4
+
+    def loaded(theta: np.ndarray, j: int) -> float:
+        return float(theta[j] - 0.5 * np.log1p(mass * np.exp(-theta[at[2]])))
+
+    moved = along(problem, problem.start, step)
+    share = mass / (mass + math.exp(problem.start[at[2]]))
+    for j in at[:2]:
+        straight = step[j] + 0.5 * share * step[at[2]]
+        assert loaded(moved, j) - loaded(problem.start, j) == pytest.approx(straight, rel=1e-9)
+    tiny = 1e-6 * step
+    assert along(problem, problem.start, tiny) - problem.start == pytest.approx(tiny, abs=1e-10)

@@ -11,9 +11,9 @@ from scipy.optimize import least_squares
 
 from analysis import fit_campaign
 from analysis.fit.blocks import prior_rows
-from analysis.fit.joint import along, step_towards
 from analysis.fit.profile import LEVEL95, cost_held_at, profile
 from analysis.fit.result import FitResult
+from analysis.fit.steps import along, step_towards
 
 
 @pytest.fixture(scope="module")

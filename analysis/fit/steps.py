@@ -1,0 +1,111 @@
+"""Where a step of a fit leads: straight in coordinates in which the problem is nearly linear."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.problem import JointProblem
+
+STRAIGHT_UP_TO = 0.5
+"""Share by which 1/E' may fall in one straight step."""
+_BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
+
+Array = NDArray[np.float64]
+
+
+def _is_modulus(name: str) -> bool:
+    return name.startswith(("sphere.", "surface."))
+
+
+def _loading(problem: JointProblem, theta: Array) -> tuple[float, Array]:
+    r"""Return how far a coupon lowers the ring of the cell, and the derivative by the globals.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        With a crystal's mass among its globals.
+    theta : ndarray, shape (g,)
+        Globals.
+
+    Returns
+    -------
+    value : float
+        :math:`\ln(\omega_m / \omega_0) = \ln(\zeta_m / \zeta) = \tfrac12 \ln(M / (M + m))`
+        with the mean m of the shots' coupons. [1]
+    slope : ndarray, shape (g,)
+        Its derivative.
+    """
+    slope = np.zeros(theta.size)
+    at = problem.names.index("sensor.ln_M")
+    riding = 0.0
+    for item in problem.shots:
+        here = problem.item_at(item, theta).frame.coupon_on_crystal_kg / len(problem.shots)
+        riding += here
+        for j, one in problem.inputs_of(item):
+            if one.kind == "coupon_mass":
+                slope[j] -= here
+    if riding == 0.0:
+        return 0.0, np.zeros(theta.size)
+    # by logarithms: a step may ask for a crystal's mass that no double holds
+    whole = float(np.logaddexp(theta[at], math.log(riding)))
+    slope[at] = riding
+    return 0.5 * (float(theta[at]) - whole), 0.5 * slope * math.exp(-whole)
+
+
+def along(problem: JointProblem, theta: Array, step: Array) -> Array:
+    """Return where a step leads: straight in 1/E', and in the ring of the loaded cell.
+
+    What a network of pairs leaves open is a straight line in the compliances and a bent one in
+    their logarithms. Drops on one coupon leave open how the mass that rings is shared between
+    crystal and coupon, and fix the ring to some millionths: a line that is straight in the loaded
+    cell's frequency and damping, and bent in those of the bare one. Along bent lines a fit creeps.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Says what the globals are.
+    theta, step : ndarray, shape (g,)
+        Globals, and what a linear model would add to them.
+
+    Returns
+    -------
+    ndarray, shape (g,)
+        New globals.
+    """
+    moved = theta + step
+    for j, name in enumerate(problem.names):
+        if _is_modulus(name):
+            d = float(step[j])
+            # 1/E' must stay positive: beyond half way down it goes on like the logarithm
+            ahead = -math.log1p(-d) if d < STRAIGHT_UP_TO else d + _BEYOND
+            moved[j] = theta[j] + ahead
+    ring = problem.positions(["sensor.ln_w", "sensor.ln_z", "sensor.ln_M"])
+    if ring is not None and problem.model.closed and problem.is_thinkable(moved):
+        before, slope = _loading(problem, theta)
+        after, _ = _loading(problem, moved)
+        moved[ring[:2]] += float(slope @ step) - (after - before)
+    return moved
+
+
+def step_towards(name: str, distance: float) -> float:
+    """Return the step of one global after which `along` has moved it by a distance.
+
+    Parameters
+    ----------
+    name : str
+        The global.
+    distance : float
+        Wanted change. [logarithm or coordinate]
+
+    Returns
+    -------
+    float
+        The step.
+    """
+    if not _is_modulus(name):
+        return distance
+    step = -math.expm1(-distance)
+    return step if step < STRAIGHT_UP_TO else distance - _BEYOND
