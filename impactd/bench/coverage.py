@@ -226,13 +226,16 @@ def _cell(parameters: Json) -> Iterator[tuple[str, str, Json]]:
         yield kind, "cell", parameters[name]
 
 
+_MEASURANDS = {"E": "youngs_modulus_Pa", "E/(1-nu^2)": "plane_strain_modulus_Pa"}
+
+
 def _moduli(moduli: Json) -> Iterator[tuple[str, str, Json]]:
     for key, entry in moduli.items():
-        if entry["youngs_modulus_Pa"] is None:
-            continue
-        kind = "E of a reference" if entry["status"] == "reference" else "E of specimen"
-        name = key.partition(":")[2] or key
-        yield kind, f"{entry['side']}s/{name}", entry["youngs_modulus_Pa"]
+        whose = "a reference" if entry["status"] == "reference" else "specimen"
+        name = f"{entry['side']}s/{key.partition(':')[2] or key}"
+        for letter, measurand in _MEASURANDS.items():
+            if entry[measurand] is not None:
+                yield f"{letter} of {whose}", name, entry[measurand]
 
 
 def _true_value(truth: Json, kind: str, name: str) -> float:
@@ -240,9 +243,10 @@ def _true_value(truth: Json, kind: str, name: str) -> float:
         sphere, surface = name.split("/")
         sides = truth["spheres"][sphere], truth["surfaces"][surface]
         return 1 / sum(1 / float(side["plane_strain_modulus_Pa"]) for side in sides)
-    if kind.startswith("E "):
+    measurand = _MEASURANDS.get(kind.partition(" of ")[0])
+    if measurand is not None:
         side, material = name.split("/")
-        return float(truth[side][material]["youngs_modulus_Pa"])
+        return float(truth[side][material][measurand])
     cell = truth["sensor"]
     mass, k = cell["crystal_mass_kg"], cell["crystal_stiffness_N_per_m"]
     return float(

@@ -64,7 +64,8 @@ def test_one_campaign_gives_every_quantity_in_both_ways() -> None:
     pulls = campaign_pulls(3001)
     for way, extra in (("joint", set()), ("archive", {"E* of one shot"})):
         kinds = {p.kind for p in pulls if p.way == way}
-        wanted = {"E* of a pair", "E of specimen", "E of a reference", "S", "f0", "zeta", "M"}
+        moduli = {f"{e} of {x}" for e in ("E", "E/(1-nu^2)") for x in ("specimen", "a reference")}
+        wanted = {"E* of a pair", "S", "f0", "zeta", "M"} | moduli
         assert kinds == wanted | extra
     assert all(math.isfinite(p.score) and abs(p.score) < 5 for p in pulls)
     assert "| joint | E of specimen | 1 |" in table(pulls)
