@@ -31,6 +31,7 @@ from impactd.storage.journaling import Journaling
 from impactd.storage.publish import sync_directory
 
 BUSY_TIMEOUT_S = 10.0
+_LOCK_POLL_S = 0.01
 _MODE = 0o640
 """At most: it holds names, and hashes of tokens."""
 _SIDECARS = ("", "-wal", "-shm")
@@ -67,7 +68,7 @@ class Index:
             self._journaling = Journaling(self._connection, None if scratch else self.journal_path)
             with self._translated():
                 checksums.install(self._connection)
-                self._connection.execute(f"PRAGMA journal_mode={'MEMORY' if scratch else 'WAL'}")
+                self._choose_log("MEMORY" if scratch else "WAL")
                 self._connection.execute(f"PRAGMA synchronous={'OFF' if scratch else 'FULL'}")
                 self._connection.execute("PRAGMA foreign_keys=ON")
             self._migrate()
@@ -100,6 +101,19 @@ class Index:
                 f"The index {self.path} cannot be opened: {error.strerror}.",
                 remedy="Check storage.directory, its owner and its mode.",
             ) from error
+
+    def _choose_log(self, mode: str) -> None:
+        """Set the journal mode; SQLite does not wait there for a process that does the same."""
+        ends_s = time.monotonic() + BUSY_TIMEOUT_S
+        while True:
+            try:
+                self._connection.execute(f"PRAGMA journal_mode={mode}")
+            except sqlite3.OperationalError as error:
+                if "locked" not in str(error) or time.monotonic() > ends_s:
+                    raise
+                time.sleep(_LOCK_POLL_S)
+            else:
+                return
 
     def _connect(self) -> sqlite3.Connection:
         with self._translated():

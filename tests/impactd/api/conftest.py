@@ -62,6 +62,13 @@ class Rig:
             lambda drop: drop["state"] in states,
         )
 
+    def analysed_shot(self) -> dict[str, object]:
+        """Make a drop and return its shot once it is analysed."""
+        number = self.drop().json()["number"]
+        drop = self.ended(number, ("analysed", "failed", "aborted", "interrupted"))
+        assert drop["state"] == "analysed", drop
+        return self.reader.get(f"/v1/shots/{number}").json()
+
     def close(self) -> None:
         """Close the clients."""
         for client in (self.anybody, self.reader, self.operator, self.admin):
@@ -117,7 +124,4 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
 @pytest.fixture(scope="session")
 def shot(rig: Rig) -> dict[str, object]:
     """One stored and analysed shot."""
-    number = rig.drop().json()["number"]
-    drop = rig.ended(number, ("analysed", "failed", "aborted", "interrupted"))
-    assert drop["state"] == "analysed", drop
-    return rig.reader.get(f"/v1/shots/{number}").json()
+    return rig.analysed_shot()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import httpx2
@@ -12,7 +13,19 @@ import pytest
 from analysis import fit_campaign
 from impactd.console.stored_shots import campaign_of_files
 
-from .conftest import until
+from .conftest import Rig, run_daemon, simulated_settings, until
+
+
+@pytest.fixture(scope="module")
+def rig(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Rig]:
+    """A daemon of this file's own: others calibrate theirs and choose its model."""
+    yield from run_daemon(simulated_settings(tmp_path_factory.mktemp("shots")))
+
+
+@pytest.fixture(scope="module")
+def shot(rig: Rig) -> dict[str, object]:
+    """One stored and analysed shot."""
+    return rig.analysed_shot()
 
 
 def test_a_shot_tells_what_it_is_and_what_to_do_with_it(shot):
