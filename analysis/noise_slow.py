@@ -163,7 +163,7 @@ def promised_gain(seen: Spectrum, short: Array) -> float:
     turns = _turns(short)
     score, information = _scores(seen, _made(seen, 0.0, turns), turns)
     kept = np.arange(score.size) != 1
-    inner = np.linalg.inv(information[np.ix_(kept, kept)])
+    inner = np.linalg.pinv(information[np.ix_(kept, kept)], hermitian=True)
     cross = information[1, kept] @ inner
     own = float(information[1, 1] - cross @ information[kept, 1])
     free = float(score[1] - cross @ score[kept])
@@ -186,7 +186,8 @@ def _climb(seen: Spectrum, ratio: float, turns: Array) -> Slow:
     for _ in range(_CLIMB_STEPS):
         score, information = _scores(seen, found, turns)
         information[np.diag_indices_from(information)] *= 1.0 + damping
-        step = np.linalg.solve(information, score)
+        # The shortest step: along what no line of the spectrum tells, nothing moves.
+        step = np.linalg.lstsq(information, score, rcond=None)[0]
         # a 1/f part stays positive, and may vanish by steps
         ahead = ratio + float(step[1])
         ahead = ahead if ahead > 0.1 * ratio else 0.1 * ratio

@@ -1,7 +1,7 @@
-"""Large answers are made one at a time, with a pause: an abort must not wait for its turn.
+"""Large answers are made two at a time, with a pause: an abort must not wait for its turn.
 
 An abort changes threads and goes round the event loop a dozen times. Each time it waits for
-whoever computes or writes just then, so readers get half of the interpreter's time at most.
+whoever computes or writes just then, so readers that ask without end leave gaps.
 """
 
 from __future__ import annotations
@@ -25,11 +25,16 @@ LARGE_READS = frozenset(
 """Routes whose `GET` reads whole files or many fits; a list of shots does with `summary` only."""
 
 
+_THREADS = 2
+_LONGEST_PAUSE_S = 0.02
+"""As long as the answer took, but no longer than an abort takes: a slow download is no flood."""
+
+
 class ReadLimit:
-    """One large answer is made at a time; the others wait their turn."""
+    """So many large answers are made at a time; the others wait their turn."""
 
     def __init__(self) -> None:
-        self.turn = anyio.Lock()
+        self.threads = anyio.CapacityLimiter(_THREADS)
 
 
 async def _in_turn(request: Request) -> AsyncIterator[None]:
@@ -39,10 +44,10 @@ async def _in_turn(request: Request) -> AsyncIterator[None]:
         yield
         return
     limit: ReadLimit = request.app.state.read_limit
-    async with limit.turn:
+    async with limit.threads:
         began_s = time.monotonic()
         yield
-        await anyio.sleep(time.monotonic() - began_s)
+        await anyio.sleep(min(time.monotonic() - began_s, _LONGEST_PAUSE_S))
 
 
 # "function": the turn ends when the answer is made, not when a slow client has read it.
