@@ -6,45 +6,8 @@ import pytest
 
 from impactd.bench.large_archive import FittedShot
 from impactd.bench.readers import measure_readers
-from impactd.storage.shots import Shot
 
-SHOT = Shot(
-    number=1,
-    file="shots/000001.h5",
-    sha256="0" * 64,
-    size_bytes=1,
-    source="import",
-    origin="simulated",
-    started_utc="2026-01-01T00:00:00.000000Z",
-    stored_utc="2026-01-01T00:00:00.000000Z",
-    sphere="acetal",
-    surface="aluminium",
-    drop_height_m=0.03,
-    operator="",
-    quantity="voltage",
-    sample_rate_hz=1e6,
-    samples=4096,
-    trigger_index=1000,
-    peak=1.0,
-    clipped=False,
-)
-PAIR = {
-    "sphere": "acetal",
-    "surface": "aluminium",
-    "reduced_modulus_Pa": {"value": 3.5e9, "u": 1e7, "unit": "Pa"},
-    "u_calibration_Pa": 3e6,
-    "d_ln_reduced_modulus_d_ln_sensor": {
-        "crystal_mass_kg": 0.01,
-        "crystal_stiffness_n_per_m": 0.01,
-        "crystal_damping_n_s_per_m": 0.01,
-        "compliance_m_per_v": 0.01,
-    },
-}
-RESULT = {
-    "model": "kv",
-    "outcome": {"status": "converged", "message": "ok"},
-    "pairs": {"acetal/aluminium": PAIR},
-}
+from ...impactd.bench.test_large_archive import RESULT, SHOT
 
 
 @pytest.mark.slow
