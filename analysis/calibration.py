@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.base_models import DEFAULT_BASE
 from analysis.calibration_document import FORMAT, IDENTIFIABLE, sensor_from_json
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.cell_drift import drift, drift_basis
@@ -187,7 +188,7 @@ def _prior_sensor(sensor: Sensor) -> tuple[Sensor, str | None]:
 
 
 def calibrate(
-    campaign: Campaign, model: str = "kv", *, progress: Progress | None = None
+    campaign: Campaign, model: str = DEFAULT_BASE, *, progress: Progress | None = None
 ) -> CalibrationResult:
     """Return the cell's parameters from drops of known spheres on known surfaces.
 
@@ -196,7 +197,7 @@ def calibrate(
     campaign : Campaign
         Recordings; shots of pairs without stated moduli are left out and listed.
     model : str
-        ``kv`` for Table 3's parameters, ``hsd`` for S alone.
+        ``kv2`` or ``kv`` for Table 3's parameters, ``hsd`` for S alone.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 

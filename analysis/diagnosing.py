@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.discovery.diagnosis import diagnose_campaign
 from analysis.discovery.statement import diagnosis_json
@@ -14,7 +15,7 @@ Json = dict[str, Any]
 
 def diagnose(
     campaign: Campaign,
-    base: str = "kv",
+    base: str = DEFAULT_BASE,
     *,
     software: str = "analysis",
     progress: Callable[[str, float], None] | None = None,
@@ -26,7 +27,7 @@ def diagnose(
     campaign : Campaign
         Recordings and what is known.
     base : str, optional
-        ``kv`` or ``hsd``.
+        ``kv2``, ``kv`` or ``hsd``.
     software : str, optional
         Who asks, with version; stands in the document.
     progress : callable, optional

@@ -292,7 +292,7 @@ def compare(static: Json, dynamic: Json) -> Json:
     """
     one = (static.get("hsd") or {}).get("gain_N_per_V")
     hsd = (dynamic.get("hsd") or {}).get("gain_N_per_V")
-    others = {"kv": (dynamic.get("identifiable") or {}).get("gain_N_per_V"), "hsd": hsd}
+    others = {dynamic["model"]: (dynamic.get("identifiable") or {}).get("gain_N_per_V"), "hsd": hsd}
     found: Json = {}
     for name, other in others.items():
         if one and other:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Literal
 
+from analysis.base_models import DEFAULT_BASE
+
 if TYPE_CHECKING:
     from impactd.storage.fits import Fit
     from impactd.storage.shots import Shot
@@ -47,8 +49,12 @@ def in_words(reason: str) -> str:
 
 
 def best_fit(fits: Sequence[Fit]) -> Fit | None:
-    """Return the fit that speaks for a shot: the first with a cell that moves, else any."""
-    return next((fit for fit in fits if fit.model.startswith("kv")), fits[0] if fits else None)
+    """Return the fit that speaks for a shot: of the closed base, else of the paper's, else any."""
+    for base in (DEFAULT_BASE, "kv"):
+        for fit in fits:
+            if fit.model.partition("+")[0] == base:
+                return fit
+    return fits[0] if fits else None
 
 
 def advice(shot: Shot, fits: Sequence[Fit]) -> tuple[Advice | None, list[str]]:

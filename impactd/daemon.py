@@ -21,6 +21,7 @@ from typing import Any
 
 import structlog
 
+from analysis.base_models import BASE_MODELS
 from analysis.errors import UnknownModelError
 from impactd import __version__
 from impactd.acquisition.service import AcquisitionService
@@ -283,13 +284,6 @@ class Daemon:
             raise UnknownModelError(f"The base model {name} has no versions.")
         self.archive.models.set_active(name, version)
         self.bus.publish("model.chosen", {"name": name, "version": version, "by": by})
-
-
-BASE_MODELS = {
-    "hsd": "Hertz contact on a rigid load cell: force is volts times a constant",
-    "kv": "Hertz contact on a Kelvin-Voigt load cell: crystal mass, stiffness and damping",
-    "kv2": "kv, physically closed: third law, the coupon's mass, no tension, a fall in air",
-}
 
 
 def check_model(name: str) -> None:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ import numpy as np
 import structlog
 from numpy.typing import NDArray
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.materials import Materials
 from impactd.moduli_observations import CERTIFICATE, Observations, ShotUse
 from impactd.storage.archive import Archive, Calibration
@@ -122,7 +123,7 @@ class ModuliService:
         specimen: str | None = None,
         since: str | None = None,
         until: str | None = None,
-        model: str = "kv",
+        model: str = DEFAULT_BASE,
     ) -> ModuliAnswer:
         """Return what all stored fits together say about each material.
 
@@ -247,7 +248,27 @@ def _adjusted(
     result = adjust_moduli(
         observations, materials.spheres, materials.surfaces, covariances, calibrated_by
     )
-    return result.to_json()
+    found = result.to_json()
+    return {**found, "warnings": found["warnings"] + _of_other_bases(archive, covariances, model)}
+
+
+def _of_other_bases(archive: Archive, names: Iterable[str], model: str) -> list[str]:
+    """Return a warning for each calibration whose cell belongs to another base model.
+
+    ``kv`` counts the coupons of the calibration among the crystal's mass, ``kv2`` does not.
+    """
+    base = model.partition("+")[0]
+    if base == RIGID_CELL_MODEL:  # every calibration finds its constant too
+        return []
+    found = []
+    for name in sorted(names, key=int):
+        of = str((archive.calibrations.get(int(name)).result or {}).get("model", base))
+        if of.partition("+")[0] != base:
+            found.append(
+                f"Calibration {name} was made with {of}; its load cell does not hold for fits "
+                f"with {model}. Calibrate again with {model} active, then run: impactd refit."
+            )
+    return found
 
 
 def _cell_covariance(archive: Archive, name: str, model: str) -> NDArray[np.float64] | None:

@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.discovery.background import Background, background
 from analysis.discovery.backward import (
@@ -104,7 +105,7 @@ def _without_restitution(campaign: Campaign) -> Campaign:
 
 
 def diagnose_campaign(
-    campaign: Campaign, base: str = "kv", *, progress: Progress | None = None
+    campaign: Campaign, base: str = DEFAULT_BASE, *, progress: Progress | None = None
 ) -> Diagnosis:
     """Close the loop on a campaign.
 

@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot, shot_cost
@@ -154,7 +155,7 @@ def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array
 
 def fit_campaign(
     campaign: Campaign,
-    model: str = "kv",
+    model: str = DEFAULT_BASE,
     *,
     by_pair: bool = False,
     heldout: bool = True,
@@ -167,7 +168,7 @@ def fit_campaign(
     campaign : Campaign
         Recordings and what is known.
     model : str
-        ``hsd`` or ``kv``.
+        ``hsd``, ``kv`` or ``kv2``, with effects added by ``+``.
     by_pair : bool
         A stiffness per pair instead of a modulus per material; for single shots.
     heldout : bool

@@ -17,7 +17,8 @@ WIDE = 7.2
 
 MODELS: dict[str, dict[str, Any]] = {
     "hsd": {"color": BEFORE, "ls": (0, (4, 1.6)), "lw": 1.2},
-    "kv": {"color": AFTER, "ls": "-", "lw": 1.2},
+    "kv": {"color": AFTER, "ls": (0, (1, 1)), "lw": 1.2},
+    "kv2": {"color": AFTER, "ls": "-", "lw": 1.2},
 }
 _OTHERS = ("#4b7f52", "#7a4fa0", "#8a6d00")
 

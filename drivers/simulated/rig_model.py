@@ -14,7 +14,7 @@ import numpy as np
 
 from drivers.simulated import impact_kernel as kernel
 
-DEFAULT_RIG = "paper"
+DEFAULT_RIG = "closed"
 """What a rig is that says nothing of it; the one line to change."""
 
 LIFT_OFF = {"indentation": kernel.AT_INDENTATION, "force": kernel.AT_FORCE}

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import ConfigDict, Field
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.api.finite import without_nan
 from impactd.api.schemas import Answer, Name, Request
 from impactd.storage.jobs import Job
@@ -17,10 +18,10 @@ class DiagnosisBody(Request):
     """Shots whose fit is to be explained."""
 
     model_config = ConfigDict(
-        json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv"}}
+        json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv2"}}
     )
     shots: list[Annotated[int, Field(ge=1, le=LARGEST)]] = Field(min_length=1, max_length=500)
-    base: Literal["kv2", "kv", "hsd"] = "kv"
+    base: Literal["kv2", "kv", "hsd"] = DEFAULT_BASE
 
 
 class NextDropBody(Request):
@@ -67,7 +68,7 @@ class DiagnosisPage(Answer):
 class ActiveModelBody(Request):
     """The model that new results are reported with."""
 
-    model_config = ConfigDict(json_schema_extra={"example": {"name": "kv"}})
+    model_config = ConfigDict(json_schema_extra={"example": {"name": "kv2"}})
     name: Annotated[str, Field(min_length=1, max_length=200)]
     version: Annotated[int, Field(ge=1, le=LARGEST)] | None = Field(
         None, description="Of a named model; the latest one without it."

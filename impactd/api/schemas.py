@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from fastapi import Header, Path, Query
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.storage.plain_text import find_forbidden
 
 _LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
@@ -213,9 +214,9 @@ class TraceAnswer(Answer):
 class FitBody(Request):
     """Shots to fit again, together when there are several."""
 
-    model_config = ConfigDict(json_schema_extra={"example": {"shots": [17, 18], "model": "kv"}})
+    model_config = ConfigDict(json_schema_extra={"example": {"shots": [17, 18], "model": "kv2"}})
     shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
-    model: Annotated[str, Field(min_length=1, max_length=200)] = "kv"
+    model: Annotated[str, Field(min_length=1, max_length=200)] = DEFAULT_BASE
 
 
 class FitJobAnswer(Answer):

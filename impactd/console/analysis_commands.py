@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.console.options import Csv, Json, Url
 
 
@@ -19,6 +20,9 @@ class BaseModel(StrEnum):
     KV2 = "kv2"
     KV = "kv"
     HSD = "hsd"
+
+
+DEFAULT = BaseModel(DEFAULT_BASE)
 
 
 def add_to(app: typer.Typer) -> None:
@@ -35,7 +39,7 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
             help="A campaign folder's file, fitted here; or shot numbers, fitted by the daemon.",
         ),
     ],
-    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = "kv",
+    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = DEFAULT_BASE,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,
@@ -72,7 +76,7 @@ def budget(
     campaign: Annotated[
         Path, typer.Argument(metavar="CAMPAIGN.json", help="A campaign folder's file.")
     ],
-    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = "kv",
+    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = DEFAULT_BASE,
     draws: Annotated[
         int | None,
         typer.Option(
@@ -104,7 +108,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
             "shots, diagnosed by the daemon.",
         ),
     ] = None,
-    base: Annotated[BaseModel, typer.Option("--base", help="Model to start from.")] = BaseModel.KV,
+    base: Annotated[BaseModel, typer.Option("--base", help="Model to start from.")] = DEFAULT,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,

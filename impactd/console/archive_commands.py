@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from analysis.base_models import BASE_MODELS
 from impactd.console.options import Config, Data, Json
 
 
@@ -113,7 +114,7 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
         executor.value,
         workers=workers,
         scheduler=scheduler,
-        models=model or ["hsd", "kv"],
+        models=model or list(BASE_MODELS),
         label=label,
         config=config,
         data=data,

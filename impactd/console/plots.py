@@ -24,6 +24,7 @@ from analysis import (
     plot_shot,
     plot_traces,
 )
+from analysis.base_models import BASE_MODELS, DEFAULT_BASE
 from analysis.plots import paper_figures
 from analysis.plots.style import styled
 from impactd.console.client import connect
@@ -194,9 +195,9 @@ def _of_campaign(
             raise Failure(f"the campaign has no shot {name!r}; it begins with {few}.")
         one_shot = replace(campaign, shots=alone)
         # By pair, as the daemon answers a drop: what the record says, not the stated moduli.
-        fits = (_fit(one_shot, model, by_pair=True) for model in models or ["hsd", "kv"])
+        fits = (_fit(one_shot, model, by_pair=True) for model in models or list(BASE_MODELS))
         return plot_shot(*fits)
-    fit = _fit(campaign, models[-1] if models else "kv")
+    fit = _fit(campaign, models[-1] if models else DEFAULT_BASE)
     if kind == "moduli":
         return plot_moduli(fit.to_json(), literature_of(campaign))
     return plot_traces(fit) if kind == "traces" else plot_residuals(fit)

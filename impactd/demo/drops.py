@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.console.client import Client, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.tables import measured
@@ -245,7 +246,7 @@ def _line(shot: Json, *, waited_s: float | None = None) -> str:
     parts += [
         f"E* = {measured(fit['result'].get('reduced_modulus_Pa'), scale=1e-9)} GPa"
         for fit in shot["fits"] or []
-        if fit["model"] == "kv"
+        if fit["model"] == DEFAULT_BASE
     ]
     if waited_s is not None:
         parts.append(f"{waited_s:.1f} s")

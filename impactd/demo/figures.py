@@ -18,13 +18,25 @@ from analysis.fit.shot_fit import ShotFit
 from analysis.plots.span import span_us
 from impactd.demo.outcome import Outcome, Row, Rung
 
-MEASURED, HSD, KV, AFTER, TRUTH = "#8a8f98", "#d9822b", "#1c6dd0", "#1b8a5a", "#202124"
+MEASURED, HSD, KV, CLOSED_KV, AFTER, TRUTH = (
+    "#8a8f98",
+    "#d9822b",
+    "#a05cc4",
+    "#1c6dd0",
+    "#1b8a5a",
+    "#202124",
+)
 """Colours that stay apart in grey and for the colour-blind."""
 
 _SPAN_US = -60.0, 560.0
 """What of a shot is drawn at least: the pulse and most of the ring."""
 
-_LOOK = {"hsd": (HSD, "s", -0.22), "kv": (KV, "o", 0.0), "after": (AFTER, "D", 0.22)}
+_LOOK = {
+    "hsd": (HSD, "s", -0.3),
+    "kv": (KV, "^", -0.1),
+    "kv2": (CLOSED_KV, "o", 0.1),
+    "after": (AFTER, "D", 0.3),
+}
 """Colour, marker and shift of each rung's whiskers."""
 
 # Any: matplotlib's own type names each of its hundreds of keys
@@ -41,7 +53,7 @@ _STYLE: Any = {
 
 
 def draw_trace(file: Path, campaign: Campaign, outcome: Outcome, title: str) -> None:
-    """Draw one shot with HSD and KV, and below it what every rung leaves over of its like.
+    """Draw one shot with HSD and the closed KV, and below it what rungs leave of its like.
 
     Parameters
     ----------
@@ -55,18 +67,19 @@ def draw_trace(file: Path, campaign: Campaign, outcome: Outcome, title: str) -> 
         Over the picture.
     """
     (shot,) = campaign.shots
-    fits = {key: fit_campaign(campaign, key).shots for key in ("hsd", "kv")}
+    fits = {key: fit_campaign(campaign, key).shots for key in ("hsd", "kv2")}
     with mpl.rc_context(_STYLE):
         figure = Figure(figsize=(7.2, 6.6), layout="constrained")
         upper, rigid, fine = figure.subplots(3, 1, sharex=True, height_ratios=[3, 1.2, 1.4])
+        names = {rung.key: rung.name for rung in outcome.rungs}
         for key, fitted in fits.items():
             for fit in fitted:  # none where the model cannot be evaluated on this shot
                 colour = _LOOK[key][0]
                 t = _time_us(fit)
-                upper.plot(t, fit.prediction, color=colour, lw=1.3, label=key.upper(), zorder=3)
+                upper.plot(t, fit.prediction, color=colour, lw=1.3, label=names[key], zorder=3)
                 if key == "hsd":
                     rigid.plot(t, fit.residual * 1e3, color=colour, lw=1.0)
-        touch = _touch_down(shot, fits["kv"])
+        touch = _touch_down(shot, fits["kv2"])
         measured_us = (np.arange(shot.signal.size) - touch) / shot.sample_rate_hz * 1e6
         first, last = _span_us(outcome)
         near = (measured_us > first) & (measured_us < last)
@@ -95,7 +108,7 @@ def _draw_stacks(axes: Axes, outcome: Outcome, shot: Shot) -> None:
     noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
     axes.axhspan(-noise_mv, noise_mv, color="#eef0f3", lw=0, label="noise of one sample")
     seen = outcome.diagnosis["residual"]
-    for rung, side in ((outcome.rungs[1], "before"), (outcome.last, "after")):
+    for rung, side in ((outcome.base, "before"), (outcome.last, "after")):
         stacks = (seen[side] or {}).get("stacks")
         if not stacks:
             continue

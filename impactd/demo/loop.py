@@ -8,6 +8,7 @@ from typing import Any
 
 from rich.console import Console
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.console.client import Client, fresh_key
 from impactd.console.failure import Failure
 from impactd.demo.drops import until
@@ -44,7 +45,9 @@ def diagnose(client: Client, shots: list[int], console: Console, page: Path) -> 
         If it failed or does not end.
     """
     began = time.monotonic()
-    job = client.send("POST", "/v1/diagnoses", {"shots": shots, "base": "kv"}, key=fresh_key())
+    job = client.send(
+        "POST", "/v1/diagnoses", {"shots": shots, "base": DEFAULT_BASE}, key=fresh_key()
+    )
     with console.status(f"diagnosing {len(shots)} drops ...") as status:
         for answer in until(client, f"/v1/diagnoses/{job['id']}", _ENDED, _DIAGNOSIS_LIMIT_S):
             job = answer

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,8 @@ Json = dict[str, Any]
 
 SPECIMEN = "specimen"
 """The surface whose modulus nobody stated."""
+CLOSED = "closed KV"
+"""The base that the diagnosis starts from, for people."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +93,9 @@ class Rung:
     Attributes
     ----------
     key : str
-        ``hsd``, ``kv`` or ``after``: stable, whatever was found.
+        ``hsd``, ``kv``, ``kv2`` or ``after``: stable, whatever was found.
     name : str
-        For people: ``HSD``, ``KV``, ``KV + coupler_highpass``.
+        For people: ``HSD``, ``KV``, ``closed KV``, ``closed KV + coupler_highpass``.
     block : dict
         ``heldout_rms_V``, ``pairs``, ``moduli`` as `impactd-fit/1` and a diagnosis have them.
     """
@@ -163,7 +165,7 @@ class Outcome:
     Attributes
     ----------
     rungs : list of Rung
-        HSD, KV, and KV with what was found where anything was.
+        HSD, KV, closed KV, and that with what was found where anything was.
     pairs : list of Row
         Reduced moduli E*, the one number a contact knows.
     materials : list of Row
@@ -193,6 +195,11 @@ class Outcome:
     def last(self) -> Rung:
         """Return the rung the demo ends on."""
         return self.rungs[-1]
+
+    @property
+    def base(self) -> Rung:
+        """Return the rung that the diagnosis started from."""
+        return next(rung for rung in self.rungs if rung.key == "kv2")
 
     @property
     def judgement(self) -> Judgement:
@@ -262,7 +269,7 @@ class Outcome:
 
 
 def compare(
-    hsd: Json,
+    fits: Mapping[str, Json],
     diagnosis: Json,
     calibration: Json,
     truth: Json,
@@ -274,10 +281,10 @@ def compare(
 
     Parameters
     ----------
-    hsd : dict
-        ``impactd-fit/1`` of the same shots.
+    fits : mapping
+        ``impactd-fit/1`` of the same shots by the paper's models, ``hsd`` and ``kv``.
     diagnosis : dict
-        ``impactd-diagnosis/1`` from the base KV.
+        ``impactd-diagnosis/1`` from the closed base.
     calibration : dict
         As the API gives it.
     truth : dict
@@ -292,12 +299,13 @@ def compare(
     Outcome
         Pairs and materials in the order of the diagnosis.
     """
-    rungs = [Rung("hsd", "HSD", hsd), Rung("kv", "KV", diagnosis["before"])]
+    rungs = [Rung(key, key.upper(), fit) for key, fit in fits.items()]
+    rungs.append(Rung("kv2", CLOSED, diagnosis["before"]))
     if diagnosis["effects"]:
         named = " + ".join(effect["id"] for effect in diagnosis["effects"])
-        rungs.append(Rung("after", f"KV + {named}", diagnosis["after"]))
+        rungs.append(Rung("after", f"{CLOSED} + {named}", diagnosis["after"]))
     elif is_repaired(diagnosis):
-        rungs.append(Rung("after", "KV + learned closure", diagnosis["after"]))
+        rungs.append(Rung("after", f"{CLOSED} + learned closure", diagnosis["after"]))
     pairs = [
         Row(
             f"{found['sphere']} on {found['surface']}",
@@ -311,19 +319,18 @@ def compare(
         for key, found in diagnosis["before"]["pairs"].items()
     ]
     materials = [
-        _material(name, rungs, diagnosis["before"]["pairs"].values(), truth)
-        for name in diagnosis["before"]["moduli"]
+        _material(name, rungs, diagnosis["before"], truth) for name in diagnosis["before"]["moduli"]
     ]
     return Outcome(rungs, pairs, materials, diagnosis, model, calibration, truth, seed)
 
 
-def _material(name: str, rungs: list[Rung], pairs: Iterable[Json], truth: Json) -> Row:
-    entry = rungs[1].block["moduli"][name]
+def _material(name: str, rungs: list[Rung], before: Json, truth: Json) -> Row:
+    entry = before["moduli"][name]
     plain = name.partition(":")[2] or name
     group = "spheres" if entry["side"] == "sphere" else "surfaces"
     return Row(
         plain,
-        sum(pair["shots"] for pair in pairs if plain == pair[entry["side"]]),
+        sum(pair["shots"] for pair in before["pairs"].values() if plain == pair[entry["side"]]),
         {r.key: Estimate.of(_entry(r, "moduli", name, "youngs_modulus_Pa")) for r in rungs},
         float(truth[group][plain]["youngs_modulus_Pa"]),
         known=entry["status"] == "reference",

@@ -41,9 +41,11 @@ was sealed until its last verdict was in.</p>
 <p class="verdict"><b>$verdict</b> $sentence</p>
 
 <h2>The ladder</h2>
-<p>The same drops, three models. HSD takes the load cell for rigid; KV lets its crystal move
-(Maranzano &amp; Hancock 2016); the last rung is what the residual of KV asked for. The noise before
-the trigger is $noise mV: no model can be better. A fit that looks good can still be off:
+<p>The same drops, one model after the other. HSD takes the load cell for rigid; KV lets its crystal
+move (both Maranzano &amp; Hancock 2016); the closed KV is KV with what mechanics asks for besides:
+the dashpot pushes the crystal too, the coupon's mass rides on it, nothing pulls at lift-off, the
+sphere falls through air. The last rung is what the residual of the closed KV asked for. The noise
+before the trigger is $noise mV: no model can be better. A fit that looks good can still be off:
 compare the error with the modulus.</p>
 <div class="wide">$ladder</div>
 <p class="soft">$active</p>
@@ -52,14 +54,14 @@ compare the error with the modulus.</p>
 <ul>$sealed</ul>
 <p class="verdict $mark"><b>$word</b> $judgement</p>
 
-<h2>What was seen in the residual of KV</h2>
+<h2>What was seen in the residual of the closed KV</h2>
 <ul>$seen</ul>
 <p>All of it, with the candidates and why they were refused: <a href="diagnosis.html">the report of
 the diagnosis</a>.</p>
-<figure><img alt="A trace with HSD and KV, and what each model leaves over" src="$trace_png">
+<figure><img alt="A trace with HSD and the closed KV, and what each leaves over" src="$trace_png">
 <figcaption>What a model leaves over shows what it lacks. HSD cannot ring as the crystal does. At
-the bottom, on its own scale: what KV leaves of this sphere, coupon and height, mean over the
-repeats, and what is left with what was found.</figcaption></figure>
+the bottom, on its own scale: what the closed KV leaves of this sphere, coupon and height, mean over
+the repeats, and what is left with what was found.</figcaption></figure>
 
 <h2>Reduced modulus E* of each pair / GPa</h2>
 <p>The one number that a contact knows. ± is the standard uncertainty. All pairs share the error of
@@ -75,7 +77,7 @@ normal impact; its uncertainty is inside.</p>
 </figure>
 
 <h2>The load cell</h2>
-<p>What acts on the rig acted during calibration $calibration too, so what it found under KV may be
+<p>What acts on the rig acted during calibration $calibration too, so what it found may be
 off by more than it says. The diagnosis therefore starts from the maker's certificate and takes the
 $calibration_drops drops of the reference spheres as drops like any other: cell, effect and moduli
 come out of one fit. Identifiable combinations first; mass, stiffness and damping by themselves stay

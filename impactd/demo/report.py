@@ -11,7 +11,7 @@ from typing import Any
 
 from impactd import __version__
 from impactd.demo.judgement import truth_line
-from impactd.demo.outcome import Outcome, Row
+from impactd.demo.outcome import CLOSED, Outcome, Row
 from impactd.demo.page import PAGE
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 
@@ -88,7 +88,7 @@ def _ladder(outcome: Outcome) -> str:
 
 def _active(outcome: Outcome) -> str:
     if outcome.model is None:
-        return "Nothing was made active: later fits stay with KV."
+        return "Nothing was made active: later fits stay with the closed KV."
     return (
         f"<code>{html.escape(outcome.model)}</code> was made the active model: later fits use it, "
         "earlier results keep theirs."
@@ -118,13 +118,13 @@ def _table(what: str, rows: list[Row], outcome: Outcome) -> str:
 
 
 def _sensor(outcome: Outcome) -> str:
-    """Return the cell's numbers: as calibrated under KV, as found by each rung, and the truth."""
+    """Return the cell's numbers: as calibrated, as found from all drops, and the truth."""
     calibrated = (outcome.calibration.get("result") or {}).get("parameters", {})
-    columns = {"calibration under KV": calibrated}
+    columns = {f"calibration under {CLOSED}": calibrated}
     columns |= {
         f"all drops, {rung.name}": rung.block.get("parameters", {})
         for rung in outcome.rungs
-        if rung.key != "hsd" and rung.block.get("parameters")
+        if rung.key in ("kv2", "after") and rung.block.get("parameters")
     }
     truth = _true_sensor(outcome.truth.get("sensor", {}))
     rows = []

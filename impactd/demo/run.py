@@ -85,14 +85,17 @@ def run_demo(
                 for shot in client.pages("/v1/shots", drops.MOST_SHOTS)
                 if not drops.overloaded(shot, range_v)
             )
-            hsd = drops.fit_together(client, numbers, "hsd", console)
+            fits = {
+                model: drops.fit_together(client, numbers, model, console)
+                for model in ("hsd", "kv")
+            }
             found = loop.diagnose(client, numbers, console, out / _DIAGNOSIS)
             terminal.say_what_was_found(console, found["result"])
             model = loop.activate(client, found)
             terminal.say_what_is_active(console, model)
 
     truth = unseal(out / _DATA / SEALED_NAME)
-    outcome = compare(hsd, found["result"], calibration, truth, seed=seed, model=model)
+    outcome = compare(fits, found["result"], calibration, truth, seed=seed, model=model)
     _leave_results(out, outcome, numbers)
     terminal.show(console, outcome)
     took_s = time.monotonic() - began

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from impactd.console.tables import measured
 from impactd.demo.judgement import truth_line
-from impactd.demo.outcome import Outcome
+from impactd.demo.outcome import CLOSED, Outcome
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 
 Json = dict[str, Any]
@@ -29,7 +29,9 @@ def say_what_runs(console: Console, seed: int, effect: str) -> None:
     """
     console.print(f"Simulated rig, seed {seed}; all that follows goes through its daemon.")
     if effect == "random":
-        console.print("Something acts on it that KV does not have: drawn at random, and sealed.")
+        console.print(
+            "Something acts on it that the closed KV lacks: drawn at random, and sealed."
+        )
     elif effect != "none":
         console.print(f"The rig hides {effect}; neither daemon nor diagnosis is told.")
 
@@ -44,7 +46,7 @@ def say_what_was_found(console: Console, found: Json) -> None:
     found : dict
         ``impactd-diagnosis/1``.
     """
-    heading(console, "What was seen in the residual of KV")
+    heading(console, "What was seen in the residual of the closed KV")
     for line in found["residual"]["before"]["said"]:
         console.print(f"  {line}", highlight=False)
     heading(console, "Verdict")
@@ -108,7 +110,9 @@ def show(console: Console, outcome: Outcome) -> None:
     _show_ladder(console, outcome)
     heading(console, "The sealed truth")
     effects = outcome.truth.get("effects") or []
-    for line in [truth_line(effect) for effect in effects] or ["Nothing acted that KV lacks."]:
+    for line in [truth_line(effect) for effect in effects] or [
+        "Nothing acted that the closed KV lacks."
+    ]:
         console.print(f"  {line}", highlight=False)
     judgement = outcome.judgement
     console.print(f"  {judgement.word}: {judgement.sentence}", highlight=False)
@@ -170,7 +174,7 @@ def heading(console: Console, words: str) -> None:
 
 
 def _short(key: str) -> str:
-    return {"hsd": "HSD", "kv": "KV", "after": "KV + found"}[key]
+    return {"hsd": "HSD", "kv": "KV", "kv2": CLOSED, "after": "with found"}[key]
 
 
 def _table(title: str, first: str) -> Table:

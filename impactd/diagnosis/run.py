@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from analysis import diagnosing
+from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from impactd.storage.version import software
 
@@ -13,7 +14,10 @@ Json = dict[str, Any]
 
 
 def diagnose(
-    campaign: Campaign, base: str = "kv", *, progress: Callable[[str, float], None] | None = None
+    campaign: Campaign,
+    base: str = DEFAULT_BASE,
+    *,
+    progress: Callable[[str, float], None] | None = None,
 ) -> Json:
     """Close the loop on a campaign; see `analysis.diagnosing.diagnose`.
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from analysis.base_models import BASE_MODELS, DEFAULT_BASE
 from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Sensor
 from impactd.materials import Materials
@@ -22,8 +23,9 @@ from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surfa
 FIT_SHOT = "fit_shot"
 FIT_CAMPAIGN = "fit_campaign"
 CALIBRATE = "calibrate"
-SHOT_MODELS = ("hsd", "kv")
-"""Both are fitted to every shot: the difference is what a rigid cell would have made of it."""
+SHOT_MODELS = tuple(BASE_MODELS)
+"""All three are fitted to every shot: what a rigid cell and the paper's ringing one make of it, and
+the closed model that moduli are stated with."""
 
 Json = dict[str, Any]
 
@@ -38,7 +40,7 @@ def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | No
     shots : list of int
         At least one number.
     model : str
-        E.g. ``kv``; the caller has checked that the analysis knows it.
+        E.g. ``kv2``; the caller has checked that the analysis knows it.
     key : str, optional
         The client's idempotency key.
 
@@ -145,7 +147,7 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
         "shots": [_where(archive, archive.shot(number)) for number in numbers],
         "models": models,
         "model": model,
-        "base": job.payload.get("base", "kv"),
+        "base": job.payload.get("base", DEFAULT_BASE),
         "definitions": _definitions(archive, [*models, model]),
         # For drawing. A re-fit of a whole archive keeps none: they would double its size.
         "with_curves": True,
@@ -153,7 +155,7 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
 
 
 def shot_models(archive: Archive) -> tuple[str, ...]:
-    """Return the models that every shot is fitted with: both bases, and the active one.
+    """Return the models that every shot is fitted with: the bases, and the active one.
 
     Parameters
     ----------
@@ -170,9 +172,10 @@ def shot_models(archive: Archive) -> tuple[str, ...]:
 
 
 def _calibration_model(job: Job, archive: Archive) -> str:
-    """Return the active model where it has a crystal to calibrate, ``kv`` for everything else."""
+    """Return the active model where it has a crystal to calibrate, else the default base."""
     active = archive.models.active()
-    return active if job.kind == CALIBRATE and active.startswith("kv+") else "kv"
+    has_crystal = active.split("+")[0] != "hsd"
+    return active if job.kind == CALIBRATE and has_crystal else DEFAULT_BASE
 
 
 def _definitions(archive: Archive, names: Sequence[str]) -> Json:

@@ -16,6 +16,7 @@ import numpy as np
 from analysis import calibrate as analysis_calibrate
 from analysis import fit_campaign as analysis_fit_campaign
 from analysis import with_bounces
+from analysis.base_models import BASE_MODELS
 from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface, Uncertainty
 from analysis.discovery.named_model import fit_named
 from analysis.errors import AnalysisError
@@ -191,7 +192,7 @@ def warm_up() -> None:
         ),
         speed_repeatability=0.003,
     )
-    for model in ("hsd", "kv"):
+    for model in BASE_MODELS:
         _fit_one(campaign, model)
 
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from analysis.base_models import DEFAULT_BASE
 from impactd.storage.errors import ArchiveError, NotFoundError
 from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish
 from impactd.storage.sealed import seal, unseal
 
-BASE_MODEL = "kv"
 CHOICES_NAME = "active-models.json"
 
 
@@ -94,9 +94,9 @@ class ModelTable:
         return [_named(row) for row in rows]
 
     def active(self) -> str:
-        """Return the model that new results are reported with; ``kv`` until one was chosen."""
+        """Return the model that new results are reported with; ``kv2`` until one was chosen."""
         row = self._index.row("SELECT name FROM active_models ORDER BY id DESC LIMIT 1")
-        return BASE_MODEL if row is None else str(row["name"])
+        return DEFAULT_BASE if row is None else str(row["name"])
 
     def active_version(self) -> int | None:
         """Return the version of the active model, ``None`` for one without."""

@@ -4,11 +4,11 @@ import { axis, colour, draw } from "./plotly.js";
 import { modelName } from "../js/words.js";
 
 const FIRST_LOOK_US = [-60, 600];
-const DASHES = { hsd: "dash", kv: "solid" };
+const DASHES = { hsd: "dash", kv: "dot", kv2: "solid" };
 
 /** Return how a model is drawn: colours stay apart in grey, dashes in black and white. */
 export const modelLook = (model) => ({
-  color: colour(model === "hsd" ? "hsd" : model === "kv" ? "kv" : "named"),
+  color: colour(model === "hsd" ? "hsd" : model === "kv" || model === "kv2" ? "kv" : "named"),
   dash: DASHES[model] ?? "dashdot",
 });
 

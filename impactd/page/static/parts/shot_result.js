@@ -20,8 +20,8 @@ export async function showResult(place, number, signal) {
   return shot;
 }
 
-/** Return the fit that speaks for a shot: the active model's kind first, as the daemon chooses. */
-export const bestFit = (fits) => fits?.find((fit) => fit.model.startsWith("kv")) ?? fits?.[0] ?? null;
+/** Return the fit that speaks for a shot: of the closed base, else of the paper's, else any, as the daemon chooses. */
+export const bestFit = (fits) => fits?.find((fit) => /^kv2\b/.test(fit.model)) ?? fits?.find((fit) => /^kv\b/.test(fit.model)) ?? fits?.[0] ?? null;
 
 function verdict(shot) {
   const fit = bestFit(shot.fits);
@@ -62,8 +62,8 @@ async function chart(shot, signal) {
   const trace = await get(`/v1/shots/${shot.number}/trace?points=${POINTS}&start_s=${from}&stop_s=${to}`);
   const place = h("div", { class: "chart tall" });
   const models = curves.items.map((curve) => curve.model);
-  let left = models.includes("kv") ? "kv" : models.at(-1);
-  const active = models.find((model) => model.startsWith("kv+"));
+  let left = models.includes("kv2") ? "kv2" : models.at(-1);
+  const active = models.find((model) => model.includes("+"));
   if (active) left = active;
   const show = () => drawImpact(place, { trace, curves: curves.items, left }, signal);
   const buttons = models.map((model) => h("button", {

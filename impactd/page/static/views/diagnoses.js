@@ -43,7 +43,7 @@ export async function showDiagnoses(place, { signal }) {
 function startForm(started) {
   const given = new URLSearchParams(here().split("?")[1]).get("shots") ?? "";
   const shots = field("Shots", { value: given, required: true, inputmode: "text", maxlength: 400 }, { hint: "Numbers with commas, ranges with a dash: 3, 5, 8-19. The list of shots can fill this in." });
-  const base = choice("From the model", [["kv", "KV: a load cell that moves"], ["hsd", "HSD: a rigid load cell"]], "kv");
+  const base = choice("From the model", [["kv2", "Closed KV: a load cell that moves, with all of mechanics"], ["kv", "KV: as in the paper"], ["hsd", "HSD: a rigid load cell"]], "kv2");
   const wrong = h("p", { class: "wrong", role: "alert" });
   const submit = async (event) => {
     event.preventDefault();

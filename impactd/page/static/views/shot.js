@@ -36,7 +36,7 @@ function actions(shot) {
     event.currentTarget.disabled = true;
     const button = event.currentTarget;
     try {
-      for (const model of ["hsd", "kv"]) await post("/v1/fits", { shots: [shot.number], model }, { key: freshKey() });
+      for (const model of ["hsd", "kv", "kv2"]) await post("/v1/fits", { shots: [shot.number], model }, { key: freshKey() });
       tell("info", `Shot ${shot.number} is being fitted again.`, { passing: true });
     } catch (problem) {
       tell("bad", problem.message);
