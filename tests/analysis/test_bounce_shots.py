@@ -90,8 +90,8 @@ def test_bounces_sharpen_the_modulus_and_agree(long_record: Any) -> None:
     rig = long_record.rig
     shots = tuple(long_record(h, 0.7, "acetal", "specimen")[0] for h in (0.015, 0.04))
     campaign = _campaign(rig, shots, ("specimen",))
-    without = fit_campaign(campaign, by_pair=True, heldout=False)
-    found = fit_campaign(with_bounces(campaign), by_pair=True, heldout=False)
+    without = fit_campaign(campaign, "kv", by_pair=True, heldout=False)
+    found = fit_campaign(with_bounces(campaign), "kv", by_pair=True, heldout=False)
     assert len(found.shots) >= 6
     assert found.outcome.status == "converged"
     assert found.chi2_per_dof == pytest.approx(1.0, abs=0.03)
@@ -110,7 +110,7 @@ def test_bounces_calibrate(long_record: Any) -> None:
     """A calibration counts bounces as shots of their own speed and lists them by name."""
     shots = tuple(long_record(h, 0.7)[0] for h in (0.02, 0.04))
     campaign = _campaign(long_record.rig, shots, ())
-    found = calibrate(with_bounces(campaign)).to_json()
+    found = calibrate(with_bounces(campaign), "kv").to_json()
     assert found["outcome"]["status"] == "converged"
     assert "acetal on polycarbonate, bounce 1" in found["shots"]
     gain = found["identifiable"]["gain_N_per_V"]
@@ -123,7 +123,9 @@ def test_a_wrong_restitution_is_flagged(long_record: Any) -> None:
     ratio = speeds[1] / speeds[0]
     for stated, flagged in ((ratio, False), (ratio + 0.12, True)):
         told = dataclasses.replace(shot, restitution=Quantity(stated, 0.005))
-        fit = fit_campaign(_campaign(long_record.rig, (told,), ()), by_pair=True, heldout=False)
+        fit = fit_campaign(
+            _campaign(long_record.rig, (told,), ()), "kv", by_pair=True, heldout=False
+        )
         assert ("restitution_disagrees" in fit.shots[0].flags()) is flagged
         check = fit.to_json()["shots"][0]["restitution_check"]
         assert check["stated"] == {"value": stated, "u": 0.005}

@@ -41,7 +41,7 @@ def stated(campaign: Campaign) -> Campaign:
 @pytest.fixture(scope="module")
 def fit(made: tuple[Any, Campaign]) -> FitResult:
     """Return the joint fit of the synthetic campaign with uncertain inputs."""
-    return fit_campaign(stated(made[1]), heldout=False)
+    return fit_campaign(stated(made[1]), "kv", heldout=False)
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +129,7 @@ def test_the_sentence_names_what_to_measure(made: tuple[Any, Campaign]) -> None:
         )
         for name, one in campaign.spheres.items()
     }
-    fit = fit_campaign(dataclasses.replace(campaign, spheres=spheres), heldout=False)
+    fit = fit_campaign(dataclasses.replace(campaign, spheres=spheres), "kv", heldout=False)
     (budget,) = [
         b
         for b in budgets(fit.problem, fit.fitted, fit.degrees_of_freedom)

@@ -91,7 +91,7 @@ def test_calibrated_cell_measures_the_specimen(made: Any, calibrated: Any) -> No
     rig, campaign = made
     shots = tuple(s for s in campaign.shots if s.surface == "specimen")
     later = dataclasses.replace(campaign, shots=shots, sensor=calibrated.sensor)
-    low, high = fit_campaign(later).moduli()["specimen"]["youngs_modulus_Pa"]["interval95"]
+    low, high = fit_campaign(later, "kv").moduli()["specimen"]["youngs_modulus_Pa"]["interval95"]
     assert low <= rig.moduli["specimen"][0] <= high
 
 
@@ -104,7 +104,7 @@ def test_unchanged_cell_is_stable(truth: Any, made: Any, calibrated: Any) -> Non
         spheres=made[1].spheres,
         surfaces=made[1].surfaces,
     )
-    second = calibrate(again)
+    second = calibrate(again, "kv")
     assert any("earlier calibration" in w for w in second.warnings)
     found = drift(calibrated, second)
     assert found["largest_in_u"] < 3.5
@@ -121,7 +121,7 @@ def test_changed_cell_is_seen_to_drift(truth: Any, made: Any, calibrated: Any) -
         spheres=made[1].spheres,
         surfaces=made[1].surfaces,
     )
-    found = drift(calibrated.to_json(), calibrate(later).to_json())
+    found = drift(calibrated.to_json(), calibrate(later, "kv").to_json())
     change = found["combinations"]["natural_frequency_Hz"]
     assert change["change"] == pytest.approx(math.sqrt(0.96) - 1, abs=1e-3)
     assert change["in_u"] < -5
@@ -134,7 +134,7 @@ def test_short_stiff_contacts_are_called_not_identifiable(truth: Any) -> None:
     rig.moduli |= {"steel": (194e9, 0.33), "plate": (200e9, 0.29)}
     rig.spheres["steel"] = (2.99e-3, 0.878e-3)
     campaign = rig.campaign(pairs=(("steel", "plate"),), heights_m=(0.02, 0.05), unknown=())
-    found = calibrate(campaign)
+    found = calibrate(campaign, "kv")
     assert any("steel/plate" in w and "not identifiable" in w for w in found.warnings)
     assert any("only one pair" in w for w in found.warnings)
 
@@ -143,7 +143,7 @@ def test_nothing_known_cannot_calibrate(made: Any) -> None:
     """Without a pair of stated moduli the calibration refuses and says what to drop."""
     shots = tuple(s for s in made[1].shots if s.surface == "specimen")
     with pytest.raises(AnalysisError, match="no stated modulus"):
-        calibrate(dataclasses.replace(made[1], shots=shots))
+        calibrate(dataclasses.replace(made[1], shots=shots), "kv")
 
 
 def test_hsd_calibration_gives_its_gain_alone(made: Any) -> None:

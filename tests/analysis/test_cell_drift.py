@@ -29,7 +29,7 @@ def run(truth: Any) -> Any:
         rig.cell["crystal_stiffness"] *= stiffness
         shots = rig.campaign(pairs=KNOWN, unknown=(), heights_m=(0.015, 0.04)).shots
         shots = tuple(dataclasses.replace(s, signal=s.signal / gain) for s in shots)
-        return calibrate(dataclasses.replace(stated, shots=shots, **changed)).to_json()
+        return calibrate(dataclasses.replace(stated, shots=shots, **changed), "kv").to_json()
 
     make.stated = stated  # type: ignore[attr-defined]
     return make

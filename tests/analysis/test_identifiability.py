@@ -18,7 +18,7 @@ from analysis.fit.result import FitResult
 @pytest.fixture(scope="module")
 def network(made: tuple[Any, Campaign]) -> FitResult:
     """Return the fit of two spheres on two surfaces."""
-    return fit_campaign(made[1], heldout=False)
+    return fit_campaign(made[1], "kv", heldout=False)
 
 
 def _one_pair(truth: Any, unknown: tuple[str, ...]) -> FitResult:
@@ -26,7 +26,7 @@ def _one_pair(truth: Any, unknown: tuple[str, ...]) -> FitResult:
     campaign = rig.campaign(
         pairs=(("acetal", "specimen"),), heights_m=(0.015, 0.03, 0.06), unknown=unknown
     )
-    return fit_campaign(campaign, heldout=False)
+    return fit_campaign(campaign, "kv", heldout=False)
 
 
 def test_combinations_are_fixed_by_the_shots(network: FitResult) -> None:
@@ -61,7 +61,7 @@ def test_without_a_certificate_only_the_recoil_weighs_the_crystal(
     made: tuple[Any, Campaign],
 ) -> None:
     """Nobody said what the crystal weighs: drops tell it a hundred times worse than the gain."""
-    fit = fit_campaign(dataclasses.replace(made[1], sensor=Sensor()), heldout=False)
+    fit = fit_campaign(dataclasses.replace(made[1], sensor=Sensor()), "kv", heldout=False)
     report = fit.identifiability()
     mass, gain = (report.finding(f"sensor.{n}") for n in ("crystal_mass_kg", "gain_N_per_V"))
     assert mass.u_prior is None
@@ -103,7 +103,7 @@ def test_split_is_what_brute_force_says(truth: Any) -> None:
     """The reported u of the split is that of a fit in which the two statements are taken away."""
     rig = truth(seed=41)
     campaign = rig.campaign(heights_m=(0.02, 0.05))
-    report = fit_campaign(campaign, heldout=False).identifiability()
+    report = fit_campaign(campaign, "kv", heldout=False).identifiability()
     free = dataclasses.replace(
         campaign,
         spheres=campaign.spheres
@@ -115,7 +115,7 @@ def test_split_is_what_brute_force_says(truth: Any) -> None:
             )
         },
     )
-    again = fit_campaign(free, heldout=False)
+    again = fit_campaign(free, "kv", heldout=False)
     i, j = (again.problem.names.index(n) for n in ("sphere.acetal", "surface.polycarbonate"))
     c = again.fitted.covariance
     u = math.sqrt(c[i, i] + c[j, j] - 2 * c[i, j])
@@ -141,7 +141,7 @@ def test_steel_on_steel_is_not_identifiable(truth: Any, by_pair: bool) -> None:
     rig.moduli |= {"steel": (194e9, 0.33), "plate": (200e9, 0.29)}
     rig.spheres["steel"] = (2.99e-3, 0.878e-3)
     campaign = rig.campaign(pairs=(("steel", "plate"),), heights_m=(0.02, 0.05), unknown=("plate",))
-    fit = fit_campaign(campaign, by_pair=by_pair, heldout=False)
+    fit = fit_campaign(campaign, "kv", by_pair=by_pair, heldout=False)
     report = fit.identifiability()
     assert report.finding("pair.steel/plate").status == "not_identifiable"
     assert "contact_law_not_identifiable" in fit.flags()
@@ -173,6 +173,7 @@ def test_uncertainty_of_the_shots_is_the_gain_over_the_prior(truth: Any) -> None
         )
         return fit_campaign(
             dataclasses.replace(campaign, spheres=campaign.spheres | {"hdpe": sphere}),
+            "kv",
             heldout=False,
         )
 

@@ -234,11 +234,11 @@ def test_what_cannot_be_adjusted_is_refused() -> None:
 def test_from_recordings_to_moduli(made: Any) -> None:
     """Single-shot fits under a calibration, adjusted together, cover the specimen's truth."""
     rig, campaign = made
-    sensor = calibrate(campaign).sensor
+    sensor = calibrate(campaign, "kv").sensor
     observed = []
     for shot in campaign.shots:
         one = dataclasses.replace(campaign, shots=(shot,), sensor=sensor)
-        fit = fit_campaign(one, by_pair=True, heldout=False)
+        fit = fit_campaign(one, "kv", by_pair=True, heldout=False)
         found = observation_from_fit(fit.to_json(), shot=shot.name, calibration="1")
         assert found is not None
         modulus = fit.pair_modulus(fit.shots[0].item)

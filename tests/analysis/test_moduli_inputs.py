@@ -73,14 +73,14 @@ def test_single_fits_and_calibrations_carry_their_inputs(made: tuple[Any, Campai
     references = dataclasses.replace(
         known, shots=tuple(s for s in known.shots if s.surface != "specimen")
     )
-    calibration = calibrate(references)
+    calibration = calibrate(references, "kv")
     said = calibration.to_json()["inputs"]
     assert {"input.mass.acetal", "input.radius.hdpe", "input.height_offset"} <= set(said)
     cell = calibration.sensor
     rest = [s for s in known.shots if s.surface == "specimen"]
     fits = [
         fit_campaign(
-            dataclasses.replace(known, shots=(s,), sensor=cell), by_pair=True, heldout=False
+            dataclasses.replace(known, shots=(s,), sensor=cell), "kv", by_pair=True, heldout=False
         )
         for s in rest
     ]

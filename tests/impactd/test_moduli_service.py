@@ -88,11 +88,11 @@ def fitted(archive: Archive) -> Callable[..., int]:
             },
         }
         result = {
-            "model": "kv",
+            "model": "kv2",
             "outcome": {"status": "converged", "message": "ok"},
             "pairs": {f"acetal/{surface}": pair},
         }
-        archive.fits.add(number, "kv", cell, result)
+        archive.fits.add(number, "kv2", cell, result)
         return number
 
     return make
@@ -156,7 +156,7 @@ def test_shots_that_must_not_count_are_listed_with_the_reason(
     clipped, known = fitted(clip=True), fitted("aluminium", calibration=1)
     failed = fitted()
     outcome = {"status": "not_converged", "message": "still moving"}
-    archive.fits.add(failed, "kv", None, {"model": "kv", "outcome": outcome})
+    archive.fits.add(failed, "kv2", None, {"model": "kv2", "outcome": outcome})
 
     found = moduli(archive, MATERIALS)
 
@@ -244,15 +244,15 @@ def test_what_is_kept_gives_the_answer_of_the_tables(
     failed, again = fitted(cell=1), fitted("aluminium", cell=1)
     moments.append(utc_now())
     outcome = {"status": "not_converged", "message": "moving \ud800 on"}
-    archive.fits.add(failed, "kv", 1, {"model": "kv", "outcome": outcome})
-    archive.fits.add(again, "kv", None, archive.fits.for_shot(1)[0].result)
+    archive.fits.add(failed, "kv2", 1, {"model": "kv2", "outcome": outcome})
+    archive.fits.add(again, "kv2", None, archive.fits.for_shot(1)[0].result)
     imported = _import(archive, "elsewhere")
-    archive.fits.add(imported, "kv", None, archive.fits.for_shot(1)[0].result)
+    archive.fits.add(imported, "kv2", None, archive.fits.for_shot(1)[0].result)
     archive.fits.add(1, "hsd", None, {"model": "hsd", "outcome": outcome})
-    archive.fits.add(None, "kv", None, {"model": "kv", "outcome": outcome})
+    archive.fits.add(None, "kv2", None, {"model": "kv2", "outcome": outcome})
     moments.append(utc_now())
 
-    for model in ("kv", "hsd"):
+    for model in ("kv2", "hsd"):
         for since in moments:
             for until in moments:
                 choice = {"model": model, "since": since, "until": until}
@@ -311,7 +311,7 @@ def test_only_so_many_networks_are_kept(archive: Archive, fitted: Callable[..., 
 
     for number in range(3 * NETWORKS_KEPT):
         service.answer(MATERIALS, since=f"2026-01-01T00:00:{number:02d}.000000Z")
-        service.answer(MATERIALS, model=f"kv+{number}")
+        service.answer(MATERIALS, model=f"kv2+{number}")
 
     assert len(service._networks) == NETWORKS_KEPT
     assert len(service._observations) == MODELS_KEPT
@@ -324,15 +324,15 @@ def test_the_archive_is_taken_in_beforehand_and_the_thread_ends(
     fitted("aluminium"), fitted()
     urgent = threading.Event()
     service = ModuliService(archive)
-    service.start("kv", urgent.wait)
+    service.start("kv2", urgent.wait)
     urgent.set()
     assert service._thread is not None
     service._thread.join(60)
-    assert service._observations["kv"].version == 2
+    assert service._observations["kv2"].version == 2
     service.stop()
 
     waiting = ModuliService(archive)
-    waiting.start("kv", threading.Event().wait)
+    waiting.start("kv2", threading.Event().wait)
     waiting.stop()
     assert not waiting._observations
 
@@ -345,8 +345,8 @@ def test_taking_fits_in_stops_between_batches_and_goes_on_later(
     result = archive.fits.for_shot(number)[0].result
     with archive.transaction():
         for _ in range(2 * IDS_AT_ONCE):
-            archive.fits.add(number, "kv", None, result)
-    observations = Observations(archive, "kv")
+            archive.fits.add(number, "kv2", None, result)
+    observations = Observations(archive, "kv2")
     answers = iter([False, True])
 
     observations.update(lambda: next(answers))

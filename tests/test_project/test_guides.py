@@ -187,4 +187,4 @@ def test_an_effect_and_a_board_are_added_as_the_engineers_guide_says(
     said = here.run(
         script_of([part for part in parts if part[0] == "sh"]) + "\npython file_valve.py"
     )
-    assert "kv+negative_gain" in said
+    assert "kv2+negative_gain" in said

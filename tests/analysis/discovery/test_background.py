@@ -29,7 +29,7 @@ SAMPLES = 1500
 @pytest.fixture(scope="module")
 def shots(tmp_path_factory: pytest.TempPathFactory) -> list[FitShot]:
     """Eight shots, to be given other samples before the trigger."""
-    return build(small_campaign(tmp_path_factory.mktemp("quiet")), model_named("kv")).shots
+    return build(small_campaign(tmp_path_factory.mktemp("quiet")), model_named("kv2")).shots
 
 
 def _with_quiet(shots: Sequence[FitShot], quiet: Sequence[Array]) -> list[FitShot]:

@@ -82,7 +82,7 @@ def test_the_period_of_a_sawtooth_is_found_among_pulses():
 )
 def test_what_no_library_names_is_learned_and_holds_on_other_shots(tmp_path, effect, values, part):
     """The error on held-out shots falls at least threefold."""
-    problem = build(small_campaign(tmp_path, effect, **values), model_named("kv"))
+    problem = build(small_campaign(tmp_path, effect, **values), model_named("kv2"))
     fitted = joint.fit(problem, prepare(problem))
     before = heldout_rms(problem, fitted)
     learned = learn(problem, fitted, [part])

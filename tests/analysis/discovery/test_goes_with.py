@@ -19,7 +19,7 @@ def shots(tmp_path_factory: pytest.TempPathFactory) -> list[FitShot]:
     campaign = read_campaign(
         write_campaign_folder(folder, simulate_campaign(CampaignSettings(), 2))
     )
-    return build(campaign, model_named("kv")).shots
+    return build(campaign, model_named("kv2")).shots
 
 
 def test_chance_goes_with_nothing(shots: list[FitShot]) -> None:

@@ -94,7 +94,7 @@ def test_what_the_record_cuts_off_is_no_blow():
 def test_a_blow_at_a_time_of_its_own_in_every_shot_is_learned(tmp_path):
     """A cell that hops: the error on held-out shots falls at least threefold."""
     campaign = small_campaign(tmp_path, "x_hopping_cell", share=0.05, hop_s=5e-4)
-    problem = build(campaign, model_named("kv"))
+    problem = build(campaign, model_named("kv2"))
     fitted = joint.fit(problem, prepare(problem))
     before = heldout_rms(problem, fitted)
     learned = learn(problem, fitted, [("blow", "shot")])

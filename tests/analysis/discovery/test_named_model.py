@@ -21,7 +21,7 @@ def definition(leaky):
 
 def test_a_definition_makes_the_same_model_again(leaky, definition):
     """Name and owners survive JSON."""
-    assert definition["name"] == "kv+coupler_highpass"
+    assert definition["name"] == "kv2+coupler_highpass"
     made = model_of(definition)
     last = leaky.steps[-1].problem.model
     assert made.name == last.name
@@ -33,7 +33,7 @@ def test_a_single_shot_is_fitted_with_the_found_numbers(leaky, definition):
     campaign = leaky.steps[-1].problem.campaign
     one = dataclasses.replace(campaign, shots=campaign.shots[:1])
     found = fit_named(one, definition, by_pair=True, heldout=False, priors=True)
-    assert found.model == "kv+coupler_highpass"
+    assert found.model == "kv2+coupler_highpass"
     assert found.chi2_per_dof == pytest.approx(1.0, abs=0.15)
     constant = found.parameters()["coupler_highpass.time_constant_s"]
     assert constant["value"] == pytest.approx(5e-3, rel=0.05)

@@ -53,7 +53,7 @@ def three_heights(folder: Path, seed: int) -> Campaign:
 def fitted(campaign: Campaign, name: str) -> Refit:
     """Return the campaign's fit with one effect, as the discovery holds it."""
     effect = effect_named(name)
-    problem = build(campaign, model_named("kv").with_effect(effect))
+    problem = build(campaign, model_named("kv2").with_effect(effect))
     found = joint.fit(problem, prepare(problem))
     assert found.blocks
     return Refit(effect, name, "rig", problem, found, 0.0, 1, False, 0.0)

@@ -35,7 +35,7 @@ def _restless(campaign: Campaign) -> Campaign:
 def restless(tmp_path_factory: pytest.TempPathFactory) -> Step:
     """A campaign whose noise is stronger once the sphere has come."""
     campaign = _restless(small_campaign(tmp_path_factory.mktemp("restless")))
-    problem = build(campaign, model_named("kv"))
+    problem = build(campaign, model_named("kv2"))
     return look(problem, joint.fit(problem, prepare(problem)))
 
 

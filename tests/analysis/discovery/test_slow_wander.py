@@ -34,7 +34,7 @@ def _asked(folder: Path, corner_hz: float, hum_v: float = 0.0) -> tuple[Omnibus,
         effects=(make_effect("mains_hum", hum),) if hum_v else (),
     )
     campaign = read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 4)))
-    problem = build(campaign, model_named("kv"))
+    problem = build(campaign, model_named("kv2"))
     assert problem.shots[0].noise.corner == 0.0
     evidence = look(problem, joint.fit(problem, prepare(problem)))
     return evidence.omnibus, p_of_wander(evidence.evidence)

@@ -48,7 +48,7 @@ def test_an_identified_effect_comes_with_numbers_and_both_blocks(leaky_json):
     before, after = leaky_json["before"], leaky_json["after"]
     assert set(before) >= BLOCK
     assert set(after) >= BLOCK
-    assert after["model"] == "kv+coupler_highpass"
+    assert after["model"] == "kv2+coupler_highpass"
     assert after["heldout_rms_V"] < before["heldout_rms_V"]
     assert after["heldout_rms_V"] == pytest.approx(leaky_json["noise_rms_V"], rel=0.1)
     assert leaky_json["remaining"]["structured"] is False

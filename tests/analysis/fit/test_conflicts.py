@@ -38,7 +38,7 @@ def _bound(campaign: Campaign) -> Campaign:
 
 def test_sound_statements_conflict_with_nothing(made: tuple[Any, Campaign]) -> None:
     """References within their uncertainty are no conflict, and no modulus speaks of one."""
-    result = fit_campaign(made[1], heldout=False)
+    result = fit_campaign(made[1], "kv", heldout=False)
     assert result.conflicts == []
     assert result.without_conflicts is None
     assert result.to_json()["conflicts"] == []
@@ -48,7 +48,7 @@ def test_sound_statements_conflict_with_nothing(made: tuple[Any, Campaign]) -> N
 def test_the_misstated_reference_is_named(shared_campaign: Any) -> None:
     """A polycarbonate stated at 2.9 GPa is named with what the shots say; the specimen stays."""
     campaign, truth = shared_campaign("campaigns/clean")
-    result = fit_campaign(_misstated(campaign, 2.9 / 2.2), heldout=False)
+    result = fit_campaign(_misstated(campaign, 2.9 / 2.2), "kv", heldout=False)
     (conflict,) = result.conflicts
     assert conflict.path == "surfaces.polycarbonate.youngs_modulus_Pa"
     assert abs(conflict.score) > 8
@@ -63,7 +63,7 @@ def test_the_misstated_reference_is_named(shared_campaign: Any) -> None:
 def test_a_wrong_modulus_among_good_ones_is_named_alone(made: tuple[Any, Campaign]) -> None:
     """Only the culprit is in conflict, with what all others say, and JSON says so."""
     rig, campaign = made
-    result = fit_campaign(_misstated(_bound(campaign), 1.4), heldout=False)
+    result = fit_campaign(_misstated(_bound(campaign), 1.4), "kv", heldout=False)
     worst = result.conflicts[0]
     assert worst.name == "surface.polycarbonate"
     assert worst.found.value == pytest.approx(rig.moduli["polycarbonate"][0], rel=0.15)
@@ -83,7 +83,7 @@ def test_a_wrong_height_offset_is_a_conflict_too(made: tuple[Any, Campaign]) -> 
         for s in campaign.shots
     )
     wrong = dataclasses.replace(campaign, shots=shots, u_height_offset_m=Uncertainty(1e-4))
-    result = fit_campaign(wrong, heldout=False)
+    result = fit_campaign(wrong, "kv", heldout=False)
     worst = result.conflicts[0]
     assert worst.path == "release.height_offset_u_m"
     assert worst.found.value == pytest.approx(-3e-3, abs=5e-4)

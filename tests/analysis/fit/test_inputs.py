@@ -65,7 +65,7 @@ def sensitivities(result: FitResult) -> dict[str, float]:
 @pytest.fixture(scope="module")
 def exact(made: tuple[Any, Campaign]) -> FitResult:
     """Return the fit that takes every input as exact."""
-    return fit_campaign(made[1], heldout=False)
+    return fit_campaign(made[1], "kv", heldout=False)
 
 
 Shifted = tuple[Callable[[Campaign], Campaign], tuple[str, ...], float]
@@ -76,7 +76,7 @@ def believed(made: tuple[Any, Campaign]) -> FitResult:
     """Return the fit whose inputs have next to no uncertainty."""
     tiny = NEXT_TO_NOTHING
     campaign = declared(made[1], mass=tiny, radius=tiny, height_m=tiny * 1e-2, rate=tiny, g=tiny)
-    return fit_campaign(campaign, heldout=False)
+    return fit_campaign(campaign, "kv", heldout=False)
 
 
 def test_exact_inputs_leave_the_fit_as_it_was(
@@ -151,7 +151,7 @@ def test_sensitivities_are_what_a_fit_at_shifted_inputs_gives(
     change, kinds, by = shifted
     starts = tuple(f"input.{kind}" for kind in kinds)
     promised = by * sum(s for n, s in sensitivities(believed).items() if n.startswith(starts))
-    after = fit_campaign(change(made[1]), heldout=False)
+    after = fit_campaign(change(made[1]), "kv", heldout=False)
     moved = log_modulus(after)[0] - log_modulus(exact)[0]
     assert moved == pytest.approx(promised, rel=0.03, abs=2e-6)
 
@@ -160,11 +160,11 @@ def test_a_wrong_input_moves_the_honest_fit_by_less_than_it_says(
     made: tuple[Any, Campaign], exact: FitResult
 ) -> None:
     """With stated uncertainties u grows, chi2 stays, and one u of every input stays within it."""
-    fit = fit_campaign(honest(made[1]), heldout=False)
+    fit = fit_campaign(honest(made[1]), "kv", heldout=False)
     assert log_modulus(fit)[1] > log_modulus(exact)[1]
     assert fit.chi2_per_dof == pytest.approx(exact.chi2_per_dof, abs=2e-3)
     assert fit.degrees_of_freedom == exact.degrees_of_freedom
-    moved = fit_campaign(honest(_heavier(made[1], ("acetal",))), heldout=False)
+    moved = fit_campaign(honest(_heavier(made[1], ("acetal",))), "kv", heldout=False)
     promised = sensitivities(fit)["input.mass.acetal"] * math.log(1.005)
     assert log_modulus(moved)[0] - log_modulus(fit)[0] == pytest.approx(promised, rel=0.05)
     u_mass = 5e-4
@@ -182,8 +182,8 @@ def test_a_converters_gain_moves_a_force_recordings_stiffness(
         for s in campaign.shots
     )
     plain = tuple(dataclasses.replace(s, u_gain_relative=0.0) for s in shots)
-    first = fit_campaign(dataclasses.replace(campaign, shots=plain), heldout=False)
-    fit = fit_campaign(dataclasses.replace(campaign, shots=shots), heldout=False)
+    first = fit_campaign(dataclasses.replace(campaign, shots=plain), "kv", heldout=False)
+    fit = fit_campaign(dataclasses.replace(campaign, shots=shots), "kv", heldout=False)
     assert [i.kind for i in fit.problem.inputs] == ["converter_gain"]
     assert log_modulus(fit)[1] > log_modulus(first)[1]
 
@@ -204,15 +204,15 @@ def _half_a_millimetre_higher(shot: Any) -> Any:
 def test_known_shifts_of_a_shared_campaign_are_inside_what_is_stated(shared_campaign: Any) -> None:
     """Wrong inputs move an exact fit as measured; with that u declared they stay within 2 u."""
     campaign, truth = shared_campaign("campaigns/clean")
-    exact = fit_campaign(campaign, heldout=False)
+    exact = fit_campaign(campaign, "kv", heldout=False)
     wide = declared(campaign, mass=5e-3, radius=5e-3, height_m=5e-4, rate=1e-4, g=1e-5)
-    free = fit_campaign(wide, heldout=False)
+    free = fit_campaign(wide, "kv", heldout=False)
     for change, known in ISSUED:
-        moved = fit_campaign(change(campaign), heldout=False)
+        moved = fit_campaign(change(campaign), "kv", heldout=False)
         assert log_modulus(moved)[0] - log_modulus(exact)[0] == pytest.approx(known, rel=0.03)
         assert moved.chi2_per_dof == pytest.approx(exact.chi2_per_dof, abs=5e-3)
-        value, u = log_modulus(fit_campaign(change(wide), heldout=False))
+        value, u = log_modulus(fit_campaign(change(wide), "kv", heldout=False))
         assert abs(value - log_modulus(free)[0]) < 2 * u
-    found = fit_campaign(honest(campaign), heldout=False)
+    found = fit_campaign(honest(campaign), "kv", heldout=False)
     low, high = found.moduli()["specimen"]["youngs_modulus_Pa"]["interval95"]
     assert low <= truth["specimen_youngs_modulus_Pa"] <= high

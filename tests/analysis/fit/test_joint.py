@@ -237,7 +237,7 @@ def test_nothing_usable_is_an_error_with_the_reason() -> None:
     """A campaign of flat records only is refused, naming the first one and why."""
     flat = Shot("flat", np.zeros(3000), 1e6, 1000)
     with pytest.raises(AnalysisError, match="flat: nothing leaves the baseline"):
-        fit_campaign(Campaign((flat,)))
+        fit_campaign(Campaign((flat,)), "kv")
 
 
 def test_unknown_model_is_refused_with_the_known_ones(made: Any) -> None:
@@ -251,6 +251,7 @@ def test_progress_rises_to_one(made: Any) -> None:
     told: list[float] = []
     fit_campaign(
         dataclasses.replace(made[1], shots=made[1].shots[:2]),
+        "kv",
         progress=lambda _what, share: told.append(share),
     )
     assert told[-1] == 1.0
@@ -267,7 +268,7 @@ def test_materials_known_on_neither_side_are_withheld(made: Any) -> None:
         n: dataclasses.replace(s, youngs_modulus_pa=None) for n, s in campaign.surfaces.items()
     }
     about = dataclasses.replace(campaign, spheres=spheres, surfaces=surfaces)
-    one = fit_campaign(dataclasses.replace(about, shots=about.shots[:2]), heldout=False)
+    one = fit_campaign(dataclasses.replace(about, shots=about.shots[:2]), "kv", heldout=False)
     for entry in one.moduli().values():
         assert entry["status"] == "withheld"
         assert "reference" in entry["reason"]

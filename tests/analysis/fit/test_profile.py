@@ -21,7 +21,7 @@ def two_shots(truth: Any) -> FitResult:
     """Return a fit of two drops of one pair, the specimen's modulus free."""
     rig = truth(seed=31)
     return fit_campaign(
-        rig.campaign(pairs=(("acetal", "specimen"),), heights_m=(0.02, 0.05)), heldout=False
+        rig.campaign(pairs=(("acetal", "specimen"),), heights_m=(0.02, 0.05)), "kv", heldout=False
     )
 
 
@@ -85,7 +85,7 @@ def test_lopsided_likelihood_gives_a_lopsided_interval(truth: Any) -> None:
     campaign = rig.campaign(
         pairs=(("acetal", "specimen"),), heights_m=(0.02, 0.05), unknown=("specimen", "acetal")
     )
-    fit = fit_campaign(campaign, heldout=False)
+    fit = fit_campaign(campaign, "kv", heldout=False)
     found = profile(fit.problem, fit.fitted, "sphere.acetal")
     j = fit.problem.names.index("sphere.acetal")
     best = float(fit.fitted.theta[j])

@@ -55,7 +55,7 @@ def test_drops_beyond_the_range_are_fitted_to_their_noise() -> None:
     From a tape six times too stiff, every shot reaches its noise and the tape is found.
     """
     settings = CampaignSettings(effects=(make_effect("adhesive_layer", TAPE),))
-    result = fit_campaign(simulated_campaign(settings, 4), "kv+adhesive_layer", heldout=False)
+    result = fit_campaign(simulated_campaign(settings, 4), "kv2+adhesive_layer", heldout=False)
     full = [s for s in result.shots if s.item.frame.rail is not None]
     assert len(full) == 4
     assert max(s.chi2_per_dof for s in result.shots) < 1.2
@@ -70,7 +70,7 @@ def shots_of(limit_v: float) -> list[FitShot]:
     """Return the shots of a campaign whose amplifier ends at that voltage."""
     clipped = make_effect("clipping", {"limit_v": limit_v, "softness": 0.0})
     campaign = simulated_campaign(CampaignSettings(effects=(clipped,), repeats=1), 4)
-    return build(campaign, model_named("kv")).shots
+    return build(campaign, model_named("kv2")).shots
 
 
 def test_an_amplifiers_limit_is_no_rail() -> None:

@@ -55,7 +55,7 @@ def by_shot() -> Effect:
 
 def model_by_shot() -> ImpactModel:
     """Return the crystal model with a coupon mode that each shot excites by its own."""
-    return model_named("kv").with_effect(by_shot())
+    return model_named("kv2").with_effect(by_shot())
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +127,7 @@ def test_the_normal_equations_are_those_of_the_cost(
 
 def test_nuisances_are_carried_over_by_name() -> None:
     """Adding or taking off an effect leaves every other number of a shot where it belongs."""
-    plain = model_named("kv+mains_hum")
+    plain = model_named("kv2+mains_hum")
     more = plain.with_effect(by_shot())
     values = np.arange(2.0 * len(plain.nuisances)).reshape(2, -1)
     found = carried_over(plain, more, values, {"coupon_mode.mass_share": 0.7})

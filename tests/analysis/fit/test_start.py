@@ -59,8 +59,8 @@ def test_wrong_starting_moduli_lead_to_the_same_answer(
 ) -> None:
     """Moduli put down ten times too large or small, loosely, end where true ones end."""
     rig, campaign = made
-    near = fit_campaign(_stated(rig, campaign, unknown, 1.0, 3.0), heldout=False)
-    far = fit_campaign(_stated(rig, campaign, unknown, factor, 3.0), heldout=False)
+    near = fit_campaign(_stated(rig, campaign, unknown, 1.0, 3.0), "kv", heldout=False)
+    far = fit_campaign(_stated(rig, campaign, unknown, factor, 3.0), "kv", heldout=False)
     assert far.outcome.status == near.outcome.status == "converged"
     # the loose statement itself still pulls by u_fit^2 / 3^2 of ln 10
     assert _apart_in_u(far, near) < 0.05
@@ -72,7 +72,9 @@ def test_drawn_pairs_are_found_from_far_off(truth: Any, seed: int, factor: float
     """Materials from 0.4 to 80 GPa and spheres of any size: two of four moduli ten times off."""
     rig = _drawn(truth, seed)
     campaign = rig.campaign(heights_m=(0.02, 0.06))
-    far = fit_campaign(_stated(rig, campaign, ("hdpe", "specimen"), factor, 3.0), heldout=False)
+    far = fit_campaign(
+        _stated(rig, campaign, ("hdpe", "specimen"), factor, 3.0), "kv", heldout=False
+    )
     assert far.outcome.status == "converged"
     assert far.chi2_per_dof == pytest.approx(1.0, abs=0.04)
     for shot in far.shots:
@@ -89,14 +91,14 @@ def test_open_valleys_are_walked_in_few_steps(truth: Any, factor: float) -> None
     """What a network leaves open, stiff spheres on soft coupons, takes no hundreds of steps."""
     rig = _drawn(truth, 2)
     campaign = _stated(rig, rig.campaign(heights_m=(0.02, 0.06)), ("hdpe", "specimen"), factor, 2.0)
-    assert fit_campaign(campaign, heldout=False).fitted.iterations < 40
+    assert fit_campaign(campaign, "kv", heldout=False).fitted.iterations < 40
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.1])
 def test_a_reference_stated_wrong_is_found_out(made: tuple[Any, Campaign], factor: float) -> None:
     """A modulus stated ten times off within 30 % is overruled by the records, and flagged."""
     rig, campaign = made
-    found = fit_campaign(_stated(rig, campaign, ("specimen",), factor, 0.3), heldout=False)
+    found = fit_campaign(_stated(rig, campaign, ("specimen",), factor, 0.3), "kv", heldout=False)
     assert found.outcome.status == "converged"
     assert "references_contradicted" in found.flags()
     log = found.fitted.theta[found.problem.names.index("surface.specimen")]
@@ -121,7 +123,7 @@ def test_a_certificate_off_by_a_fifth_leads_to_the_same_answer(
     def fit(by: float) -> FitResult:
         off = {n: v * (by if wrong in (n, "all") else 1.0) for n, v in values.items()}
         sensor = Sensor(*(Quantity(v, 0.2 * values[n]) for n, v in off.items()))
-        return fit_campaign(dataclasses.replace(campaign, sensor=sensor), heldout=False)
+        return fit_campaign(dataclasses.replace(campaign, sensor=sensor), "kv", heldout=False)
 
     right, found = fit(1.0), fit(factor)
     assert found.outcome.status == "converged"
@@ -138,7 +140,10 @@ def test_a_single_shot_needs_no_starting_modulus_at_all(made: tuple[Any, Campaig
     one = dataclasses.replace(campaign, shots=campaign.shots[-1:])
     found = [
         fit_campaign(
-            _stated(rig, one, ALL_SPHERES_AND_SURFACES, factor, 0.01), by_pair=True, heldout=False
+            _stated(rig, one, ALL_SPHERES_AND_SURFACES, factor, 0.01),
+            "kv",
+            by_pair=True,
+            heldout=False,
         ).fitted.theta
         for factor in (0.1, 1.0, 10.0)
     ]

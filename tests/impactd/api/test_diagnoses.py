@@ -89,15 +89,15 @@ def test_diagnoses_are_listed_without_their_bulk(rig, diagnosis):
 
 def test_the_accepted_model_is_named_and_later_fits_use_it(rig, diagnosis, shots):
     """It has a version and says where it is from; once active, a new fit carries both."""
-    assert diagnosis["model"] == {"name": "kv+coupler_highpass", "version": 1}
+    assert diagnosis["model"] == {"name": "kv2+coupler_highpass", "version": 1}
     models = rig.reader.get("/v1/models").json()["items"]
-    (named,) = [model for model in models if model["name"] == "kv+coupler_highpass"]
+    (named,) = [model for model in models if model["name"] == "kv2+coupler_highpass"]
     assert named["provenance"]["diagnosis"] == diagnosis["id"]
     assert named["provenance"]["shots"] == sorted(shots)
-    chosen = rig.admin.put("/v1/models/active", json={"name": "kv+coupler_highpass"}).json()
+    chosen = rig.admin.put("/v1/models/active", json={"name": "kv2+coupler_highpass"}).json()
     try:
-        assert (chosen["active"], chosen["active_version"]) == ("kv+coupler_highpass", 1)
-        body = {"shots": shots[:1], "model": "kv+coupler_highpass"}
+        assert (chosen["active"], chosen["active_version"]) == ("kv2+coupler_highpass", 1)
+        body = {"shots": shots[:1], "model": "kv2+coupler_highpass"}
         fit = rig.operator.post("/v1/fits", json=body).json()
         done = until(
             lambda: rig.reader.get(fit["links"]["self"]).json(),
@@ -110,9 +110,14 @@ def test_the_accepted_model_is_named_and_later_fits_use_it(rig, diagnosis, shots
         number = rig.drop().json()["number"]
         rig.ended(number, ("analysed", "failed", "aborted", "interrupted"))
         shot = rig.reader.get(f"/v1/shots/{number}").json()
-        assert {fit["model"] for fit in shot["fits"]} == {"hsd", "kv", "kv+coupler_highpass"}
+        assert {fit["model"] for fit in shot["fits"]} == {
+            "hsd",
+            "kv",
+            "kv2",
+            "kv2+coupler_highpass",
+        }
     finally:
-        rig.admin.put("/v1/models/active", json={"name": "kv"})
+        rig.admin.put("/v1/models/active", json={"name": "kv2"})
 
 
 def test_a_model_nobody_found_cannot_be_chosen(rig):

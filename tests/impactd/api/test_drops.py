@@ -144,7 +144,7 @@ def test_a_rebound_height_is_entered_after_the_drop(rig, shot):
             lambda: rig.reader.get(f"/v1/shots/{number}").json()["fits"],
             lambda found, before=before: all(fit["id"] > before for fit in found),
         )
-        kv = next(fit["result"] for fit in fits if fit["model"] == "kv")
+        kv = next(fit["result"] for fit in fits if fit["model"] == "kv2")
         assert ("rebound_height_disagrees" in kv["flags"]) is flagged, kv["rebound_height_check"]
 
 

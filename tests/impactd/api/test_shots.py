@@ -31,7 +31,7 @@ def shot(rig: Rig) -> dict[str, object]:
 def test_a_shot_tells_what_it_is_and_what_to_do_with_it(shot):
     """A shot brings its fits and one word of advice."""
     assert shot["sphere"] == "acetal"
-    assert {fit["model"] for fit in shot["fits"]} == {"hsd", "kv"}
+    assert {fit["model"] for fit in shot["fits"]} == {"hsd", "kv", "kv2"}
     assert shot["advice"] in ("use", "check", "repeat")
     assert "file" not in shot
 

@@ -50,8 +50,8 @@ def block(model: str, factor: float, heldout_rms_v: float) -> Json:
 
 def diagnosis(verdict: str, names: tuple[str, ...] = (), **more: Any) -> Json:
     """Return the part of a diagnosis that the demo reads."""
-    before = block("kv", 1.2, 5e-3)
-    after = block("+".join(("kv", *names)), 1.01, 1.5e-3) if verdict != "adequate" else before
+    before = block("kv2", 1.2, 5e-3)
+    after = block("+".join(("kv2", *names)), 1.01, 1.5e-3) if verdict != "adequate" else before
     return {
         "verdict": verdict,
         "sentence": f"It is {verdict}.",
@@ -91,6 +91,7 @@ def outcome_of() -> Callable[..., Outcome]:
             ],
         }
         run = {"number": 1, "drops": [1, 2], "result": None}
-        return compare(block("hsd", 1.6, 0.2), found, run, truth, seed=5)
+        fits = {"hsd": block("hsd", 1.6, 0.2), "kv": block("kv", 1.3, 8e-3)}
+        return compare(fits, found, run, truth, seed=5)
 
     return make

@@ -18,24 +18,29 @@ Make = Callable[..., Any]
 
 
 def test_the_ladder_ends_with_what_was_found(outcome_of: Make, diagnosis_of: Make) -> None:
-    """HSD, KV and KV with the named effect stand in this order, each with error and modulus."""
+    """HSD, KV, closed KV and that with the named effect: each with error and modulus."""
     outcome = outcome_of(diagnosis_of("identified", ("finite_thickness",)), "finite_thickness")
-    assert [rung.name for rung in outcome.rungs] == ["HSD", "KV", "KV + finite_thickness"]
-    assert [rung.heldout_rms_v for rung in outcome.rungs] == [0.2, 5e-3, 1.5e-3]
+    assert [rung.name for rung in outcome.rungs] == [
+        "HSD",
+        "KV",
+        "closed KV",
+        "closed KV + finite_thickness",
+    ]
+    assert [rung.heldout_rms_v for rung in outcome.rungs] == [0.2, 8e-3, 5e-3, 1.5e-3]
     (pair,) = outcome.pairs
     assert pair.truth_pa == pytest.approx(0.25e9)
-    assert pair.to_json()["kv_holds_truth"] is False
+    assert pair.to_json()["kv2_holds_truth"] is False
     assert pair.to_json()["after_holds_truth"] is True
-    assert outcome.held("kv") == (0, 1)
+    assert outcome.held("kv2") == (0, 1)
     assert outcome.held("after") == (1, 1)
 
 
-def test_the_ladder_has_two_rungs_where_nothing_was_missing(
+def test_the_ladder_has_three_rungs_where_nothing_was_missing(
     outcome_of: Make, diagnosis_of: Make
 ) -> None:
-    """Without a discrepancy there is nothing to add to KV."""
+    """Without a discrepancy there is nothing to add to the closed KV."""
     outcome = outcome_of(diagnosis_of("adequate"))
-    assert outcome.last.name == "KV"
+    assert outcome.last.name == "closed KV"
     assert outcome.to_json()["right"] is True
 
 
@@ -43,17 +48,17 @@ def test_moduli_name_the_model_they_come_from(outcome_of: Make, diagnosis_of: Ma
     """`moduli.json` is plain JSON and holds the last rung's moduli with its model."""
     outcome = outcome_of(diagnosis_of("identified", ("finite_thickness",)), "finite_thickness")
     content = json.loads(json.dumps(outcome.to_json(), allow_nan=False))
-    assert content["model"] == "kv+finite_thickness"
+    assert content["model"] == "kv2+finite_thickness"
     assert content["moduli"] == outcome.diagnosis["after"]["moduli"]
-    assert [rung["rung"] for rung in content["ladder"]] == ["hsd", "kv", "after"]
+    assert [rung["rung"] for rung in content["ladder"]] == ["hsd", "kv", "kv2", "after"]
 
 
 def test_a_withheld_modulus_stays_withheld(outcome_of: Make, diagnosis_of: Make) -> None:
     """Nothing is printed in place of a number that the fit would not state."""
     sphere, surface = outcome_of(diagnosis_of("adequate")).materials
     assert sphere.known
-    assert gigapascals(surface.estimates["kv"]) == "withheld"
-    assert off_by(surface.estimates["kv"], 1.0) == "-"
+    assert gigapascals(surface.estimates["kv2"]) == "withheld"
+    assert off_by(surface.estimates["kv2"], 1.0) == "-"
 
 
 def test_the_page_is_complete_but_for_the_diagnosis_beside_it(

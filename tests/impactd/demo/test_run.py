@@ -50,14 +50,14 @@ def demo(out: Path, *words: str) -> tuple[str, dict[str, Any]]:
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_the_demo_finds_the_truth_where_nothing_is_hidden(tmp_path: Path) -> None:
-    """Nothing is claimed, KV finds every pair within its uncertainty, HSD is biased high."""
+    """Nothing is claimed, the closed KV is right about every pair, HSD is biased high."""
     said, moduli = demo(tmp_path / "out", "--seed", "3", "--effect", "none")
     assert moduli["verdict"] == "adequate"
     assert "RIGHT" in said
     for pair in moduli["pairs"].values():
         # Pairs share the cell's error, so one in twenty seeds is beyond 2 u for all of them; 4 u
         # is beyond chance.
-        assert abs(pair["kv"]["value"] - pair["truth_Pa"]) < 4 * pair["kv"]["u"]
+        assert abs(pair["kv2"]["value"] - pair["truth_Pa"]) < 4 * pair["kv2"]["u"]
         assert pair["hsd"]["value"] > 1.1 * pair["truth_Pa"]
 
 
@@ -68,12 +68,12 @@ def test_the_demo_closes_the_loop(tmp_path: Path) -> None:
     out = tmp_path / "out"
     said, moduli = demo(out, "--seed", "3", "--effect", "coupler_highpass")
     assert moduli["right"] is True
-    assert moduli["model"] == "kv+coupler_highpass"
-    assert moduli["active_model"] == "kv+coupler_highpass version 1"
+    assert moduli["model"] == "kv2+coupler_highpass"
+    assert moduli["active_model"] == "kv2+coupler_highpass version 1"
     errors = [rung["heldout_rms_V"] for rung in moduli["ladder"]]
     assert errors == sorted(errors, reverse=True)
     assert errors[-1] < 1.1 * moduli["noise_rms_V"]
-    assert "Made the active model: kv+coupler_highpass version 1" in said
+    assert "Made the active model: kv2+coupler_highpass version 1" in said
     for name in (
         "report.html",
         "diagnosis.html",

@@ -37,7 +37,7 @@ tasks = _load()
 
 
 def test_a_stored_shot_is_fitted_with_both_models(bench: Any, running: Running) -> None:
-    """A fit_shot job ends with an HSD and a KV fit, an analysed drop and the events."""
+    """A fit_shot job ends with a fit of each base model, an analysed drop and the events."""
     number = bench.store()
     runner = running(bench.runner())
     job = bench.archive.jobs.enqueue("fit_shot", {"shot": number}, f"shot {number}")
@@ -46,7 +46,7 @@ def test_a_stored_shot_is_fitted_with_both_models(bench: Any, running: Running) 
 
     assert done.state == "done", done.reason
     fits = bench.archive.fits.for_shot(number)
-    assert [fit.model for fit in fits] == ["hsd", "kv"]
+    assert [fit.model for fit in fits] == ["hsd", "kv", "kv2"]
     assert bench.archive.drop(number).state == "analysed"
     for fit in fits:
         result = fit.result

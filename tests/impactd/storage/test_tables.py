@@ -191,7 +191,7 @@ def test_tokens_are_hashed_scoped_and_revocable(archive: Archive) -> None:
 
 def test_the_active_model_starts_with_kv(archive: Archive) -> None:
     """Choices are kept with their moment."""
-    assert archive.models.active() == "kv"
+    assert archive.models.active() == "kv2"
     archive.models.set_active("hsd")
 
     assert archive.models.active() == "hsd"
