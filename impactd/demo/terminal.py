@@ -29,9 +29,7 @@ def say_what_runs(console: Console, seed: int, effect: str) -> None:
     """
     console.print(f"Simulated rig, seed {seed}; all that follows goes through its daemon.")
     if effect == "random":
-        console.print(
-            "Something acts on it that the closed KV lacks: drawn at random, and sealed."
-        )
+        console.print("Something acts on it that the closed KV lacks: drawn at random, and sealed.")
     elif effect != "none":
         console.print(f"The rig hides {effect}; neither daemon nor diagnosis is told.")
 
@@ -120,14 +118,15 @@ def show(console: Console, outcome: Outcome) -> None:
 
 def _show_pairs(console: Console, outcome: Outcome) -> None:
     table = _table("Reduced modulus E* of each pair / GPa (± standard uncertainty)", "pair")
-    for rung in outcome.rungs:
+    shown = [rung for rung in outcome.rungs if rung.key != "kv"]  # as many as a terminal holds
+    for rung in shown:
         table.add_column(_short(rung.key), justify="right", no_wrap=True)
     table.add_column("truth", justify="right", no_wrap=True)
-    table.add_column("inside 95 %?", no_wrap=True)
+    table.add_column("in 95 %?", no_wrap=True)
     for row in outcome.pairs:
         table.add_row(
             row.name,
-            *(gigapascals(row.estimates[rung.key]) for rung in outcome.rungs),
+            *(gigapascals(row.estimates[rung.key]) for rung in shown),
             true_gigapascals(row),
             inside(row.estimates[outcome.last.key], row.truth_pa),
         )
@@ -137,11 +136,12 @@ def _show_pairs(console: Console, outcome: Outcome) -> None:
 
 def _show_ladder(console: Console, outcome: Outcome) -> None:
     noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
-    table = _table(f"The ladder (noise before the trigger: {noise_mv:.3g} mV)", "model")
-    for name in ("held out / mV", "specimen E/(1-ν²) / GPa", "truth", "off by"):
+    title = f"The ladder: error on held-out drops (noise: {noise_mv:.3g} mV) and specimen"
+    table = _table(title, "model")
+    for name in ("error / mV", "E/(1-ν²) / GPa", "truth", "off by"):
         table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("inside 95 %?", no_wrap=True)
-    table.add_column("pairs inside", no_wrap=True)
+    table.add_column("in 95 %?", no_wrap=True)
+    table.add_column("pairs", no_wrap=True)
     truth_pa = outcome.specimen_truth_pa
     for rung in outcome.rungs:
         held, found = rung.heldout_rms_v, rung.specimen
@@ -174,7 +174,7 @@ def heading(console: Console, words: str) -> None:
 
 
 def _short(key: str) -> str:
-    return {"hsd": "HSD", "kv": "KV", "kv2": CLOSED, "after": "with found"}[key]
+    return {"hsd": "HSD", "kv": "KV", "kv2": CLOSED, "after": "+ found"}[key]
 
 
 def _table(title: str, first: str) -> Table:
