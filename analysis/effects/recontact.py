@@ -17,6 +17,10 @@ the sphere comes back. Validation: sums of single traces; DOP853 of both contact
 form; the weight at rest, in the tests. The neutral value of the added form is a limit, speed ratio
 to 0, where the pulse goes with ratio^(6/5).
 
+Limit: on ``kv2`` the first contact ends while sphere and surface still overlap, which the time of
+flight leaves out: the third touch comes that depth over the rebound's speed too early, some
+microseconds for a second touch of centimetres per second, and such a recontact leaves structure.
+
 Scope: the rig's; a delay that goes with the height is not in this form.
 """
 

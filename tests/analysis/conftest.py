@@ -281,7 +281,12 @@ def _read(folder: Path) -> Campaign:
             for n, d in (about.get("spheres") or {}).items()
         },
         surfaces={
-            n: Surface(n, _quantity(d.get("youngs_modulus_Pa")), _quantity(d.get("poissons_ratio")))
+            n: Surface(
+                n,
+                _quantity(d.get("youngs_modulus_Pa")),
+                _quantity(d.get("poissons_ratio")),
+                coupon_mass_kg=d.get("coupon_mass_kg"),
+            )
             for n, d in (about.get("surfaces") or {}).items()
         },
         sensor=Sensor(

@@ -139,11 +139,12 @@ def test_weights_are_compared_with_drops() -> None:
     """S from weights is held against k c and against the rigid cell's S, in combined u."""
     static = _found(_readings()).to_json()
     dynamic = {
+        "model": "kv2",
         "identifiable": {"gain_N_per_V": {"value": GAIN * 1.01, "u": GAIN * 0.001}},
         "hsd": {"gain_N_per_V": {"value": GAIN * 0.7, "u": GAIN * 0.01}},
     }
     found = compare(static, dynamic)
-    assert found["against"]["kv"]["change"] == pytest.approx(1 / 1.01 - 1)
-    assert found["against"]["kv"]["in_u"] < -9
+    assert found["against"]["kv2"]["change"] == pytest.approx(1 / 1.01 - 1)
+    assert found["against"]["kv2"]["in_u"] < -9
     assert "disagree" in found["sentence"]
-    assert compare(static, {})["against"] == {}
+    assert compare(static, {"model": "kv2"})["against"] == {}

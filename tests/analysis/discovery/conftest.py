@@ -12,17 +12,20 @@ from analysis.discovery.diagnosis import Diagnosis, diagnose_campaign
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
 from drivers.simulated.effects.effect import Effect
+from drivers.simulated.rig_model import DEFAULT_RIG
 from impactd.storage.campaign_folder import read_campaign
 
 SEED = 3
 
 
-def small_campaign(folder: Path, effect: str | None = None, **values: float) -> Campaign:
+def small_campaign(
+    folder: Path, effect: str | None = None, rig: str = DEFAULT_RIG, **values: float
+) -> Campaign:
     """Return eight shots with one effect, as read back from a campaign folder."""
-    return campaign_with(folder, () if effect is None else (make_effect(effect, values),))
+    return campaign_with(folder, () if effect is None else (make_effect(effect, values),), rig)
 
 
-def campaign_with(folder: Path, effects: tuple[Effect, ...]) -> Campaign:
+def campaign_with(folder: Path, effects: tuple[Effect, ...], rig: str = DEFAULT_RIG) -> Campaign:
     """Return eight shots with any effects, as read back from a campaign folder."""
     usual = CampaignSettings()
     settings = dataclasses.replace(
@@ -32,6 +35,7 @@ def campaign_with(folder: Path, effects: tuple[Effect, ...]) -> Campaign:
         drop_heights_m=(0.0115, 0.0465),
         repeats=1,
         effects=effects,
+        rig=rig,
     )
     return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, SEED)))
 

@@ -25,8 +25,9 @@ DELAY_S, SPEED_RATIO = 5.2e-4, 0.0137
 def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
     """The speed of a sphere that hops on says when it is back, and that repeats."""
     effect = effect_named("recontact")
-    campaign = small_campaign(tmp_path, "recontact", delay_s=DELAY_S, speed_ratio=SPEED_RATIO)
-    problem = build(campaign, model_named("kv2"))
+    values = {"delay_s": DELAY_S, "speed_ratio": SPEED_RATIO}
+    campaign = small_campaign(tmp_path, "recontact", rig="paper", **values)
+    problem = build(campaign, model_named("kv"))
     base = joint.fit(problem, prepare(problem))
     begin = {
         "recontact.speed_ratio": math.log(times * SPEED_RATIO),

@@ -64,7 +64,7 @@ def test_simulated_rigs_campaign_is_recovered(
     """A campaign of the simulated rig, which has its own physics, is recovered within 95 %."""
     simulated = simulate_campaign(CampaignSettings(), seed)
     write_campaign_folder(tmp_path, simulated)
-    result = fit_campaign(read_campaign_folder(tmp_path), "kv", heldout=False)
+    result = fit_campaign(read_campaign_folder(tmp_path), heldout=False)
     assert result.chi2_per_dof == pytest.approx(1.0, abs=0.03)
     assert result.flags() == []
     low, high = result.moduli()["specimen"]["youngs_modulus_Pa"]["interval95"]

@@ -31,7 +31,7 @@ class TellingCouponMode(CouponMode):
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:
         """Change the bodies and remember."""
         super().before_impact(mechanics, shot, speed_m_per_s)
-        self.seen[shot.number] = mechanics.mode_mass_kg / mechanics.cell_mass_kg
+        self.seen[shot.number] = mechanics.mode_mass_kg / mechanics.loaded_cell_mass_kg
 
     def __post_init__(self) -> None:
         """Begin with nothing seen."""

@@ -54,7 +54,7 @@ def test_what_is_drawn_scatters_by_the_stated_standard_uncertainty() -> None:
 def test_heights_share_an_offset_and_scatter_by_themselves() -> None:
     """The truth tells the offset; what is left of the true heights is each drop's own."""
     spread = LabelSpread(height_offset_m=2e-3, height_scatter_m=1e-4)
-    made = simulate_campaign(CampaignSettings(spread=spread, **SMALL), 5)
+    made = simulate_campaign(CampaignSettings(spread=spread, rig="paper", **SMALL), 5)
     offset = made["truth"]["inputs"]["height_offset_m"]
     own = [
         truth["true_drop_height_m"] - shot["drop_height_m"]["value"] - offset

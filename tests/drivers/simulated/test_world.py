@@ -82,8 +82,8 @@ def test_a_rig_of_many_drops_forgets_bounces(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_sphere_falls_bounces_and_each_bounce_is_weaker() -> None:
-    """First touch after latency and fall; then ballistic flights with the rebound speed."""
-    world = a_world(release_jitter_s=0.0, speed_repeatability=0.0)
+    """Without air: first touch after latency and fall; then ballistic flights with the rebound speed."""
+    world = a_world(release_jitter_s=0.0, speed_repeatability=0.0, rig="paper")
     signal = volts(record(world))
     touches = world.truth()["shots"][0]["touches"]  # type: ignore[index]
     fall_s = math.sqrt(2 * 0.03 / 9.80665)
