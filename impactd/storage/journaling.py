@@ -179,7 +179,7 @@ def set_position(connection: sqlite3.Connection, at: Position) -> None:
 
 def _apart(path: Path, what: str) -> ArchiveError:
     return ArchiveError(
-        f"The index and its journal {path} do not belong together: {what}.",
+        f"The index (index.sqlite) and its journal {path} do not belong together: {what}.",
         why="A rebuild of the index was ended half-way, or one of the two files was replaced or "
         "damaged.",
         remedy="Stop the daemon and run `impactd reindex`: it rebuilds the index from journal and "

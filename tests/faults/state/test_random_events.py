@@ -163,7 +163,7 @@ def _runs(directory: Path, runs: int) -> None:
     "runs",
     [
         40,
-        pytest.param(200, marks=pytest.mark.slow),
+        pytest.param(100, marks=pytest.mark.slow),
         pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],
 )

@@ -50,7 +50,14 @@ def sound(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("flips", [60, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "flips",
+    [
+        60,
+        pytest.param(400, marks=pytest.mark.slow),
+        pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
+    ],
+)
 @pytest.mark.timeout(900)
 def test_no_flipped_bit_goes_unseen(sound: Path, tmp_path: Path, flips: int) -> None:
     """Each is named by verify with its file, or lies where nothing is kept; nothing crashes."""

@@ -28,7 +28,7 @@ LONGEST_S = 1.2
     "moments",
     [
         8,
-        pytest.param(60, marks=pytest.mark.slow),
+        pytest.param(30, marks=pytest.mark.slow),
         pytest.param(200, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],
 )

@@ -53,7 +53,7 @@ class Held:
     "drops",
     [
         100,
-        pytest.param(1000, marks=pytest.mark.slow),
+        pytest.param(500, marks=pytest.mark.slow),
         pytest.param(10_000, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],
 )

@@ -112,7 +112,14 @@ def test_killed_at_random_moments(
 
 
 @pytest.mark.skipif(shutil.which("strace") is None, reason="needs strace (apt install strace)")
-@pytest.mark.parametrize("points", [8, pytest.param(1000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "points",
+    [
+        8,
+        pytest.param(300, marks=pytest.mark.slow),
+        pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
+    ],
+)
 @pytest.mark.timeout(1800)
 def test_a_power_cut_during_a_rebuild(
     sound: tuple[Path, dict[str, Any]], tmp_path: Path, points: int
