@@ -36,5 +36,5 @@ EFFECT = Effect(
         EffectParameter("damping_ratio", "1", "rig", "log", 0.1, 1e-3, 2.0, (0.07,), "zeta"),
     ),
     bases=("hsd",),
-    replaces_base="kv2",
+    replaces_base="kv",
 )

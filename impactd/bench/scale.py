@@ -30,7 +30,7 @@ def measure() -> list[Figure]:
     """
     largest = simulated_campaign(CampaignSettings(repeats=SIZES[-1] // 27 + 1), SEED)
     order = np.random.default_rng(SEED).permutation(len(largest.shots))
-    fit_campaign(_some(largest, order[:2]), "kv")  # compiles
+    fit_campaign(_some(largest, order[:2]))  # compiles
     before_kib = _peak_kib()
     costs = {size: _cost_per_shot(_some(largest, order[:size])) for size in SIZES}
     grown_kib = _peak_kib() - before_kib
@@ -67,7 +67,7 @@ def _cost_per_shot(campaign: Campaign) -> float:
     best = np.inf
     for _ in range(ROUNDS):
         began = time.process_time()
-        fit_campaign(campaign, "kv")
+        fit_campaign(campaign)
         best = min(best, time.process_time() - began)
     return float(best) / len(campaign.shots)
 

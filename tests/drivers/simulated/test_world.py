@@ -82,7 +82,7 @@ def test_a_rig_of_many_drops_forgets_bounces(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_sphere_falls_bounces_and_each_bounce_is_weaker() -> None:
-    """Without air: first touch after latency and fall; then ballistic flights with the rebound speed."""
+    """In a vacuum: first touch after latency and fall; then flights with the rebound speed."""
     world = a_world(release_jitter_s=0.0, speed_repeatability=0.0, rig="paper")
     signal = volts(record(world))
     touches = world.truth()["shots"][0]["touches"]  # type: ignore[index]

@@ -23,6 +23,7 @@ def test_lmfit_around_solve_ivp_finds_the_same_stiffness() -> None:
             surfaces={"polycarbonate": SURFACES["polycarbonate"]},
             drop_heights_m=(0.03,),
             repeats=1,
+            rig="paper",
         ),
         fit_speed.SEED,
     )

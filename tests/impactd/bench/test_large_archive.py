@@ -45,7 +45,7 @@ PAIR = {
     },
 }
 RESULT = {
-    "model": "kv",
+    "model": "kv2",
     "outcome": {"status": "converged", "message": "ok"},
     "pairs": {"acetal/aluminium": PAIR},
 }
@@ -53,7 +53,7 @@ RESULT = {
 
 def test_an_archive_is_filled_with_fitted_shots_and_goes_on(tmp_path: Path) -> None:
     """Every shot has its row, drop and fit; more are added behind; the moduli rest on all."""
-    template = FittedShot(SHOT, {"kv": RESULT})
+    template = FittedShot(SHOT, {"kv2": RESULT})
     fill_archive(tmp_path, [template], 7)
     fill_archive(tmp_path, [template], 2)
 

@@ -19,7 +19,8 @@ def a_trial() -> Callable[..., Trial]:
         row: dict[str, Any] = {
             "kind": "library",
             "seed": 1,
-            "base": "kv",
+            "base": "kv2",
+            "rig": "closed",
             "effects": [{"id": name, "slot": "electronics"} for name in truth],
             "materials": [],
             "colour": "white",
