@@ -38,6 +38,8 @@ SENTENCES = {
     "contact_law_not_identifiable": "too little about the contact law can be told from it: the "
     "impact is short beside the load cell's own period.",
     "not_converged": "the fit did not settle.",
+    "out_of_range": "the fit explains it only by a number that nothing can have, so no modulus is "
+    "stated.",
     "not_evaluable": "this model cannot be fitted to it.",
 }
 """What each reason means for the person at the rig; a reason follows "because"."""

@@ -38,7 +38,9 @@ def without_needless(trail: Trail) -> Trail:
         if old.effect.replaces_base:
             continue
         shorter = _reduced(trail.last, old.effect)
-        if shorter is not None and shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
+        if shorter is None or shorter.impossible:
+            continue
+        if shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
             steps = [*trail.steps[: len(others)], shorter]
             gain = steps[-2].fitted.cost - shorter.fitted.cost

@@ -21,6 +21,7 @@ from analysis.discovery.starting import PENALTY, usual_place
 from analysis.discovery.trail import MIN_GAIN, Step, Trail, follow, look
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
+from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
 from analysis.model import solver
@@ -134,13 +135,16 @@ def diagnose_campaign(
         told("trying crystal_dynamics", 0.1)
         crystal, usual = _crystal(campaign, trail.last)
         trail.last.refits = [crystal]
-        if crystal.score(PENALTY) > MIN_GAIN:
+        if crystal.usable and crystal.score(PENALTY) > MIN_GAIN:
             trail = trail.on(crystal)
     seen = background(problem.shots)
     if _is_all(seen, trail.last):
         trail.last.refused = dict.fromkeys(library(), "what is on the line anyway may look like it")
         verdict = "partial" if trail.chosen else "unknown"
         return Diagnosis(verdict, trail.steps, trail.chosen, slot=SLOT, background=seen)
+    if trail.last.impossible and not trail.last.omnibus.structured:
+        # noise is left, but by a model that nothing real can be: the data cannot show it
+        return Diagnosis("not_identifiable", trail.steps, trail.chosen, background=seen)
     if not trail.adequate:
         trail = held_against_unfinished(without_needless(follow(trail, usual, told)))
     found = _beside(seen, _judge(trail, told))
@@ -187,7 +191,7 @@ def _crystal(campaign: Campaign, step: Step) -> tuple[Refit, joint.Fitted]:
     fitted = joint.fit(problem, nuisances)
     count = len(problem.names) - len(step.problem.names)
     gain = step.fitted.cost - fitted.cost
-    bad = not fitted.blocks
+    bad = not fitted.blocks or bool(out_of_range(problem, fitted))
     found = Refit(effect, effect.id, "rig", problem, fitted, gain, count, bad, gain)
     return found, usual_place(problem, nuisances)
 
@@ -228,6 +232,8 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
     together mimic a third thing take up much as well, so more is asked of more than one.
     """
     for count in range(len(chosen), 0, -1):
+        if steps[count].impossible:
+            continue
         left = steps[count].omnibus.left
         looks_like = steps[count].omnibus.strongest.family
         explained = steps[0].fitted.cost - steps[count].fitted.cost

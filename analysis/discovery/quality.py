@@ -9,7 +9,7 @@ import numpy as np
 from analysis.fit.campaign_fit import heldout_rms, solve
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem
-from analysis.fit.result import FitResult, Outcome
+from analysis.fit.result import FitResult, outcome_of
 from analysis.fit.shot_fit import collect
 
 
@@ -51,12 +51,9 @@ def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> F
     """
     name = problem.model.name
     if not fitted.blocks:
-        outcome = Outcome("not_evaluable", "The model cannot be evaluated on these records.")
-        return FitResult(name, outcome, problem, fitted, (), 1.0, None)
+        return FitResult(name, outcome_of(problem, fitted), problem, fitted, (), 1.0, None)
     own = dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots))
     found, scale = solve(own, fitted.nuisances)
-    outcome = Outcome("converged", "The fit converged.")
-    if not found.converged:
-        outcome = Outcome("not_converged", f"The fit still moved after {found.iterations} steps.")
     held = heldout_or_none(own, found) if heldout else None
-    return FitResult(name, outcome, own, found, collect(own, found, scale=scale), scale, held)
+    shots = collect(own, found, scale=scale)
+    return FitResult(name, outcome_of(own, found), own, found, shots, scale, held)

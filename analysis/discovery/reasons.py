@@ -9,6 +9,7 @@ from analysis.discovery.proposals import scopes_of
 from analysis.discovery.starting import PENALTY
 from analysis.discovery.trail import MIN_GAIN, Step
 from analysis.effects.library import effect_named
+from analysis.fit.physical_range import out_of_range
 
 WORSE = 1.0
 """Whitened squares by which priors and unfinished steps may leave a larger model behind."""
@@ -56,6 +57,9 @@ def _not_physical(refit: Refit) -> str:
         )
     if refit.gain < LEAST_EACH * refit.own:
         return "every shot needs a number of its own, and they bring too little to be believed"
+    outside = out_of_range(refit.problem, refit.fitted)
+    if outside:
+        return "; ".join(one.sentence for one in outside)
     bounds = "; ".join(
         f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}".removesuffix(" 1")
         for p in refit.effect.parameters

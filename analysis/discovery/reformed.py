@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import Refit, extended, refitted
-from analysis.discovery.physical import HARDLY
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
+from analysis.fit.physical_range import HARDLY
 from analysis.fit.problem import JointProblem
 
 STEPS = 25

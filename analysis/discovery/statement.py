@@ -23,9 +23,10 @@ from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import sentence
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed
-from analysis.fit.measurand import Json
+from analysis.fit.measurand import Json, measurand
+from analysis.fit.physical_range import advice
 from analysis.fit.result import FitResult
-from analysis.fit.statements import effect_parameters_json, parameters_json
+from analysis.fit.statements import effect_parameters_json, parameters_json, withheld
 
 FORMAT = "impactd-diagnosis/1"
 
@@ -51,6 +52,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     # the loop itself takes masses, heights and the like as exact; what it states does not
     honest = inputs_freed(before), inputs_freed(after)
     stated = _block(honest[1])
+    accepted = diagnosis.chosen and not honest[1].out_of_range
     located = diagnosis.located
     if diagnosis.verdict == "unknown" and located is not None:
         stated = with_closure(honest[1], located)
@@ -58,9 +60,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     document: Json = {
         "format": FORMAT,
         "verdict": diagnosis.verdict,
-        "sentence": " ".join(
-            [sentence(diagnosis, before, after), *(c.sentence for c in honest[1].conflicts)]
-        ),
+        "sentence": " ".join([sentence(diagnosis, before, after), *_provisos(honest[1])]),
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.background),
@@ -73,7 +73,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "also_possible_slots": [] if located is None else located.also,
         "before": _block(honest[0]),
         "after": stated,
-        "accepted_model": definition_of(after.problem, after.fitted) if diagnosis.chosen else None,
+        "accepted_model": definition_of(after.problem, after.fitted) if accepted else None,
         "remaining": _remaining(diagnosis, last),
         "closure": _closure(diagnosis, before),
         "candidates": _candidates(diagnosis, first),
@@ -92,6 +92,12 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     return finite
 
 
+def _provisos(result: FitResult) -> list[str]:
+    """Return what must be said beside a verdict: impossible numbers, contradicted statements."""
+    said = [c.sentence for c in result.conflicts]
+    return [advice(result.out_of_range), *said] if result.out_of_range else said
+
+
 def _block(result: FitResult) -> Json:
     """Return the figures of one model: the part that `impactd fit` gives too."""
     if not result.shots:
@@ -107,6 +113,7 @@ def _block(result: FitResult) -> Json:
         "degrees_of_freedom": result.degrees_of_freedom,
         "uncertainty_widened_by": math.sqrt(result.misfit),
         "moduli": result.moduli(),
+        "out_of_range": [one.to_json() for one in result.out_of_range],
         "conflicts": [c.to_json() for c in result.conflicts],
         "budget": result.budget(),
         "pairs": result.pairs(),
@@ -176,9 +183,8 @@ def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
     known = getattr(material, "youngs_modulus_pa", None)
     if known is None:
         return _held(entry)
-    near = [known.value - 1.96 * known.u, known.value + 1.96 * known.u]
     return {
-        "youngs_modulus_Pa": {"value": known.value, "u": known.u, "interval95": near},
+        "youngs_modulus_Pa": measurand(known.value, known.u, "Pa"),
         "plane_strain_modulus_Pa": None,
         "side": entry["side"],
         "status": "reference",
@@ -186,13 +192,10 @@ def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
 
 
 def _held(entry: Json) -> Json:
-    return {
-        "youngs_modulus_Pa": None,
-        "plane_strain_modulus_Pa": None,
-        "side": entry["side"],
-        "status": "withheld",
-        "reason": "something unnamed acts on these shots, and nobody knows how far it moves this",
-    }
+    return withheld(
+        entry["side"],
+        "something unnamed acts on these shots, and nobody knows how far it moves this",
+    )
 
 
 def _effect(refit: Refit, after: FitResult, confusable: list[str]) -> Json:

@@ -28,6 +28,7 @@ from analysis.discovery.reformed import reformed
 from analysis.discovery.starting import PENALTY
 from analysis.discovery.widened import widened
 from analysis.fit import joint
+from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
 MIN_GAIN = 15.0
@@ -78,6 +79,11 @@ class Step:
     refused: dict[str, str] = field(default_factory=dict)
     without: list[LeftOut] = field(default_factory=list)
 
+    @property
+    def impossible(self) -> bool:
+        """Whether one of its numbers is outside what it can be."""
+        return bool(out_of_range(self.problem, self.fitted))
+
 
 @dataclass
 class Trail:
@@ -101,7 +107,12 @@ class Trail:
 
     @property
     def adequate(self) -> bool:
-        """Whether the trail has ended in noise, or in less than its effects' forms are good for."""
+        """Whether the trail has ended in noise, or in less than its effects' forms are good for.
+
+        A model with a number that nothing can have does not count, whatever it leaves.
+        """
+        if self.last.impossible:
+            return False
         if not self.last.omnibus.structured:
             return True
         left = self.last.omnibus.left

@@ -57,6 +57,7 @@ EFFECT = Effect(
             1e11,
             (3e8, 4e7, 3e9, 1e8, 1.8e7, 1e9),
             "of the layer, k_t",
+            resolved=True,
         ),
         EffectParameter(
             "damping_n_s_per_m",

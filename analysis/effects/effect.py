@@ -44,6 +44,8 @@ Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 SLOTS = ("release", "contact", "mounting", "sensor", "electronics")
+_LARGEST_LOG = 700.0
+"""e^700 is nearly the largest number that a double holds."""
 SCOPES = ("rig", "surface", "sphere", "pair", "shot")
 
 
@@ -197,6 +199,33 @@ class EffectParameter:
         if self.form == "linear":
             return self.scale
         return -self.scale / coordinate**2 if coordinate != 0.0 else math.inf
+
+    def interval(self, coordinate: float, reach: float) -> tuple[float, float]:
+        """Return the values within a reach of a coordinate, in which the fit is Gaussian.
+
+        Parameters
+        ----------
+        coordinate, reach : float
+            Middle and half-width.
+
+        Returns
+        -------
+        tuple of float
+            Lower and upper end. Of a quantity whose ``low`` is not negative, what lies below 0 is
+            left out: the truth never lies there, so that an interval covers it as often as before.
+            The upper end is infinite where the quantity may be as large as it likes.
+        """
+        first, last = coordinate - reach, coordinate + reach
+        if self.form == "log":
+            return tuple(math.exp(max(-_LARGEST_LOG, min(c, _LARGEST_LOG))) for c in (first, last))
+        if self.low >= 0.0:
+            first, last = max(first, 0.0), max(last, 0.0)
+        if self.form == "linear":
+            return self.scale * first, self.scale * last
+        if first < 0.0 < last:
+            return -math.inf, math.inf  # on both sides of infinity
+        ends = [math.inf if c == 0.0 else self.scale / c for c in (first, last)]
+        return min(ends), max(ends)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot, shot_cost
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.result import MISFIT_ABOVE, FitResult, Outcome, collect
+from analysis.fit.result import MISFIT_ABOVE, FitResult, collect, outcome_of
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
 
@@ -191,20 +191,9 @@ def fit_campaign(
     problem = build(campaign, model_named(model), by_pair=by_pair)
     nuisances = prepare(problem)
     fitted, scale = solve(problem, nuisances, progress)
+    outcome = outcome_of(problem, fitted)
     if not fitted.blocks:
-        outcome = Outcome(
-            "not_evaluable",
-            "The model cannot be evaluated at any start near these records; check masses, radii, "
-            "heights and the sensor's values.",
-        )
         return FitResult(model, outcome, problem, fitted, (), 1.0, None)
-    outcome = Outcome("converged", "The fit converged.")
-    if not fitted.converged:
-        outcome = Outcome(
-            "not_converged",
-            f"The fit still moved after {fitted.iterations} steps; look at the residual, and check "
-            "heights, masses and the sensor's values before trusting any number.",
-        )
     held = heldout_rms(problem, fitted) if heldout else None
     if progress is not None:
         progress("joint fit", 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from analysis.fit import joint
 from analysis.fit.inputs import stated_numbers
 from analysis.fit.problem import JointProblem
-from analysis.fit.result import FitResult, collect
+from analysis.fit.result import FitResult, collect, outcome_of
 
 
 def with_inputs(problem: JointProblem) -> JointProblem:
@@ -65,4 +65,7 @@ def inputs_freed(result: FitResult) -> FitResult:
     if not fitted.blocks:
         return result
     shots = collect(problem, fitted, scale=result.misfit)
-    return dataclasses.replace(result, problem=problem, fitted=fitted, shots=shots)
+    outcome = outcome_of(problem, fitted)
+    return dataclasses.replace(
+        result, outcome=outcome, problem=problem, fitted=fitted, shots=shots
+    )

@@ -12,7 +12,14 @@ NORMAL95 = 1.959963984540054
 Json = dict[str, Any]
 
 
-def measurand(value: float, u: float, unit: str, *, log: bool = True) -> Json | None:
+def measurand(
+    value: float,
+    u: float,
+    unit: str,
+    *,
+    log: bool = True,
+    interval: tuple[float, float] | None = None,
+) -> Json | None:
     """Return a measurand as JSON: value, standard and expanded uncertainty, 95 % interval.
 
     Parameters
@@ -24,24 +31,28 @@ def measurand(value: float, u: float, unit: str, *, log: bool = True) -> Json | 
     log : bool
         Whether a positive value's interval is symmetric in its logarithm, as fitted, rather than in
         the value.
+    interval : tuple of float, optional
+        95 % interval, where it is known otherwise; an infinite end is null in JSON.
 
     Returns
     -------
     dict or None
-        None where a number would not be finite.
+        None where value or u would not be finite.
     """
     if not (math.isfinite(value) and math.isfinite(u)):
         return None
-    if log and value > 0:
+    if interval is not None:
+        ends = interval
+    elif log and value > 0:
         factor = math.exp(min(NORMAL95 * u / value, 50.0))
-        interval = [value / factor, value * factor]
+        ends = (value / factor, value * factor)
     else:
-        interval = [value - NORMAL95 * u, value + NORMAL95 * u]
+        ends = (value - NORMAL95 * u, value + NORMAL95 * u)
     return {
         "value": float(value),
         "u": float(u),
         "unit": unit,
-        "interval95": [float(x) for x in interval],
+        "interval95": [float(x) if math.isfinite(x) else None for x in ends],
         "expanded": {"U": NORMAL95 * float(u), "k": NORMAL95, "coverage": 0.95},
     }
 

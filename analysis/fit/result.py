@@ -16,6 +16,7 @@ from analysis.fit import estimates, statements
 from analysis.fit.conflicts import Conflict, conflicts, fit_without
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json, as_quantity, measurand, young_from_plane_strain
+from analysis.fit.physical_range import OutOfRange, advice, out_of_range
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.shot_fit import MISFIT_ABOVE, ShotFit, collect
 from analysis.fit.statements import WITHHOLD_ABOVE
@@ -44,13 +45,45 @@ class Outcome:
     Attributes
     ----------
     status : str
-        ``converged``, ``not_converged`` or ``not_evaluable``.
+        ``converged``, ``not_converged``, ``out_of_range`` (a number that nothing can have) or
+        ``not_evaluable``.
     message : str
         What happened and, unless all is well, what to do.
     """
 
     status: str
     message: str
+
+
+def outcome_of(problem: JointProblem, fitted: Fitted) -> Outcome:
+    """Return how a fit ended, in words.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    Outcome
+        What is out of its physical range counts before what has not converged.
+    """
+    if not fitted.blocks:
+        return Outcome(
+            "not_evaluable",
+            "The model cannot be evaluated at any start near these records; check masses, radii, "
+            "heights and the sensor's values.",
+        )
+    outside = out_of_range(problem, fitted)
+    if outside:
+        return Outcome("out_of_range", advice(outside))
+    if not fitted.converged:
+        return Outcome(
+            "not_converged",
+            f"The fit still moved after {fitted.iterations} steps; look at the residual, and check "
+            "heights, masses and the sensor's values before trusting any number.",
+        )
+    return Outcome("converged", "The fit converged.")
 
 
 @dataclass(frozen=True)
@@ -144,9 +177,16 @@ class FitResult:
         if self._void:
             return {}
         found = statements.moduli_json(self.problem, self.fitted)
+        if self.out_of_range:
+            statements.withhold_fitted(found, "; ".join(o.sentence for o in self.out_of_range))
         if self.without_conflicts is not None:
             statements.add_without_conflicts(found, self.without_conflicts.moduli())
         return found
+
+    @cached_property
+    def out_of_range(self) -> list[OutOfRange]:
+        """Return the numbers that nothing can have; with any, no modulus is stated."""
+        return out_of_range(self.problem, self.fitted)
 
     @cached_property
     def conflicts(self) -> list[Conflict]:
@@ -168,8 +208,8 @@ class FitResult:
         return found
 
     def budget(self) -> Json | None:
-        """Return ``impactd-budget/1`` of every modulus; None where there is none."""
-        if self._void:
+        """Return ``impactd-budget/1`` of every modulus; None where none is stated."""
+        if self._void or self.out_of_range:
             return None
         return budgets_json(self.problem, self.fitted, self.degrees_of_freedom)
 
@@ -199,6 +239,7 @@ class FitResult:
                 "parameters": {},
                 "covariance": None,
                 "moduli": {},
+                "out_of_range": [],
                 "conflicts": [],
                 "budget": None,
                 "pairs": {},
@@ -226,6 +267,7 @@ class FitResult:
                 "matrix": self.fitted.covariance.tolist(),
             },
             "moduli": self.moduli(),
+            "out_of_range": [one.to_json() for one in self.out_of_range],
             "conflicts": [c.to_json() for c in self.conflicts],
             "budget": self.budget(),
             "pairs": self.pairs(),

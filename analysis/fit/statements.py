@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from analysis.campaign import Sphere, Surface
+from analysis.effects.effect import EffectParameter
 from analysis.fit.conflicts import STABLE_BELOW
 from analysis.fit.estimates import (
     HSD_FIELDS,
@@ -17,7 +18,12 @@ from analysis.fit.estimates import (
     sensor_logs,
 )
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import Json, measurand, young_from_plane_strain
+from analysis.fit.measurand import (
+    NORMAL95,
+    Json,
+    measurand,
+    young_from_plane_strain,
+)
 from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, modulus_prior
 from analysis.fit.problem import JointProblem
 
@@ -59,19 +65,33 @@ def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
     return found
 
 
+def withheld(side: str, reason: str) -> Json:
+    """Return the entry of a material whose modulus is not stated, with the reason."""
+    return {
+        "youngs_modulus_Pa": None,
+        "plane_strain_modulus_Pa": None,
+        "side": side,
+        "status": "withheld",
+        "reason": reason,
+    }
+
+
+def withhold_fitted(moduli: Json, reason: str) -> None:
+    """Withhold every modulus that was to be found, in place; those of references stay."""
+    for name, entry in moduli.items():
+        if entry["status"] == "fitted":
+            moduli[name] = withheld(entry["side"], reason)
+
+
 def _modulus(log: float, u: float, side: str, material: Sphere | Surface) -> Json:
     """Return one material's entry from ln E' and its standard uncertainty."""
     if not u <= WITHHOLD_ABOVE:
-        return {
-            "youngs_modulus_Pa": None,
-            "plane_strain_modulus_Pa": None,
-            "side": side,
-            "status": "withheld",
-            "reason": (
-                f"these data leave a factor {math.exp(min(u, 2 * UNKNOWN_LOG_U)):.2g} open; drop a "
-                "reference sphere on it, or this sphere on a reference surface"
-            ),
-        }
+        factor = math.exp(min(u, 2 * UNKNOWN_LOG_U))
+        return withheld(
+            side,
+            f"these data leave a factor {factor:.2g} open; drop a reference sphere on it, or this "
+            "sphere on a reference surface",
+        )
     plane = math.exp(log)
     young = None
     if material.poissons_ratio is not None:
@@ -218,6 +238,16 @@ def effect_parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
                 if name.split("[", 1)[0] == f"{effect.id}.{parameter.name}":
                     at, u = log_of(problem, fitted, name)
                     found[name] = measurand(
-                        parameter.value(at), abs(parameter.slope(at)) * u, parameter.unit, log=False
+                        _value(parameter, at),
+                        abs(parameter.slope(at)) * u,
+                        parameter.unit,
+                        interval=parameter.interval(at, NORMAL95 * u),
                     )
     return found
+
+
+def _value(parameter: EffectParameter, coordinate: float) -> float:
+    """Return the value; infinite where the best estimate of its inverse has the wrong sign."""
+    if parameter.form == "inverse" and parameter.low >= 0.0 and coordinate < 0.0:
+        return math.inf
+    return parameter.value(coordinate)

@@ -69,7 +69,8 @@ def measured(quantity: Any, *, scale: float = 1.0) -> str:
     str
         For example ``3.15 +- 0.12``; ``-`` for ``None``. Where shots have a value each, their
         median and range, and what they go with: ``0.31 (0.02 to 0.6 over 54 shots; falls from drop
-        to drop, rank correlation -0.90)``.
+        to drop, rank correlation -0.90)``. Where +- 1.96 u would reach a sign that the quantity
+        cannot have, its 95 % interval: ``89 (95 %: 12 .. 650)``.
     """
     if not isinstance(quantity, dict) or quantity.get("value") is None:
         return "-"
@@ -81,6 +82,10 @@ def measured(quantity: Any, *, scale: float = 1.0) -> str:
     u = (quantity.get("u") or 0.0) * scale
     if not (math.isfinite(u) and u > 0):
         return f"{value:.5g}"
+    low, high = quantity.get("interval95") or (None, None)
+    if low is not None and value - 1.96 * u < 0.0 <= low * scale:
+        upper = "any" if high is None else f"{high * scale:.2g}"
+        return f"{value:.2g} (95 %: {low * scale:.2g} .. {upper})"
     digits = max(0, 1 - math.floor(math.log10(u)))
     if digits > 6 or abs(value) >= 1e7:
         return f"{value:.6g} +- {u:.2g}"

@@ -1,0 +1,246 @@
+"""Are a finished fit's numbers such as cells, materials and effects can have? All models ask here.
+
+=====================  ===========================================================================
+natural frequency      one period in the longest window .. half the lowest sample rate: neither a
+                       slower ring nor a faster one can be seen in the records
+damping ratio          as the effect ``crystal_dynamics`` has it: beyond, nothing rings
+gain, M, k, mu, c      cells that are made, a decade more on either side; a certificate's value is
+                       possible, and a decade about it
+moduli                 from the softest gel (1 Pa) to diamond (1.2e12 Pa, E' below 2e12 Pa)
+an effect's numbers    ``low`` .. ``high`` of its `EffectParameter`
+=====================  ===========================================================================
+
+A number that the data hardly tell may end up beyond its limits by chance, so it is outside only
+where two of its standard uncertainties do not lead back. Where the number is what shows that the
+thing is there at all (``resolved``; the natural frequency), its best estimate counts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Sensor
+from analysis.effects import crystal_dynamics
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.fit.estimates import sensor_logs
+from analysis.fit.joint import Fitted
+from analysis.fit.measurand import Json
+from analysis.fit.priors import SENSOR_FIELDS
+from analysis.fit.problem import JointProblem
+
+SLACK_U = 2.0
+"""Standard uncertainties by which chance takes an estimate beyond a limit, once in 40 times."""
+HARDLY = 0.05
+"""Share of the largest owner's amplitude below which another's is as good as neutral."""
+DECADE = 10.0
+
+_RING = {p.name: p for p in crystal_dynamics.EFFECT.parameters}
+_GAIN_N_PER_V = (1e-2, 1e5)
+# Cells that are made: 1 g to 1 kg, 1e7 to 1e10 N/m, 1 to 1e4 N s/m, 1e-10 to 1e-7 m/V.
+_CELL = {
+    "crystal_mass_kg": (1e-4, 10.0, "kg"),
+    "crystal_stiffness_n_per_m": (1e6, 1e11, "N/m"),
+    "crystal_damping_n_s_per_m": (0.1, 1e5, "N s/m"),
+    "compliance_m_per_v": (1e-11, 1e-6, "m/V"),
+}
+_PLANE_STRAIN_PA = (1.0, 2e12)
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class OutOfRange:
+    """A number of a fit outside what it can be.
+
+    Attributes
+    ----------
+    name : str
+        As among the fit's parameters.
+    value : float
+        As fitted. [``unit``]
+    low, high : float
+        What it can be. [``unit``]
+    unit : str
+        Of all three.
+    """
+
+    name: str
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    @property
+    def sentence(self) -> str:
+        """Return what is wrong with it."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return (
+            f"{self.name} comes out as {self.value:.3g}{unit}, outside of what it can be, "
+            f"{self.low:.3g} .. {self.high:.3g}{unit}"
+        )
+
+    def to_json(self) -> Json:
+        """Return it with its sentence; a value that no double holds is null."""
+        value = self.value if math.isfinite(self.value) else None
+        return dataclasses.asdict(self) | {"value": value, "sentence": self.sentence}
+
+
+def out_of_range(problem: JointProblem, fitted: Fitted) -> list[OutOfRange]:
+    """Return the numbers of a fit that nothing can have; none where the fit has no solution.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    list of OutOfRange
+        Of cell, materials, effects, in this order.
+    """
+    if not fitted.blocks:
+        return []
+    found = [*_of_cell(problem, fitted), *_of_materials(problem, fitted)]
+    for effect in problem.model.effects:
+        found.extend(effect_out_of_range(problem, fitted, effect))
+    return found
+
+
+def advice(found: list[OutOfRange]) -> str:
+    """Return what was found in words, and what to do about it."""
+    told = "; ".join(one.sentence for one in found)
+    return (
+        f"{told}: the model is not accepted, and no modulus is stated. It lacks something that "
+        "these recordings show, or they cannot tell this number: diagnose them, or state what is "
+        "known of it."
+    )
+
+
+def _width(fitted: Fitted, j: int) -> float:
+    return SLACK_U * math.sqrt(max(float(fitted.covariance[j, j]), 0.0))
+
+
+def _exp(log: float) -> float:
+    return math.exp(min(log, 700.0))
+
+
+def _of_logs(
+    name: str, log: float, width: float, limits: tuple[float, float], unit: str, scale: float = 1.0
+) -> Iterator[OutOfRange]:
+    """Return a number that its logarithm puts outside, else nothing."""
+    low, high = limits
+    if _exp(log + width) * scale < low or _exp(log - width) * scale > high:
+        yield OutOfRange(name, _exp(log) * scale, low, high, unit)
+
+
+def _of_cell(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]:
+    where = {n: j for j, n in enumerate(problem.names) if n.startswith("sensor.")}
+    theta, sensor = fitted.theta, problem.campaign.sensor
+    if "sensor.ln_S" in where:
+        j = where["sensor.ln_S"]
+        limits = _about(*_GAIN_N_PER_V, _stated_gain(sensor))
+        width = _width(fitted, j)
+        yield from _of_logs("sensor.gain_N_per_V", float(theta[j]), width, limits, "N/V")
+    if "sensor.ln_w" in where:
+        frames = [s.frame for s in problem.shots]
+        slowest = 1.0 / max(f.samples / f.sample_rate_hz for f in frames)
+        limits = slowest, 0.5 * min(f.sample_rate_hz for f in frames)
+        log = float(theta[where["sensor.ln_w"]]) - math.log(2 * math.pi)
+        yield from _of_logs("sensor.natural_frequency_Hz", log, 0.0, limits, "Hz")
+    if "sensor.ln_z" in where:
+        j, ratio = where["sensor.ln_z"], _RING["damping_ratio"]
+        width = _width(fitted, j)
+        limits = ratio.low, ratio.high
+        yield from _of_logs("sensor.damping_ratio", float(theta[j]), width, limits, "1")
+    cell = sensor_logs(problem, fitted)
+    if cell is not None:
+        for at, name in enumerate(SENSOR_FIELDS):
+            low, high, unit = _CELL[name]
+            known = getattr(sensor, name)
+            limits = _about(low, high, None if known is None else known.value)
+            width = SLACK_U * math.sqrt(max(float(cell[1][at, at]), 0.0))
+            yield from _of_logs(f"sensor.{name}", float(cell[0][at]), width, limits, unit)
+
+
+def _stated_gain(sensor: Sensor) -> float | None:
+    """Return the gain that a certificate states, by itself or as k c. [N/V]"""
+    if sensor.hsd_n_per_v is not None:
+        return sensor.hsd_n_per_v.value
+    k, c = sensor.crystal_stiffness_n_per_m, sensor.compliance_m_per_v
+    return None if k is None or c is None else k.value * c.value
+
+
+def _about(low: float, high: float, stated: float | None) -> tuple[float, float]:
+    """Return limits that hold what a certificate states, and a decade about it."""
+    if stated is None:
+        return low, high
+    return min(low, stated / DECADE), max(high, stated * DECADE)
+
+
+def _of_materials(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]:
+    for j, name in enumerate(problem.names):
+        if name.startswith(("sphere.", "surface.")):
+            width = _width(fitted, j)
+            yield from _of_logs(name, float(fitted.theta[j]), width, _PLANE_STRAIN_PA, "Pa")
+
+
+def effect_out_of_range(
+    problem: JointProblem, fitted: Fitted, effect: Effect
+) -> Iterator[OutOfRange]:
+    """Return an effect's numbers that no such effect can have.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        A fit that has the effect.
+    effect : Effect
+        Which one; its free signals are not asked.
+
+    Yields
+    ------
+    OutOfRange
+        By parameter and owner.
+    """
+    for parameter in effect.parameters:
+        name = f"{effect.id}.{parameter.name}"
+        if parameter.scope == "shot":
+            own = problem.model.nuisances.index(name)
+            felt = [effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots]
+            typical = parameter.value(float(np.median(fitted.nuisances[felt, own])))
+            if not parameter.low <= typical <= parameter.high:
+                yield _outside(name, typical, parameter)
+            continue
+        places = [j for j, n in enumerate(problem.names) if n.split("[", 1)[0] == name]
+        largest = float(np.abs(fitted.theta[places]).max(initial=0.0))
+        for j in places:
+            at = float(fitted.theta[j])
+            if parameter.form != "log" and abs(at) < HARDLY * largest:
+                continue  # next to another owner's it is neutral
+            width = 0.0 if parameter.resolved else _width(fitted, j)
+            if not _is_within_reach(parameter, at, width):
+                yield _outside(problem.names[j], _value(parameter, at), parameter)
+
+
+def _is_within_reach(parameter: EffectParameter, at: float, width: float) -> bool:
+    if parameter.form == "inverse" and at - width <= 0.0 <= at + width:
+        return True  # neutral
+    reached = [_value(parameter, c) for c in (at - width, at, at + width)]
+    return any(parameter.low <= v <= parameter.high for v in reached)
+
+
+def _value(parameter: EffectParameter, coordinate: float) -> float:
+    """Return the physical value, also where only an infinite uncertainty leads to it."""
+    try:
+        return parameter.value(coordinate)
+    except OverflowError:
+        return math.inf
+
+
+def _outside(name: str, value: float, parameter: EffectParameter) -> OutOfRange:
+    return OutOfRange(name, value, parameter.low, parameter.high, parameter.unit)

@@ -1,0 +1,129 @@
+"""Every finished model's numbers are such as the things they belong to can have, or it says which
+are not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analysis import fit_campaign, observation_from_fit
+from analysis.campaign import Campaign, Quantity, Sensor
+from analysis.discovery.candidates import extended
+from analysis.effects.library import effect_named
+from analysis.fit import joint
+from analysis.fit.physical_range import out_of_range
+from analysis.fit.result import FitResult
+
+
+@pytest.fixture(scope="module")
+def fit(made: tuple[Any, Campaign]) -> FitResult:
+    """A sound fit."""
+    return fit_campaign(made[1], heldout=False)
+
+
+def _moved(fit: FitResult, **logs: float) -> joint.Fitted:
+    """Return the fit with the logarithms of globals of the cell where they are told to be."""
+    theta = fit.fitted.theta.copy()
+    for name, value in logs.items():
+        theta[fit.problem.names.index(f"sensor.{name}")] = value
+    return dataclasses.replace(fit.fitted, theta=theta)
+
+
+def test_a_sound_fit_is_within_all_ranges(fit: FitResult) -> None:
+    """Nothing is flagged on a rig whose numbers are those of a rig."""
+    assert out_of_range(fit.problem, fit.fitted) == []
+    assert fit.outcome.status == "converged"
+    assert fit.to_json()["out_of_range"] == []
+
+
+def test_a_ring_beyond_what_samples_show_is_out_of_range(fit: FitResult) -> None:
+    """667 kHz in records of 1 MHz is named with its range, half the sample rate."""
+    (found,) = out_of_range(fit.problem, _moved(fit, ln_w=math.log(2 * math.pi * 667e3)))[:1]
+    assert found.name == "sensor.natural_frequency_Hz"
+    assert found.value == pytest.approx(667e3)
+    assert found.high == 5e5
+    assert "6.67e+05 Hz" in found.sentence
+    assert "5e+05 Hz" in found.sentence
+
+
+def test_a_crystal_of_137_kg_is_out_of_range(fit: FitResult) -> None:
+    """A mass that no cell has is named, unless the data leave it open by as much."""
+    heavy = _moved(fit, ln_M=math.log(137.0))
+    names = [one.name for one in out_of_range(fit.problem, heavy)]
+    assert "sensor.crystal_mass_kg" in names
+    wide = heavy.covariance.copy()
+    j = fit.problem.names.index("sensor.ln_M")
+    wide[j, j] = 2.0**2
+    loose = dataclasses.replace(heavy, covariance=wide)
+    names = [one.name for one in out_of_range(fit.problem, loose)]
+    assert "sensor.crystal_mass_kg" not in names
+
+
+def test_what_a_certificate_states_is_possible(fit: FitResult) -> None:
+    """A giant's cell of 137 kg is one where its certificate says so."""
+    sensor = dataclasses.replace(fit.problem.campaign.sensor, crystal_mass_kg=Quantity(100.0, 20.0))
+    campaign = dataclasses.replace(fit.problem.campaign, sensor=sensor)
+    problem = dataclasses.replace(fit.problem, campaign=campaign)
+    names = [one.name for one in out_of_range(problem, _moved(fit, ln_M=math.log(137.0)))]
+    assert "sensor.crystal_mass_kg" not in names
+
+
+def test_a_fit_with_an_impossible_number_states_no_modulus(fit: FitResult) -> None:
+    """Moduli are withheld with the number and its range; the network takes no such fit."""
+    moved = _moved(fit, ln_w=math.log(2 * math.pi * 667e3))
+    bad = dataclasses.replace(fit, fitted=moved)
+    entry = bad.moduli()["specimen"]
+    assert entry["status"] == "withheld"
+    assert "natural_frequency" in entry["reason"]
+    document = bad.to_json()
+    assert document["budget"] is None
+    assert document["out_of_range"][0]["high"] == 5e5
+    json.dumps(document, allow_nan=False)
+
+
+def test_a_rigid_rig_is_not_said_to_ring(truth: Any) -> None:
+    """Where the cell follows at once, a fit of a ringing one ends with its number out of range."""
+    stiff = {"crystal_mass": 1e-4, "crystal_stiffness": 1e-4 * (2 * math.pi * 6e5) ** 2}
+    rig = truth(cell={**stiff, "crystal_damping": 2 * 0.1 * 1e-4 * 2 * math.pi * 6e5}, seed=3)
+    campaign = rig.campaign(pairs=(("acetal", "polycarbonate"), ("hdpe", "specimen")))
+    shots = tuple(
+        dataclasses.replace(s, signal=s.signal * 0.0354 * 1.7e4**2 / (1e-4 * 6e5**2))
+        for s in campaign.shots
+    )
+    found = fit_campaign(dataclasses.replace(campaign, shots=shots, sensor=Sensor()), heldout=False)
+    frequency = found.parameters()["sensor.natural_frequency_Hz"]
+    assert frequency is not None
+    assert (found.outcome.status == "out_of_range") == (frequency["value"] > 5e5)
+    if found.outcome.status == "out_of_range":
+        assert observation_from_fit(found, shot="1") is None
+
+
+@pytest.mark.parametrize(("stiffness", "outside"), [(3.5e12, True), (5e9, False)])
+def test_a_tape_stiffer_than_any_is_no_tape(
+    fit: FitResult, stiffness: float, outside: bool
+) -> None:
+    """The stiffness is what shows the tape: beyond its bound the effect is not found, however
+    little the records say of the number.
+    """
+    effect = effect_named("adhesive_layer")
+    logs = {
+        "adhesive_layer.stiffness_n_per_m": math.log(stiffness),
+        "adhesive_layer.damping_n_s_per_m": math.log(300.0),
+    }
+    problem, theta, nuisances = extended(fit.problem, fit.fitted, effect, logs)
+    size = len(problem.names)
+    covariance = np.zeros((size, size))
+    old = fit.fitted.covariance.shape[0]
+    covariance[:old, :old] = fit.fitted.covariance
+    covariance[range(old, size), range(old, size)] = 4.0**2
+    fitted = dataclasses.replace(
+        fit.fitted, theta=theta, nuisances=nuisances, covariance=covariance
+    )
+    names = [one.name for one in out_of_range(problem, fitted)]
+    assert ("adhesive_layer.stiffness_n_per_m" in names) is outside
