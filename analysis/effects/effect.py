@@ -217,7 +217,7 @@ class EffectParameter:
         """
         first, last = coordinate - reach, coordinate + reach
         if self.form == "log":
-            return tuple(math.exp(max(-_LARGEST_LOG, min(c, _LARGEST_LOG))) for c in (first, last))
+            return math.exp(max(first, -_LARGEST_LOG)), math.exp(min(last, _LARGEST_LOG))
         if self.low >= 0.0:
             first, last = max(first, 0.0), max(last, 0.0)
         if self.form == "linear":

@@ -66,6 +66,4 @@ def inputs_freed(result: FitResult) -> FitResult:
         return result
     shots = collect(problem, fitted, scale=result.misfit)
     outcome = outcome_of(problem, fitted)
-    return dataclasses.replace(
-        result, outcome=outcome, problem=problem, fitted=fitted, shots=shots
-    )
+    return dataclasses.replace(result, outcome=outcome, problem=problem, fitted=fitted, shots=shots)

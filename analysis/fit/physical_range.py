@@ -4,11 +4,12 @@
 natural frequency      one period in the longest window .. half the lowest sample rate: neither a
                        slower ring nor a faster one can be seen in the records
 damping ratio          as the effect ``crystal_dynamics`` has it: beyond, nothing rings
-gain, M, k, mu, c      cells that are made, a decade more on either side; a certificate's value is
-                       possible, and a decade about it
+gain, M, k, mu, c      cells that are made, a decade more on either side
 moduli                 from the softest gel (1 Pa) to diamond (1.2e12 Pa, E' below 2e12 Pa)
 an effect's numbers    ``low`` .. ``high`` of its `EffectParameter`
 =====================  ===========================================================================
+
+What a certificate of the cell states is possible, and a decade about it.
 
 A number that the data hardly tell may end up beyond its limits by chance, so it is outside only
 where two of its standard uncertainties do not lead back. Where the number is what shows that the
@@ -49,7 +50,7 @@ _CELL = {
     "crystal_damping_n_s_per_m": (0.1, 1e5, "N s/m"),
     "compliance_m_per_v": (1e-11, 1e-6, "m/V"),
 }
-_PLANE_STRAIN_PA = (1.0, 2e12)
+_PLANE_STRAIN_PA = (1.0, 2e12, "Pa")
 
 Array = NDArray[np.float64]
 
@@ -131,41 +132,45 @@ def _exp(log: float) -> float:
 
 
 def _of_logs(
-    name: str, log: float, width: float, limits: tuple[float, float], unit: str, scale: float = 1.0
+    name: str, log: float, width: float, limits: tuple[float, float, str]
 ) -> Iterator[OutOfRange]:
     """Return a number that its logarithm puts outside, else nothing."""
-    low, high = limits
-    if _exp(log + width) * scale < low or _exp(log - width) * scale > high:
-        yield OutOfRange(name, _exp(log) * scale, low, high, unit)
+    low, high, unit = limits
+    if _exp(log + width) < low or _exp(log - width) > high:
+        yield OutOfRange(name, _exp(log), low, high, unit)
 
 
 def _of_cell(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]:
-    where = {n: j for j, n in enumerate(problem.names) if n.startswith("sensor.")}
-    theta, sensor = fitted.theta, problem.campaign.sensor
-    if "sensor.ln_S" in where:
-        j = where["sensor.ln_S"]
-        limits = _about(*_GAIN_N_PER_V, _stated_gain(sensor))
-        width = _width(fitted, j)
-        yield from _of_logs("sensor.gain_N_per_V", float(theta[j]), width, limits, "N/V")
-    if "sensor.ln_w" in where:
-        frames = [s.frame for s in problem.shots]
-        slowest = 1.0 / max(f.samples / f.sample_rate_hz for f in frames)
-        limits = slowest, 0.5 * min(f.sample_rate_hz for f in frames)
-        log = float(theta[where["sensor.ln_w"]]) - math.log(2 * math.pi)
-        yield from _of_logs("sensor.natural_frequency_Hz", log, 0.0, limits, "Hz")
-    if "sensor.ln_z" in where:
-        j, ratio = where["sensor.ln_z"], _RING["damping_ratio"]
-        width = _width(fitted, j)
-        limits = ratio.low, ratio.high
-        yield from _of_logs("sensor.damping_ratio", float(theta[j]), width, limits, "1")
+    sensor = problem.campaign.sensor
+    k, mass = sensor.crystal_stiffness_n_per_m, sensor.crystal_mass_kg
+    stated = math.sqrt(k.value / mass.value) / (2 * math.pi) if k and mass else None
+    frames = [s.frame for s in problem.shots]
+    slowest = 1.0 / max(f.samples / f.sample_rate_hz for f in frames)
+    fastest = 0.5 * min(f.sample_rate_hz for f in frames)
+    ratio = _RING["damping_ratio"]
+    for name, label, less, limits in (
+        ("ln_S", "gain_N_per_V", 0.0, (*_about(*_GAIN_N_PER_V, _stated_gain(sensor)), "N/V")),
+        (
+            "ln_w",
+            "natural_frequency_Hz",
+            math.log(2 * math.pi),
+            (*_about(slowest, fastest, stated), "Hz"),
+        ),
+        ("ln_z", "damping_ratio", 0.0, (ratio.low, ratio.high, "1")),
+    ):
+        j = problem.index(f"sensor.{name}")
+        if j is not None:
+            width = 0.0 if name == "ln_w" else _width(fitted, j)
+            yield from _of_logs(f"sensor.{label}", float(fitted.theta[j]) - less, width, limits)
     cell = sensor_logs(problem, fitted)
-    if cell is not None:
-        for at, name in enumerate(SENSOR_FIELDS):
-            low, high, unit = _CELL[name]
-            known = getattr(sensor, name)
-            limits = _about(low, high, None if known is None else known.value)
-            width = SLACK_U * math.sqrt(max(float(cell[1][at, at]), 0.0))
-            yield from _of_logs(f"sensor.{name}", float(cell[0][at]), width, limits, unit)
+    if cell is None:
+        return
+    for at, name in enumerate(SENSOR_FIELDS):
+        low, high, unit = _CELL[name]
+        known = getattr(sensor, name)
+        low, high = _about(low, high, None if known is None else known.value)
+        width = SLACK_U * math.sqrt(max(float(cell[1][at, at]), 0.0))
+        yield from _of_logs(f"sensor.{name}", float(cell[0][at]), width, (low, high, unit))
 
 
 def _stated_gain(sensor: Sensor) -> float | None:
@@ -187,7 +192,7 @@ def _of_materials(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]
     for j, name in enumerate(problem.names):
         if name.startswith(("sphere.", "surface.")):
             width = _width(fitted, j)
-            yield from _of_logs(name, float(fitted.theta[j]), width, _PLANE_STRAIN_PA, "Pa")
+            yield from _of_logs(name, float(fitted.theta[j]), width, _PLANE_STRAIN_PA)
 
 
 def effect_out_of_range(

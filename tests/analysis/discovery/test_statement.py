@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import math
 
 import pytest
 
+from analysis.discovery.diagnosis import _judge
 from analysis.discovery.localise import locate
-from analysis.discovery.statement import diagnosis_json
+from analysis.discovery.statement import _provisos, diagnosis_json
+from analysis.discovery.trail import Trail
 from analysis.effects.library import library
+from analysis.fit.result import FitResult, outcome_of
 
 KEYS = {
     "format", "verdict", "p_value", "noise_rms_V", "effects", "slot", "before", "after",
@@ -84,3 +88,32 @@ def test_an_unknown_keeps_its_closure_and_withholds_what_it_cannot_know(leaky):
     }
     assert all(line["why_not"] for line in found["candidates"])
     json.dumps(found, allow_nan=False)
+
+
+def test_a_model_with_an_impossible_number_is_not_named(leaky):
+    """A repair that leaves noise by a ring beyond the samples is neither adequate nor accepted."""
+    last = leaky.steps[-1]
+    theta = last.fitted.theta.copy()
+    theta[last.problem.names.index("sensor.ln_w")] = math.log(2 * math.pi * 667e3)
+    moved = dataclasses.replace(last, fitted=dataclasses.replace(last.fitted, theta=theta))
+    trail = Trail([*leaky.steps[:-1], moved], leaky.chosen)
+    assert Trail(leaky.steps, leaky.chosen).adequate
+    assert not trail.adequate
+    found = _judge(trail, lambda stage, share: None)
+    assert found.verdict == "unknown"
+    assert found.chosen == []
+
+
+def test_a_verdict_on_impossible_numbers_names_them_and_withholds_the_moduli(clean):
+    """The sentence says which number and its range; no model is handed on, no modulus stated."""
+    first = clean.steps[0]
+    theta = first.fitted.theta.copy()
+    theta[first.problem.names.index("sensor.ln_w")] = math.log(2 * math.pi * 667e3)
+    moved = dataclasses.replace(first.fitted, theta=theta)
+    outcome = outcome_of(first.problem, moved)
+    found = FitResult("kv", outcome, first.problem, moved, (), 1.0, None)
+    assert found.outcome.status == "out_of_range"
+    (said, *_) = _provisos(found)
+    assert "sensor.natural_frequency_Hz" in said
+    assert "not accepted" in said
+    assert found.moduli()["specimen"]["status"] == "withheld"
