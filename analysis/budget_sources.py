@@ -176,7 +176,8 @@ def _of_cell(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, 
         if at is not None and gain is not None:
             precision = float(problem.prior_precision[at, at])
             column = covariance[:, [at]] * math.sqrt(precision)
-            said, unit = Uncertainty(gain.u), "N/V"
+            # without what the inputs of its calibration carry, which have rows of their own
+            said, unit = Uncertainty(gain.value * precision**-0.5), "N/V"
             label = "gain of the load cell"
             yield (
                 _unit_precision(size, np.eye(size)[at], precision**-0.5),

@@ -177,6 +177,8 @@ def _prior_sensor(sensor: Sensor) -> tuple[Sensor, str | None]:
         dataclasses.replace(
             sensor,
             covariance=None,
+            inputs={},
+            hsd_inputs={},
             crystal_stiffness_n_per_m=loose(sensor.crystal_stiffness_n_per_m),
             crystal_damping_n_s_per_m=loose(sensor.crystal_damping_n_s_per_m),
             compliance_m_per_v=loose(sensor.compliance_m_per_v),

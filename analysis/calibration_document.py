@@ -32,7 +32,7 @@ def sensor_from_json(calibration: Json) -> Sensor:
     Returns
     -------
     Sensor
-        With the covariance of ln(M, k, mu, c).
+        With the covariance of ln(M, k, mu, c), and how they follow what they were made with.
 
     Raises
     ------
@@ -56,4 +56,7 @@ def sensor_from_json(calibration: Json) -> Sensor:
         crystal_damping_n_s_per_m=values.get("crystal_damping_n_s_per_m"),
         hsd_n_per_v=as_quantity(hsd["gain_N_per_V"]) if hsd else None,
         covariance=np.array(covariance["matrix"]) if covariance else None,
+        # calibrations of earlier versions took every stated number as exact
+        inputs={key: tuple(one) for key, one in (calibration.get("inputs") or {}).items()},
+        hsd_inputs={key: one[0] for key, one in ((hsd or {}).get("inputs") or {}).items()},
     )

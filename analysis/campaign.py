@@ -7,6 +7,7 @@ Nothing here reads a file; ``impactd.storage.campaign_folder`` does and builds t
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -66,6 +67,12 @@ class Sensor:
     covariance : ndarray or None, shape (4, 4)
         Covariance of the logarithms of (M, k, mu, c) when a calibration fixed them together;
         replaces the four ``u``. [1]
+    inputs : mapping of str to tuple of float
+        Change of the logarithms of (M, k, mu, c) by one u of each mass, radius and the like that
+        the calibration rests on, by the input's name as in ``analysis.fit.inputs``. A shot of the
+        same sphere shares that error, which is part of ``covariance``.
+    hsd_inputs : mapping of str to float
+        The same of the logarithm of S.
     """
 
     compliance_m_per_v: Quantity | None = None
@@ -74,6 +81,8 @@ class Sensor:
     crystal_damping_n_s_per_m: Quantity | None = None
     hsd_n_per_v: Quantity | None = None
     covariance: NDArray[np.float64] | None = None
+    inputs: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    hsd_inputs: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)

@@ -237,7 +237,7 @@ def crystal_frequency_hz(problem: JointProblem, fitted: Fitted) -> float | None:
     """Return the crystal's frequency as fitted, else as stated; None where nobody said. [Hz]"""
     j = problem.index("sensor.ln_w")
     if j is not None:
-        return math.exp(float(fitted.theta[j])) / (2 * math.pi)
+        return math.exp(problem.value_of("sensor.ln_w", fitted.theta)) / (2 * math.pi)
     sensor = problem.campaign.sensor
     k, mass = sensor.crystal_stiffness_n_per_m, sensor.crystal_mass_kg
     return math.sqrt(k.value / mass.value) / (2 * math.pi) if k and mass else None

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Sphere, Surface
 from analysis.errors import AnalysisError
+from analysis.fit.freed_inputs import without_inputs
 from analysis.fit.problem import UNKNOWN_LOG_U, Prior, modulus_prior
 from analysis.pair_observation import PairObservation
 
@@ -21,8 +22,6 @@ CalibrationInputs = Mapping[str, Array]
 
 ITERATIONS = 50
 TOLERANCE = 1e-10
-LEAST_SHARE = 1e-12
-"""Of the largest variance, below which a covariance has no direction but rounding."""
 ROUNDING = 1e-13
 """A decrease of chi2 by this share of it drowns in the rounding of its sum: no search along the
 step could see it. With chi2 = 1e4 the step is 3e-5 of the standard uncertainties."""
@@ -199,7 +198,7 @@ def _blocks(
             if cell:
                 follows = np.array([cell.get(one, np.zeros(width)) for one in inputs])
                 own = own + slopes @ follows.T
-                known = _without_inputs(known, follows)
+                known = without_inputs(known, follows)
             inner.append(np.asarray(np.linalg.inv(known)))
         blocks.append(Block(rows, np.arange(at, at + slopes.shape[1]), slopes))
         owns.append(own)
@@ -213,14 +212,6 @@ def _blocks(
         for b, own in zip(blocks, owns, strict=True)
     )
     return whole, calibration, precision
-
-
-def _without_inputs(covariance: Array, follows: Array) -> Array:
-    """Return the cell's covariance without the part that the inputs' columns carry."""
-    values, vectors = np.linalg.eigh(covariance - follows.T @ follows)
-    # what rounding takes below zero is a direction that the inputs alone leave open
-    floor = LEAST_SHARE * float(values.max())
-    return np.asarray((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
 def _start(

@@ -44,7 +44,8 @@ class PairObservation:
         Which calibration; observations of different ones have different common errors.
     inputs : dict of float
         Standard uncertainty of ln E*, with its sign, from each stated mass, radius and the like, by
-        name: one error common to all observations that name it. [1]
+        name: one error common to all observations that name it. With the cell's values held: what
+        the same error did to the calibration is added by the network. [1]
     """
 
     sphere: str
@@ -95,11 +96,14 @@ def observations_from_fit(
         value = float(modulus["value"])
         u, u_cell = float(modulus["u"]) / value, float(entry["u_calibration_Pa"]) / value
         # fits of earlier versions took every stated number as exact
+        known = entry.get("inputs") or {}
+        whole = [float(one["d_ln_reduced_modulus_d_input"] * one["u"]) for one in known.values()]
+        own = u**2 - u_cell**2 - sum(part**2 for part in whole)
+        # the network itself follows what an input did to the calibration
         stated = {
-            name: float(one["d_ln_reduced_modulus_d_input"]) * float(one["u"])
-            for name, one in (entry.get("inputs") or {}).items()
+            name: part - float(one.get("through_calibration", 0.0) * one["u"])
+            for (name, one), part in zip(known.items(), whole, strict=True)
         }
-        own = u**2 - u_cell**2 - sum(part**2 for part in stated.values())
         by_field = entry["d_ln_reduced_modulus_d_ln_sensor"]
         fields = HSD_FIELDS if HSD_FIELDS[0] in by_field else SENSOR_FIELDS
         observations.append(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.fit.estimates import pair_modulus
+from analysis.fit.estimates import CELL, pair_modulus
 from analysis.fit.inputs import PREFIX
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import SEEN, SENSOR_FIELDS
@@ -22,7 +22,6 @@ _ALONE = (
     "the crystal's damping mu alone",
     "the crystal's compliance c alone",
 )
-_CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
 
 
 def asked_of(problem: JointProblem, fitted: Fitted) -> list[Asked]:
@@ -43,13 +42,11 @@ def asked_of(problem: JointProblem, fitted: Fitted) -> list[Asked]:
     found = []
     for name, (label, words) in _COMBINATIONS.items():
         if name in names:
-            found.append(Asked(label, words, unit[names.index(name)], kind="cell"))
+            found.append(Asked(label, words, problem.gradient_of(name), kind="cell"))
     found.extend(_pairs(problem, fitted))
-    at = problem.positions(_CELL)
-    if at is not None:
-        for field, words, row in zip(SENSOR_FIELDS, _ALONE, sensor_transform(), strict=True):
-            gradient = np.zeros(len(names))
-            gradient[at] = row
+    if problem.positions(CELL) is not None:
+        cell = sensor_transform() @ np.array([problem.gradient_of(name) for name in CELL])
+        for field, words, gradient in zip(SENSOR_FIELDS, _ALONE, cell, strict=True):
             found.append(Asked(f"sensor.{field}", words, gradient, kind="alone"))
     for j, name in enumerate(names):
         if name.startswith(("sphere.", "surface.")):

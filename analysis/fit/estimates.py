@@ -38,8 +38,9 @@ def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, flo
     tuple of float
         Logarithm (or an effect's coordinate) and u.
     """
-    j = problem.names.index(name)
-    return float(fitted.theta[j]), math.sqrt(float(fitted.covariance[j, j]))
+    gradient = problem.gradient_of(name)
+    u = math.sqrt(float(gradient @ fitted.covariance @ gradient))
+    return problem.value_of(name, fitted.theta), u
 
 
 def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | None:
@@ -59,8 +60,9 @@ def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | 
     if at is None:
         return None
     transform = sensor_transform()
-    logs = transform @ fitted.theta[at] + SENSOR_OFFSET
-    return logs, transform @ fitted.covariance[np.ix_(at, at)] @ transform.T
+    values = np.array([problem.value_of(name, fitted.theta) for name in CELL])
+    rows = transform @ np.array([problem.gradient_of(name) for name in CELL])
+    return transform @ values + SENSOR_OFFSET, rows @ fitted.covariance @ rows.T
 
 
 def pair_modulus(
@@ -106,7 +108,8 @@ def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tu
     Returns
     -------
     u : float
-        Standard uncertainty, common to all fits that take the cell from one calibration. [1]
+        Standard uncertainty, common to all fits that take the cell from one calibration, without
+        what the inputs of the calibration carry. [1]
     sensitivity : ndarray, shape (4,) or (1,)
         d ln E* / d ln(M, k, mu, c) for KV, d ln E* / d ln S for HSD: how E* follows when the
         stated values are wrong. Zeros where the cell is no complete parameter.
@@ -130,6 +133,34 @@ def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tu
         if size > 1:
             sensitivity = sensitivity @ np.linalg.inv(sensor_transform())
     return math.sqrt(max(float(follows @ precision @ follows), 0.0)), sensitivity
+
+
+def through_calibration(problem: JointProblem, fitted: Fitted, item: FitShot) -> dict[str, float]:
+    """Return how ln E* follows each input by way of the cell's calibration alone.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    item : FitShot
+        Any shot of the pair.
+
+    Returns
+    -------
+    dict of float
+        By input, per unit of its coordinate: a part of what `input_parts` returns.
+    """
+    found = pair_modulus(problem, fitted, item)
+    at = [j for j, n in enumerate(problem.names) if n.startswith("sensor.")]
+    if found is None:
+        return {}
+    precision = problem.prior_precision[np.ix_(at, at)]
+    follows = found[2] @ fitted.covariance[:, at] @ precision
+    short = [problem.names[j].partition(".")[2] for j in at]
+    return {
+        one.name: float(sum(f * one.cell.get(n, 0.0) for f, n in zip(follows, short, strict=True)))
+        for one in problem.inputs
+    }
 
 
 def input_parts(

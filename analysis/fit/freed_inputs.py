@@ -3,13 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.fit import joint
-from analysis.fit.inputs import stated_numbers
+from analysis.fit.estimates import CELL
+from analysis.fit.inputs import Input, stated_numbers
+from analysis.fit.priors import sensor_prior, sensor_transform
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, collect, outcome_of
+from analysis.model import solver
+
+LEAST_SHARE = 1e-12
+"""Of the largest variance, below which a covariance has no direction but rounding."""
+
+Array = NDArray[np.float64]
 
 
 def with_inputs(problem: JointProblem) -> JointProblem:
@@ -28,9 +38,10 @@ def with_inputs(problem: JointProblem) -> JointProblem:
     inputs, _ = stated_numbers(problem.campaign, problem.shots)
     if not inputs or problem.inputs:
         return problem
+    inputs, own = _with_calibration(problem, inputs)
     size, more = len(problem.names), len(inputs)
     precision = np.zeros((size + more, size + more))
-    precision[:size, :size] = problem.prior_precision
+    precision[:size, :size] = own
     precision[range(size, size + more), range(size, size + more)] = [i.u**-2 for i in inputs]
     stated = np.array([i.stated for i in inputs])
     return dataclasses.replace(
@@ -41,6 +52,85 @@ def with_inputs(problem: JointProblem) -> JointProblem:
         prior_precision=precision,
         inputs=inputs,
     )
+
+
+def _with_calibration(
+    problem: JointProblem, inputs: tuple[Input, ...]
+) -> tuple[tuple[Input, ...], Array]:
+    r"""Return inputs that know what their errors did to the cell's calibration.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Its cell's covariance is the whole one.
+    inputs : tuple of Input
+        Of its shots.
+
+    Returns
+    -------
+    inputs : tuple of Input
+        With the cell's slopes.
+    precision : ndarray, shape (g, g)
+        Of what is known of the problem's own globals: the cell's without what the inputs carry.
+
+    Notes
+    -----
+    A calibration that follows its inputs by G per standard uncertainty leaves the cell at
+    :math:`s = s_0 + G z + e` with z the inputs' errors and e of covariance :math:`C - G G^T`.
+    """
+    sensor, precision = problem.campaign.sensor, problem.prior_precision
+    if problem.model.kind == solver.HSD:
+        at, follows = problem.index("sensor.ln_S"), sensor.hsd_inputs
+        shared = [one for one in inputs if one.name in follows]
+        if at is None or not shared or sensor.hsd_n_per_v is None:
+            return inputs, precision
+        left = 1 / float(precision[at, at]) - sum(follows[one.name] ** 2 for one in shared)
+        own = precision.copy()
+        own[at, at] = 1 / max(left, LEAST_SHARE / float(precision[at, at]))
+        known = {one.name: {"ln_S": follows[one.name] / one.u} for one in shared}
+        return _with_slopes(inputs, known), own
+    places = problem.positions(CELL)
+    shared = [one for one in inputs if one.name in sensor.inputs]
+    if places is None or sensor.covariance is None or not shared:
+        return inputs, precision
+    by_u = np.array([sensor.inputs[one.name] for one in shared])
+    rest = dataclasses.replace(sensor, covariance=without_inputs(sensor.covariance, by_u))
+    own = precision.copy()
+    own[np.ix_(places, places)] += sensor_prior(rest)[0] - sensor_prior(sensor)[0]
+    slopes = np.linalg.solve(sensor_transform(), by_u.T).T
+    short = [name.partition(".")[2] for name in CELL]
+    known = {
+        one.name: dict(zip(short, (row / one.u).tolist(), strict=True))
+        for one, row in zip(shared, slopes, strict=True)
+    }
+    return _with_slopes(inputs, known), own
+
+
+def _with_slopes(
+    inputs: tuple[Input, ...], known: Mapping[str, Mapping[str, float]]
+) -> tuple[Input, ...]:
+    return tuple(dataclasses.replace(one, cell=known.get(one.name, {})) for one in inputs)
+
+
+def without_inputs(covariance: Array, follows: Array) -> Array:
+    """Return a cell's covariance without the part that inputs carry.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (n, n)
+        Of the cell's logarithms.
+    follows : ndarray, shape (k, n)
+        Their change by one u of each input.
+
+    Returns
+    -------
+    ndarray, shape (n, n)
+        Positive definite.
+    """
+    values, vectors = np.linalg.eigh(covariance - follows.T @ follows)
+    # what rounding takes below zero is a direction that the inputs alone leave open
+    floor = LEAST_SHARE * float(values.max())
+    return np.asarray((vectors * np.maximum(values, floor)) @ vectors.T)
 
 
 def inputs_freed(result: FitResult) -> FitResult:

@@ -18,8 +18,8 @@ joint covariance, which is generalised least squares with the common errors as p
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,9 @@ class Input:
         Of ``value``, in the same unit.
     path : str
         Where a campaign states it.
+    cell : mapping of str to float
+        Change of the cell's local parameters by the coordinate: what an error of this number has
+        done to the calibration of the cell.
     """
 
     kind: str
@@ -64,6 +67,7 @@ class Input:
     unit: str
     uncertainty: Uncertainty
     path: str
+    cell: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -101,7 +105,11 @@ class Input:
         return self.kind == "height_offset" or abs(coordinate - self.stated) < LARGEST_LOG
 
     def acts_on(self, item: FitShot) -> bool:
-        """Tell whether a shot depends on it."""
+        """Tell whether a shot depends on it, by itself or through the cell's calibration."""
+        return bool(self.cell) or self.belongs_to(item)
+
+    def belongs_to(self, item: FitShot) -> bool:
+        """Tell whether it is a number of this shot."""
         if self.kind in ("mass", "radius"):
             return item.shot.sphere == self.owner
         if self.kind in ("coupon_mass", "coupon_thickness"):
@@ -113,7 +121,9 @@ class Input:
     def moved(self, item: FitShot, by: float) -> FitShot:
         """Return a shot with this input's coordinate moved from where it was."""
         change = _MOVES.get(self.kind)
-        return item if change is None or by == 0.0 else change(item, by)
+        if change is None or by == 0.0 or not self.belongs_to(item):
+            return item
+        return change(item, by)
 
     def local_slopes(
         self, item: FitShot, names: Sequence[str], *, by_moduli: bool
@@ -134,6 +144,8 @@ class Input:
         list of tuple
             Place and derivative.
         """
+        if not self.belongs_to(item):
+            return []
         if self.kind == "radius":
             return [(0, 0.5)] if by_moduli else []
         if self.kind == "converter_gain":
@@ -145,6 +157,24 @@ class Input:
             if item.heavy_crystal is not None:
                 found.append((names.index("ln_M"), 1.0))
         return found
+
+    def cell_slopes(self, item: FitShot, names: Sequence[str]) -> list[tuple[int, float]]:
+        """Return which of a shot's parameters of the cell follow it, and by how much.
+
+        Parameters
+        ----------
+        item : FitShot
+            The shot.
+        names : sequence of str
+            Of the shared local parameters.
+
+        Returns
+        -------
+        list of tuple
+            Place and derivative; nothing where the shot fixes that parameter.
+        """
+        fixed = {"ln_S": item.fixed_gain, "ln_M": item.heavy_crystal}
+        return [(names.index(n), slope) for n, slope in self.cell.items() if fixed.get(n) is None]
 
 
 def _fell(item: FitShot) -> bool:

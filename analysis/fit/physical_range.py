@@ -161,7 +161,8 @@ def _of_cell(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]:
         j = problem.index(f"sensor.{name}")
         if j is not None:
             width = 0.0 if name == "ln_w" else _width(fitted, j)
-            yield from _of_logs(f"sensor.{label}", float(fitted.theta[j]) - less, width, limits)
+            log = problem.value_of(f"sensor.{name}", fitted.theta) - less
+            yield from _of_logs(f"sensor.{label}", log, width, limits)
     cell = sensor_logs(problem, fitted)
     if cell is None:
         return

@@ -137,6 +137,34 @@ class JointProblem:
         known = [j for j in found if j is not None]
         return known if len(known) == len(found) else None
 
+    def gradient_of(self, name: str) -> NDArray[np.float64]:
+        """Return how a number of the fit follows the globals.
+
+        Parameters
+        ----------
+        name : str
+            A global. One of the cell stands for the cell's parameter itself, which follows the
+            inputs of its calibration, too.
+
+        Returns
+        -------
+        ndarray, shape (g,)
+            Its derivative.
+        """
+        found = np.zeros(len(self.names))
+        found[self.names.index(name)] = 1.0
+        side, _, short = name.partition(".")
+        for j, one in enumerate(self.inputs, start=len(self.names) - len(self.inputs)):
+            if side == "sensor":
+                found[j] = one.cell.get(short, 0.0)
+        return found
+
+    def value_of(self, name: str, theta: NDArray[np.float64]) -> float:
+        """Return that number at some globals, as `gradient_of` has it."""
+        first = len(self.names) - len(self.inputs)
+        away = theta - np.concatenate([np.zeros(first), [one.stated for one in self.inputs]])
+        return float(self.gradient_of(name) @ away)
+
     def material_keys(self, shot: FitShot) -> tuple[str, str] | None:
         """Return the two moduli that make this shot's stiffness, None in pair mode."""
         if self.by_pair or shot.radius_m is None:
@@ -238,6 +266,9 @@ class JointProblem:
                 chain[row, j] += slope
                 if known.kind == "converter_gain":  # all others have moved the shot itself
                     values[row] += slope * (theta[j] - known.stated)
+            for row, slope in known.cell_slopes(shot, self.model.shared):
+                chain[row, j] += slope
+                values[row] += slope * (theta[j] - known.stated)
 
 
 def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prior | None]:

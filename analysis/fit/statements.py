@@ -16,6 +16,7 @@ from analysis.fit.estimates import (
     log_of,
     pair_modulus,
     sensor_logs,
+    through_calibration,
 )
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import (
@@ -164,8 +165,13 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
             entry["d_ln_reduced_modulus_d_ln_sensor"] = dict(
                 zip(fields, sensitivity.tolist(), strict=True)
             )
+            through = through_calibration(problem, fitted, item)
             entry["inputs"] = {
-                name: {"d_ln_reduced_modulus_d_input": float(follows[0]), "u": u}
+                name: {
+                    "d_ln_reduced_modulus_d_input": float(follows[0]),
+                    "through_calibration": through[name],
+                    "u": u,
+                }
                 for name, (follows, u) in input_parts(problem, fitted, modulus[2][None]).items()
             }
         else:

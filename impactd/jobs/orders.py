@@ -253,6 +253,7 @@ def _calibrated(result: Json, certificate: Sensor) -> Sensor:
         crystal_damping_n_s_per_m=found.crystal_damping_n_s_per_m,
         hsd_n_per_v=certificate.hsd_n_per_v,
         covariance=found.covariance,
+        inputs=found.inputs,
     )
 
 

@@ -24,6 +24,8 @@ SENSOR_KEYS = (
     "crystal_damping_N_s_per_m",
     "hsd_N_per_V",
     "log_covariance",
+    "calibration_inputs",
+    "hsd_calibration_inputs",
 )
 ENVIRONMENT_KEYS = ("temperature_C", "relative_humidity")
 LOG_PARAMETERS = 4
@@ -101,6 +103,8 @@ def sensor_to_json(sensor: Sensor) -> dict[str, Any]:
         "crystal_damping_N_s_per_m": quantity_to_json(sensor.crystal_damping_n_s_per_m),
         "hsd_N_per_V": quantity_to_json(sensor.hsd_n_per_v),
         "log_covariance": None if sensor.covariance is None else sensor.covariance.tolist(),
+        "calibration_inputs": {key: list(one) for key, one in sensor.inputs.items()} or None,
+        "hsd_calibration_inputs": dict(sensor.hsd_inputs) or None,
     }
     return {key: value for key, value in known.items() if value is not None}
 
@@ -139,7 +143,8 @@ def sensor_from_json(fields: Fields) -> Sensor:
     """Return what is known of the load cell; raise CampaignError at the first impossible value.
 
     ``log_covariance`` (4 x 4, of the logarithms of M, k, mu, c) is this program's addition to the
-    campaign format: a calibration fixes the four together.
+    campaign format: a calibration fixes the four together. So are ``calibration_inputs`` (by input,
+    their change by one u of a mass, radius or the like) and ``hsd_calibration_inputs``.
     """
     covariance = None
     if fields.has("log_covariance"):
@@ -165,4 +170,29 @@ def sensor_from_json(fields: Fields) -> Sensor:
         ),
         hsd_n_per_v=fields.quantity("hsd_N_per_V", ranges.HSD_N_PER_V),
         covariance=covariance,
+        inputs=_calibration_inputs(fields) if covariance is not None else {},
+        hsd_inputs=_gain_inputs(fields.child("hsd_calibration_inputs")),
     )
+
+
+def _gain_inputs(group: Fields) -> dict[str, float]:
+    known = {key: group.number(key, ranges.CALIBRATION_INPUT) for key in group.names()}
+    return {key: value for key, value in known.items() if value is not None}
+
+
+def _calibration_inputs(fields: Fields) -> dict[str, tuple[float, ...]]:
+    """Return how the four logarithms of a calibration follow each input that it rests on."""
+    group, found = fields.child("calibration_inputs"), {}
+    for key in group.names():
+        values = group.array(key)
+        if len(values) != LOG_PARAMETERS or not all(_is_change(one) for one in values):
+            limits = f"four numbers {ranges.CALIBRATION_INPUT}"
+            group.refuse(key, f"must be {limits}: the changes of ln M, k, mu and c.")
+        found[key] = tuple(float(one) for one in values)
+    return found
+
+
+def _is_change(value: object) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return ranges.CALIBRATION_INPUT.low <= value <= ranges.CALIBRATION_INPUT.high

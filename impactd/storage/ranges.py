@@ -70,6 +70,8 @@ CRYSTAL_DAMPING_N_S_PER_M = Range(1e-6, 1e10, "N s/m")
 HSD_N_PER_V = Range(1e-7, 1e10, "N/V")
 # Variances of logarithms: 1e6 is a factor of e^1000, beyond what a double holds.
 LOG_COVARIANCE = Range(-1e6, 1e6)
+# A change of a logarithm by one u; its square is a part of a variance within LOG_COVARIANCE.
+CALIBRATION_INPUT = Range(-1e3, 1e3)
 # From absolute zero to where no coupon is solid.
 TEMPERATURE_C = Range(-273.15, 5e3, "degC")
 RELATIVE_HUMIDITY = Range(0.0, 1.0)

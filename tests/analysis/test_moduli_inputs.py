@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from analysis import adjust_moduli, calibrate, fit_campaign, observation_from_fit
-from analysis.campaign import Campaign, Quantity, Sphere, Surface, Uncertainty
+from analysis.campaign import Campaign, Quantity, Sensor, Sphere, Surface, Uncertainty
+from analysis.fit.result import FitResult
 from analysis.pair_observation import PairObservation
 
 RATIO = Quantity(0.36, 0.0)
@@ -91,7 +92,9 @@ def test_single_fits_and_calibrations_carry_their_inputs(made: tuple[Any, Campai
         (modulus,) = [fit.pair_modulus(s.item) for s in fit.shots]
         assert modulus is not None
         assert f"input.mass.{one.sphere}" in one.inputs
-        common = sum(x**2 for x in one.inputs.values()) + one.u_calibration**2
+        (pair,) = fit.pairs().values()
+        whole = [x["d_ln_reduced_modulus_d_input"] * x["u"] for x in pair["inputs"].values()]
+        common = sum(x**2 for x in whole) + one.u_calibration**2
         assert one.u_random**2 + common == pytest.approx(modulus[1] ** 2, rel=1e-9)
     assert cell.covariance is not None
     by = {"1": {name: np.array(x) for name, x in said.items()}}
@@ -102,3 +105,83 @@ def test_single_fits_and_calibrations_carry_their_inputs(made: tuple[Any, Campai
     assert whole[1] != without[1]
     assert 0.0 < whole[1] < 0.1
     assert abs(whole[0] - without[0]) < 3 * whole[1]
+
+
+def _by_hand(campaign: Campaign, mass_factor: float = 1.0) -> tuple[Campaign, Campaign]:
+    """Return drops of acetal that calibrate, and one on the specimen from nobody knows what height.
+
+    Without a height the shot's force rests on the calibration. Moduli are hardly known, so that no
+    joint fit tells a mass by them.
+    """
+
+    def wide(known: Quantity | None) -> Quantity | None:
+        return None if known is None else Quantity(known.value, 0.2 * known.value)
+
+    ball = campaign.spheres["acetal"]
+    mass = (ball.mass_kg or 0.0) * mass_factor
+    ball = dataclasses.replace(
+        ball,
+        mass_kg=mass,
+        youngs_modulus_pa=wide(ball.youngs_modulus_pa),
+        u_mass_kg=Uncertainty(1e-2 * mass),
+        u_radius_m=Uncertainty(1e-3 * (ball.radius_m or 0.0)),
+    )
+    surfaces = {
+        n: dataclasses.replace(s, youngs_modulus_pa=wide(s.youngs_modulus_pa))
+        for n, s in campaign.surfaces.items()
+    }
+    known = dataclasses.replace(campaign, spheres={"acetal": ball}, surfaces=surfaces)
+    own = [s for s in known.shots if s.sphere == "acetal"]
+    last = dataclasses.replace([s for s in own if s.surface == "specimen"][-1], drop_height_m=None)
+    references = tuple(s for s in own if s.surface != "specimen")
+    return dataclasses.replace(known, shots=references), dataclasses.replace(known, shots=(last,))
+
+
+def _reduced(shot: Campaign, cell: Sensor) -> tuple[FitResult, float, float]:
+    fit = fit_campaign(dataclasses.replace(shot, sensor=cell), by_pair=True, heldout=False)
+    found = fit.pair_modulus(fit.shots[0].item)
+    assert found is not None
+    return fit, found[0], found[1]
+
+
+def test_a_shot_shares_its_calibrations_errors(made: tuple[Any, Campaign]) -> None:
+    """A sphere that calibrated the cell and is dropped again has one mass: E* follows it as a joint
+    fit would, and as it does when the mass is written down wrong in both.
+    """
+    references, shot = _by_hand(made[1])
+    cell = calibrate(references).sensor
+    assert "input.mass.acetal" in cell.inputs
+    fit, log, u = _reduced(shot, cell)
+    _, _, blind_u = _reduced(shot, dataclasses.replace(cell, inputs={}))
+    whole = dataclasses.replace(references, shots=(*references.shots, *shot.shots))
+    joint = fit_campaign(whole, heldout=False)
+    together = joint.pair_modulus(joint.shots[-1].item)
+    assert together is not None
+    assert u == pytest.approx(together[1], rel=0.15)
+    assert blind_u > 1.4 * u
+    (pair,) = fit.pairs().values()
+    mass = pair["inputs"]["input.mass.acetal"]
+    heavier, again = _by_hand(made[1], 1.01)
+    shift = _reduced(again, calibrate(heavier).sensor)[1] - log
+    told = mass["d_ln_reduced_modulus_d_input"] * math.log(1.01)
+    assert shift == pytest.approx(told, rel=0.02)
+    # the network is told the shot's own part, and adds what the calibration did
+    seen = observation_from_fit(fit, shot="1", calibration="1")
+    assert seen is not None
+    own = seen.inputs["input.mass.acetal"]
+    through = float(seen.sensitivity @ np.array(cell.inputs["input.mass.acetal"]))
+    assert own == pytest.approx(1.5 * 0.01, rel=0.02)
+    assert own + through == pytest.approx(mass["d_ln_reduced_modulus_d_input"] * 0.01, rel=1e-6)
+
+
+def test_the_cell_is_as_uncertain_as_its_calibration_left_it(made: tuple[Any, Campaign]) -> None:
+    """Taking the shared errors apart does not change what is said of the cell before a shot."""
+    references, shot = _by_hand(made[1])
+    cell = calibrate(references).sensor
+    fit, _, _ = _reduced(shot, cell)
+    logs = fit.sensor_logs()
+    assert logs is not None
+    assert cell.covariance is not None
+    before, after = np.sqrt(np.diag(cell.covariance)), np.sqrt(np.diag(logs[1]))
+    assert np.all(after < 1.001 * before)
+    assert after[0] == pytest.approx(before[0], rel=0.05)  # the crystal's mass: no shot tells it
