@@ -94,7 +94,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
 
 def _provisos(result: FitResult) -> list[str]:
     """Return what must be said beside a verdict: impossible numbers, contradicted statements."""
-    said = [c.sentence for c in result.conflicts]
+    said = result.contradictions() if result.shots else []
     return [advice(result.out_of_range), *said] if result.out_of_range else said
 
 
@@ -140,7 +140,7 @@ def with_closure(result: FitResult, located: Located) -> Json:
         leaves noise and moves them little; those of references are as they were stated.
     """
     block = _block(result)
-    explained = _explained_by_a_statement(result)
+    explained = result.explained_by_a_statement
     block["moduli"] = {
         name: _as_stated(result, name, entry)
         if entry["status"] == "reference"
@@ -163,17 +163,6 @@ def with_closure(result: FitResult, located: Located) -> Json:
         heldout_rms_V=learned.heldout_rms,
     )
     return block
-
-
-def _explained_by_a_statement(result: FitResult) -> bool:
-    """Tell whether only noise remains once the contradicted statements are left out."""
-    clear = result.without_conflicts
-    if clear is None:
-        return False
-    # chi2 per degree of freedom of noise has a variance of 2 / dof; chance alone goes beyond
-    # four standard deviations once in 30 000
-    limit = 1.0 + 4.0 * math.sqrt(2.0 / clear.degrees_of_freedom)
-    return clear.chi2_per_dof <= limit
 
 
 def _as_stated(result: FitResult, name: str, entry: Json) -> Json:

@@ -172,7 +172,9 @@ class FitResult:
         """Return ``moduli`` of ``impactd-diagnosis/1``; nothing where the fit has no solution.
 
         Where statements contradict the shots, every other modulus also says what it is without
-        them, and whether it rests on them.
+        them, and whether it rests on them. Where nothing else is wrong, one that rests on them is
+        withheld: as stated it is known to be off, and without them it is only in
+        ``without_conflicts``, because the culprit may be another one of them.
         """
         if self._void:
             return {}
@@ -181,6 +183,8 @@ class FitResult:
             statements.withhold_fitted(found, "; ".join(o.sentence for o in self.out_of_range))
         if self.without_conflicts is not None:
             statements.add_without_conflicts(found, self.without_conflicts.moduli())
+            if self.explained_by_a_statement:
+                statements.withhold_resting(found, [c.path for c in self.conflicts])
         return found
 
     @cached_property
@@ -206,6 +210,27 @@ class FitResult:
         # what was left out does not contradict any more; asking again would never end
         found.__dict__["conflicts"] = []
         return found
+
+    @property
+    def explained_by_a_statement(self) -> bool:
+        """Whether only noise remains once the contradicted statements are left out."""
+        clear = self.without_conflicts
+        if clear is None:
+            return False
+        # chi2 per degree of freedom of noise has a variance of 2 / dof; chance alone goes beyond
+        # four standard deviations once in 30 000
+        return clear.chi2_per_dof <= 1.0 + 4.0 * math.sqrt(2.0 / clear.degrees_of_freedom)
+
+    def contradictions(self) -> list[str]:
+        """Return who contradicts whom in words, and which moduli do not rest on it."""
+        said = [c.sentence for c in self.conflicts]
+        if said and self.explained_by_a_statement:
+            said.append(
+                "Without it the model leaves only noise."
+                if len(said) == 1
+                else "Without them the model leaves only noise."
+            )
+        return said + (statements.rests(self.moduli()) if said else [])
 
     def budget(self) -> Json | None:
         """Return ``impactd-budget/1`` of every modulus; None where none is stated."""
@@ -251,6 +276,7 @@ class FitResult:
             "format": FORMAT,
             "model": self.model,
             "outcome": dataclasses.asdict(self.outcome),
+            "sentence": " ".join([self.outcome.message, *self.contradictions()]),
             "noise_rms_V": self.noise_rms,
             "noise": [_noise_json(s) for s in self._distinct_noise()],
             "rms_V": self.rms,

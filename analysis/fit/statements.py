@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -134,6 +135,50 @@ def add_without_conflicts(moduli: Json, without: Json) -> None:
             "moved_by_u": moved,
             "stable": moved is not None and abs(moved) < STABLE_BELOW,
         }
+
+
+def withhold_resting(moduli: Json, paths: Sequence[str]) -> None:
+    """Withhold every modulus that was to be found and rests on contradicted statements, in place.
+
+    Parameters
+    ----------
+    moduli : dict
+        After `add_without_conflicts`.
+    paths : sequence of str
+        Of those statements.
+    """
+    reason = (
+        f"it rests on what the shots contradict ({', '.join(paths)}): check that, and fit again"
+    )
+    for name, entry in moduli.items():
+        without = entry["without_conflicts"]
+        if entry["status"] == "fitted" and not without["stable"]:
+            moduli[name] = withheld(entry["side"], reason) | {"without_conflicts": without}
+
+
+def rests(moduli: Json) -> list[str]:
+    """Return which moduli stay without contradicted statements, and which rest on them.
+
+    Parameters
+    ----------
+    moduli : dict
+        After `add_without_conflicts`.
+
+    Returns
+    -------
+    list of str
+        A sentence; none where no modulus was to be found, or none could be.
+    """
+    known = {n: one["without_conflicts"] for n, one in moduli.items() if "without_conflicts" in one}
+    sought = [
+        n for n, w in known.items()
+        if moduli[n]["status"] != "reference" and w["moved_by_u"] is not None
+    ]  # fmt: skip
+    still = [n for n in sought if known[n]["stable"]]
+    moved = [n for n in sought if n not in still]
+    parts = [f"{', '.join(still)} hardly moves without it"] if still else []
+    parts += [f"{', '.join(moved)} rests on it"] if moved else []
+    return [f"Of the moduli that were to be found, {'; '.join(parts)}."] if parts else []
 
 
 def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:

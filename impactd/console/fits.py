@@ -147,7 +147,7 @@ def report(document: dict[str, Any]) -> str:
     str
         Pairs, materials, quality, what speaks against it, and what was rejected.
     """
-    parts = [f"Model {document['model']}: {_outcome(document)}"]
+    parts = [f"Model {document['model']}: {document.get('sentence') or _outcome(document)}"]
     if document.get("pairs"):
         parts.append(_pairs(document))
     if document.get("moduli"):
@@ -159,7 +159,8 @@ def report(document: dict[str, Any]) -> str:
             f"chi2/dof {document['chi2_per_dof']:.3g}"
             + (f", held-out rms {heldout:.3g}" if heldout else "")
         )
-    parts += [one["sentence"] for one in document.get("conflicts") or []]
+    if "sentence" not in document:  # a fit of an earlier version
+        parts += [one["sentence"] for one in document.get("conflicts") or []]
     parts += _improvements(document)
     parts += _warnings(document)
     parts += document.get("assumptions") or []

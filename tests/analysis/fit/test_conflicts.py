@@ -70,6 +70,8 @@ def test_a_wrong_modulus_among_good_ones_is_named_alone(made: tuple[Any, Campaig
     document = result.to_json()
     json.dumps(document, allow_nan=False)
     assert document["conflicts"][0]["sentence"] == worst.sentence
+    assert worst.sentence in document["sentence"]
+    assert "Of the moduli that were to be found, specimen" in document["sentence"]
     assert "references_contradicted" in document["flags"]
     without = document["moduli"]["polycarbonate"]["without_conflicts"]
     assert without["plane_strain_modulus_Pa"]["value"] > 0
