@@ -44,6 +44,21 @@ def test_a_range_becomes_its_middle_and_its_rectangular_uncertainty(role: str, n
     assert entry.poissons_ratio.u == pytest.approx(nu_u, rel=0.01)
 
 
+def test_every_shipped_ball_has_a_tolerance() -> None:
+    """No radius and no mass of the materials that come along counts as exact."""
+    materials = load_materials(find_config("materials.toml"))
+    for ball in materials.spheres.values():
+        assert ball.u_radius_m is not None
+        assert ball.u_mass_kg is not None
+        assert ball.radius_m is not None
+        assert ball.mass_kg is not None
+        assert 1e-4 < ball.u_radius_m.u / ball.radius_m < 0.03
+        assert 1e-4 < ball.u_mass_kg.u / ball.mass_kg < 0.01
+    steel = materials.spheres["steel"].u_radius_m
+    assert steel is not None
+    assert (steel.distribution, steel.traceable_to) == ("rectangular", "grade G100, not certified")
+
+
 def test_the_small_acetal_ball_and_the_specimen_are_there() -> None:
     """A second radius, and a surface whose modulus is to be found."""
     materials = load_materials(find_config("materials.toml"))
