@@ -13,6 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+STATED_AT_C = 23.0
+"""Temperature of data sheets of plastics: the standard atmosphere of ISO 291. [degC]"""
+
 
 @dataclass(frozen=True)
 class Quantity:
@@ -89,7 +92,8 @@ class Sensor:
 class Sphere:
     """A sphere. All SI; a ``None`` modulus is to be found, one with a value is a prior.
 
-    A number without its ``u_`` counts as exact.
+    A number without its ``u_`` counts as exact. ``modulus_coefficient_per_k`` is the relative
+    change of the stated modulus by a kelvin, from ``modulus_temperature_c`` on. [1/K], [degC]
     """
 
     name: str
@@ -99,13 +103,15 @@ class Sphere:
     poissons_ratio: Quantity | None = None
     u_radius_m: Uncertainty | None = None
     u_mass_kg: Uncertainty | None = None
+    modulus_coefficient_per_k: Quantity | None = None
+    modulus_temperature_c: float = STATED_AT_C
 
 
 @dataclass(frozen=True)
 class Surface:
     """A coupon. All SI; a ``None`` modulus is to be found, one with a value is a prior.
 
-    A number without its ``u_`` counts as exact.
+    A number without its ``u_`` counts as exact; the modulus' coefficient is as a sphere's.
     """
 
     name: str
@@ -115,11 +121,13 @@ class Surface:
     coupon_thickness_m: float | None = None
     u_coupon_mass_kg: Uncertainty | None = None
     u_coupon_thickness_m: Uncertainty | None = None
+    modulus_coefficient_per_k: Quantity | None = None
+    modulus_temperature_c: float = STATED_AT_C
 
 
 @dataclass(frozen=True)
 class Environment:
-    """What it was like around the rig; nothing here enters a model."""
+    """What it was like around the rig; the temperature moves stated moduli with a coefficient."""
 
     temperature_c: Quantity | None = None
     relative_humidity: Quantity | None = None

@@ -20,9 +20,10 @@ from pydantic import (
     field_validator,
 )
 
-from analysis.campaign import Quantity, Sphere, Surface, Uncertainty
+from analysis.campaign import STATED_AT_C, Quantity, Sphere, Surface, Uncertainty
 from impactd.ball_grades import diameter_tolerance_m, grades, rectangular_u
 from impactd.settings import SettingsError, SettingsFinding
+from impactd.storage.ranges import MODULUS_COEFFICIENT_PER_K, TEMPERATURE_C
 
 
 class UnknownMaterialError(Exception):
@@ -153,6 +154,11 @@ class _Modulus(_Value):
     u: float = Field(gt=0, allow_inf_nan=False)
 
 
+class _Coefficient(_Value):
+    # as `storage.ranges` has it for campaigns
+    value: float = Field(ge=MODULUS_COEFFICIENT_PER_K.low, le=MODULUS_COEFFICIENT_PER_K.high)
+
+
 class _Poisson(_Value):
     # Thermodynamics allows -1; no material of such a rig is auxetic, and 0.5 is the limit.
     value: float = Field(gt=0, le=0.5)
@@ -164,6 +170,7 @@ _FORMS = ("a plain number", "a quantity")
 _EITHER = Discriminator(lambda value: _FORMS[isinstance(value, dict | _Measured)])
 _PLAIN = Tag(_FORMS[0])
 _Quantity = Annotated[_Measured, Tag(_FORMS[1])]
+_Temperature = Annotated[float, Field(ge=TEMPERATURE_C.low, le=TEMPERATURE_C.high)]
 _Radius = Annotated[Annotated[float, Field(gt=0, le=0.1), _PLAIN] | _Quantity, _EITHER]
 _Mass = Annotated[Annotated[float, Field(gt=0, le=1.0), _PLAIN] | _Quantity, _EITHER]
 _CouponMass = Annotated[Annotated[float, Field(gt=0, le=10.0), _PLAIN] | _Quantity, _EITHER]
@@ -177,6 +184,8 @@ class _SphereEntry(BaseModel):
     batch: _Batch | None = None
     youngs_modulus_pa: _Modulus | None = None
     poissons_ratio: _Poisson
+    modulus_coefficient_per_k: _Coefficient | None = None
+    modulus_temperature_c: _Temperature = STATED_AT_C
     reference: bool = False
     source: str
 
@@ -185,6 +194,8 @@ class _SurfaceEntry(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
     youngs_modulus_pa: _Modulus | None = None
     poissons_ratio: _Poisson
+    modulus_coefficient_per_k: _Coefficient | None = None
+    modulus_temperature_c: _Temperature = STATED_AT_C
     coupon_mass_kg: _CouponMass | None = None
     coupon_thickness_m: _Thickness | None = None
     reference: bool = False
@@ -260,6 +271,10 @@ def _split(number: float | _Measured | None) -> tuple[float | None, Uncertainty 
     return number.value, Uncertainty(number.u, number.distribution, freedom, number.traceable_to)
 
 
+def _plain(known: _Value | None) -> Quantity | None:
+    return None if known is None else known.quantity()
+
+
 def _of_batch(batch: _Batch, radius_m: float, mass_kg: float) -> tuple[Uncertainty, Uncertainty]:
     """Return what a batch says of radius and mass."""
     half_m = diameter_tolerance_m(batch.grade)
@@ -289,6 +304,8 @@ def _sphere(name: str, entry: _SphereEntry) -> Sphere:
         poissons_ratio=entry.poissons_ratio.quantity(),
         u_radius_m=u_radius,
         u_mass_kg=u_mass,
+        modulus_coefficient_per_k=_plain(entry.modulus_coefficient_per_k),
+        modulus_temperature_c=entry.modulus_temperature_c,
     )
 
 
@@ -304,4 +321,6 @@ def _surface(name: str, entry: _SurfaceEntry) -> Surface:
         coupon_thickness_m=thickness_m,
         u_coupon_mass_kg=u_mass,
         u_coupon_thickness_m=u_thickness,
+        modulus_coefficient_per_k=_plain(entry.modulus_coefficient_per_k),
+        modulus_temperature_c=entry.modulus_temperature_c,
     )

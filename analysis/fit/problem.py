@@ -49,6 +49,7 @@ from analysis.fit.priors import (
 from analysis.model import solver
 from analysis.model.free_fall import AIR_ASSUMED
 from analysis.model.impact_model import SHARED, ImpactModel
+from analysis.temperature import at_temperature_of_shots
 
 __all__ = [
     "ASSUMED_REPEATABILITY",
@@ -310,6 +311,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         If no shot can be used.
     """
     kv = model.kind == solver.KV
+    campaign, temperature_told = at_temperature_of_shots(campaign)
     usable, rejected = usable_shots(campaign)
     if not usable:
         reasons = "; ".join(f"{r.name}: {r.reason}" for r in rejected[:3])
@@ -353,6 +355,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         problem.assumptions.append(
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."
         )
+    problem.assumptions.extend(temperature_told)
     _, exact = stated_numbers(campaign, shots)
     if exact:
         problem.assumptions.append(exact_sentence(exact))

@@ -11,12 +11,26 @@ from typing import Any
 
 import numpy as np
 
-from analysis.campaign import Environment, Quantity, Sensor, Sphere, Surface, Uncertainty
+from analysis.campaign import (
+    STATED_AT_C,
+    Environment,
+    Quantity,
+    Sensor,
+    Sphere,
+    Surface,
+    Uncertainty,
+)
 from impactd.storage import ranges
 from impactd.storage.json_fields import Fields
 
-SPHERE_KEYS = ("radius_m", "mass_kg", "youngs_modulus_Pa", "poissons_ratio")
-SURFACE_KEYS = ("youngs_modulus_Pa", "poissons_ratio", "coupon_mass_kg", "coupon_thickness_m")
+MODULUS_KEYS = (
+    "youngs_modulus_Pa",
+    "poissons_ratio",
+    "modulus_coefficient_per_K",
+    "modulus_temperature_C",
+)
+SPHERE_KEYS = ("radius_m", "mass_kg", *MODULUS_KEYS)
+SURFACE_KEYS = (*MODULUS_KEYS, "coupon_mass_kg", "coupon_thickness_m")
 SENSOR_KEYS = (
     "compliance_m_per_V",
     "crystal_mass_kg",
@@ -79,6 +93,17 @@ def sphere_to_json(sphere: Sphere) -> dict[str, Any]:
         "mass_kg": measured_to_json(sphere.mass_kg, sphere.u_mass_kg),
         "youngs_modulus_Pa": quantity_to_json(sphere.youngs_modulus_pa),
         "poissons_ratio": quantity_to_json(sphere.poissons_ratio),
+        **_coefficient_to_json(sphere),
+    }
+
+
+def _coefficient_to_json(material: Sphere | Surface) -> dict[str, Any]:
+    """Return how a stated modulus follows the temperature; nothing where nobody said."""
+    if material.modulus_coefficient_per_k is None:
+        return {}
+    return {
+        "modulus_coefficient_per_K": quantity_to_json(material.modulus_coefficient_per_k),
+        "modulus_temperature_C": material.modulus_temperature_c,
     }
 
 
@@ -91,6 +116,7 @@ def surface_to_json(surface: Surface) -> dict[str, Any]:
         "coupon_thickness_m": measured_to_json(
             surface.coupon_thickness_m, surface.u_coupon_thickness_m
         ),
+        **_coefficient_to_json(surface),
     }
 
 
@@ -121,6 +147,8 @@ def sphere_from_json(name: str, fields: Fields) -> Sphere:
         poissons_ratio=fields.quantity("poissons_ratio", ranges.POISSONS_RATIO),
         u_radius_m=u_radius_m,
         u_mass_kg=u_mass_kg,
+        modulus_coefficient_per_k=_coefficient(fields),
+        modulus_temperature_c=_stated_at(fields),
     )
 
 
@@ -136,7 +164,18 @@ def surface_from_json(name: str, fields: Fields) -> Surface:
         coupon_thickness_m=thickness_m,
         u_coupon_mass_kg=u_mass_kg,
         u_coupon_thickness_m=u_thickness_m,
+        modulus_coefficient_per_k=_coefficient(fields),
+        modulus_temperature_c=_stated_at(fields),
     )
+
+
+def _coefficient(fields: Fields) -> Quantity | None:
+    return fields.quantity("modulus_coefficient_per_K", ranges.MODULUS_COEFFICIENT_PER_K)
+
+
+def _stated_at(fields: Fields) -> float:
+    found = fields.number("modulus_temperature_C", ranges.TEMPERATURE_C)
+    return STATED_AT_C if found is None else found
 
 
 def sensor_from_json(fields: Fields) -> Sensor:

@@ -74,4 +74,6 @@ LOG_COVARIANCE = Range(-1e6, 1e6)
 CALIBRATION_INPUT = Range(-1e3, 1e3)
 # From absolute zero to where no coupon is solid.
 TEMPERATURE_C = Range(-273.15, 5e3, "degC")
+# A modulus that changes by its own size in ten kelvins is in a transition, and has no coefficient.
+MODULUS_COEFFICIENT_PER_K = Range(-0.1, 0.1, "1/K")
 RELATIVE_HUMIDITY = Range(0.0, 1.0)

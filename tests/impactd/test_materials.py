@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.campaign import Uncertainty
+from analysis.campaign import Quantity, Uncertainty
 from impactd.materials import UnknownMaterialError, load_materials
 from impactd.settings import SettingsError, find_config
 
@@ -146,3 +146,21 @@ def test_an_unknown_grade_is_refused_with_those_there_are(tmp_path: Path) -> Non
     ball = 'radius_m = 4.76e-3\nmass_kg = 6e-4\nbatch = { grade = "G7" }'
     with pytest.raises(SettingsError, match=r"G3, G5.*G2000"):
         load_materials(_written(tmp_path, ball))
+
+
+def test_a_modulus_may_follow_the_temperature(tmp_path: Path) -> None:
+    """A coefficient comes with the temperature it starts from; 23 degC where nobody says."""
+    text = find_config("materials.toml").read_text(encoding="utf-8")
+    line = "modulus_coefficient_per_k = { value = -5e-3, u = 1e-3 }\n"
+    assert "[surface.pvc]\n" in text
+    text = text.replace("[surface.pvc]\n", "[surface.pvc]\nmodulus_temperature_c = 20.0\n" + line)
+    text = text.replace("[sphere.hdpe]\n", "[sphere.hdpe]\n" + line)
+    file = tmp_path / "materials.toml"
+    file.write_text(text, encoding="utf-8")
+    materials = load_materials(file)
+    told = Quantity(-5e-3, 1e-3)
+    assert materials.surfaces["pvc"].modulus_coefficient_per_k == told
+    assert materials.surfaces["pvc"].modulus_temperature_c == 20.0
+    assert materials.spheres["hdpe"].modulus_coefficient_per_k == told
+    assert materials.spheres["hdpe"].modulus_temperature_c == 23.0
+    assert materials.spheres["acetal"].modulus_coefficient_per_k is None
