@@ -24,6 +24,13 @@ def _measured(root: Root, _: Path) -> None:
     root["spheres"]["acetal"] |= {
         "radius_m": {"value": 4.76e-3, "u": 7.3e-6, "distribution": "rectangular"},
         "mass_kg": {"value": 6.1e-4, "u": 3e-7, "degrees_of_freedom": 9, "traceable_to": "OIML E2"},
+        "modulus_coefficient_per_K": {"value": -5e-3, "u": 1e-3},
+        "modulus_temperature_C": 20.0,
+    }
+    root["sensor"] |= {
+        "log_covariance": [[1e-4 * (i == j) for j in range(4)] for i in range(4)],
+        "calibration_inputs": {"input.mass.acetal": [0.0, 1e-3, 2e-3, -1e-3]},
+        "hsd_calibration_inputs": {"input.mass.acetal": 3e-3},
     }
     root["surfaces"]["specimen"] |= {
         "coupon_mass_kg": {"value": 3.6e-3, "u": 1e-6},
@@ -45,6 +52,10 @@ def test_every_number_may_have_an_uncertainty(campaign_folder: Make) -> None:
 
     assert (ball.radius_m, ball.u_radius_m) == (4.76e-3, Uncertainty(7.3e-6, "rectangular"))
     assert ball.u_mass_kg == Uncertainty(3e-7, "normal", 9.0, "OIML E2")
+    assert ball.modulus_coefficient_per_k == Quantity(-5e-3, 1e-3)
+    assert (ball.modulus_temperature_c, coupon.modulus_temperature_c) == (20.0, 23.0)
+    assert campaign.sensor.inputs == {"input.mass.acetal": (0.0, 1e-3, 2e-3, -1e-3)}
+    assert campaign.sensor.hsd_inputs == {"input.mass.acetal": 3e-3}
     assert (coupon.coupon_mass_kg, coupon.u_coupon_mass_kg) == (3.6e-3, Uncertainty(1e-6))
     assert coupon.u_coupon_thickness_m == Uncertainty(1e-5)
     assert (campaign.gravity_m_per_s2, campaign.u_gravity_m_per_s2) == (9.81, Uncertainty(1e-4))
@@ -74,11 +85,31 @@ def test_uncertainties_survive_a_round_trip(campaign_folder: Make, tmp_path: Pat
         "environment",
     ):
         assert getattr(second, name) == getattr(first.campaign, name)
+    assert second.sensor.inputs == first.campaign.sensor.inputs
+    assert second.sensor.hsd_inputs == first.campaign.sensor.hsd_inputs
     for before, after in zip(first.campaign.shots, second.shots, strict=True):
         assert after.u_drop_height_m == before.u_drop_height_m
         assert after.u_sample_rate_hz == before.u_sample_rate_hz
         assert after.u_gain_relative == pytest.approx(before.u_gain_relative)
         assert after.environment == before.environment
+
+
+@pytest.mark.parametrize(
+    "values", [[1e-3, 1e-3, 1e-3], [1e-3, 1e-3, 1e-3, "x"], [1e-3, 1e-3, 1e-3, 1e9], [True] * 4]
+)
+def test_a_bad_change_of_a_calibration_is_refused(
+    campaign_folder: Make, values: list[object]
+) -> None:
+    """How a calibration follows an input is four numbers, of logarithms."""
+
+    def change(root: Root, folder: Path) -> None:
+        _measured(root, folder)
+        root["sensor"]["calibration_inputs"] = {"input.mass.acetal": values}
+
+    with pytest.raises(CampaignError) as raised:
+        read_campaign(campaign_folder(change))
+    assert raised.value.json_path == "$.sensor.calibration_inputs.input.mass.acetal"
+    assert "four numbers" in raised.value.reason
 
 
 @pytest.mark.parametrize(
