@@ -65,6 +65,23 @@ def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | 
     return transform @ values + SENSOR_OFFSET, rows @ fitted.covariance @ rows.T
 
 
+def covariance_of_numbers(problem: JointProblem, fitted: Fitted) -> Array:
+    """Return the covariance of what the globals' names stand for, see `gradient_of` of the problem.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The fit.
+
+    Returns
+    -------
+    ndarray, shape (g, g)
+        In the order of ``problem.names``.
+    """
+    rows = np.array([problem.gradient_of(name) for name in problem.names])
+    return np.asarray(rows @ fitted.covariance @ rows.T)
+
+
 def pair_modulus(
     problem: JointProblem, fitted: Fitted, item: FitShot
 ) -> tuple[float, float, Array] | None:

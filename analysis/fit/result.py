@@ -290,7 +290,7 @@ class FitResult:
             "covariance": {
                 "of": "natural logarithms of",
                 "names": list(self.problem.names),
-                "matrix": self.fitted.covariance.tolist(),
+                "matrix": estimates.covariance_of_numbers(self.problem, self.fitted).tolist(),
             },
             "moduli": self.moduli(),
             "out_of_range": [one.to_json() for one in self.out_of_range],

@@ -185,3 +185,7 @@ def test_the_cell_is_as_uncertain_as_its_calibration_left_it(made: tuple[Any, Ca
     before, after = np.sqrt(np.diag(cell.covariance)), np.sqrt(np.diag(logs[1]))
     assert np.all(after < 1.001 * before)
     assert after[0] == pytest.approx(before[0], rel=0.05)  # the crystal's mass: no shot tells it
+    told = fit.to_json()["covariance"]
+    at = told["names"].index("sensor.ln_S")
+    gain = fit.parameters()["sensor.gain_N_per_V"]
+    assert math.sqrt(told["matrix"][at][at]) == pytest.approx(gain["u"] / gain["value"], rel=1e-9)
