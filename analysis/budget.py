@@ -8,14 +8,16 @@ would lessen, and a sentence says what would improve the modulus most.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.budget_advice import advice
 from analysis.budget_sources import Source, nu_slope, sources
-from analysis.campaign import Quantity
+from analysis.campaign import Quantity, Sphere, Surface
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import young_from_plane_strain
 from analysis.fit.problem import JointProblem
@@ -24,8 +26,6 @@ FORMAT = "impactd-budget/1"
 PLANE, YOUNG = "plane_strain_modulus_Pa", "youngs_modulus_Pa"
 NEGLIGIBLE = 1e-12
 """Share of the variance below which a row is left out: what rounding leaves."""
-ENOUGH = 3.0
-"""A source whose contribution is a third of all others' together adds 5 % to them."""
 
 Json = dict[str, Any]
 Array = NDArray[np.float64]
@@ -96,45 +96,7 @@ class Budget:
 
     def advice(self) -> str:
         """Return what would improve the modulus most, in a sentence."""
-        total, averaged = self.relative_u, self.part(common=False)
-        worst = max(self._measurable(), key=_combined, default=[])
-        if _combined(worst) < averaged:
-            left = math.hypot(self.part(common=True), averaged / 2)
-            return (
-                "Drop four times as many shots: noise and scatter are "
-                f"{averaged**2 / total**2:.0%} of its variance, and u would fall from "
-                f"{_percent(total)} to {_percent(left)}."
-            )
-        whole, source = _combined(worst), worst[0].source
-        share = f"{whole**2 / total**2:.0%} of its variance"
-        if source.value is None:
-            return f"The {source.label} is {share}; nothing else would improve it as much."
-        rest = math.sqrt(max(total**2 - whole**2, 0.0))
-        # u at which the source would be a third of the rest; a tenth of today's where it is alone
-        share_left = max(min(rest / ENOUGH / whole, 0.5), 0.1)
-        said = source.uncertainty.u
-        if source.relative:
-            said = max(r.source.uncertainty.u / (r.source.value or 1.0) for r in worst)
-            now, then = _percent(said), f"{100 * _rounded_down(said * share_left):.1g} %"
-        else:
-            unit = "" if source.unit == "1" else f" {source.unit}"
-            now, then = f"{said:.2g}{unit}", f"{_rounded_down(said * share_left):.1g}{unit}"
-        left = math.hypot(rest, whole * share_left)
-        return (
-            f"Measure the {_together(worst)} to {then} (now {now}): it is {share}, and u would "
-            f"fall from {_percent(total)} to {_percent(left)}."
-        )
-
-    def _measurable(self) -> list[list[Row]]:
-        """Return what all shots share by what one measures in one go: all radii, all masses."""
-        found: dict[str, list[Row]] = {}
-        for row in self.rows:
-            if row.source.common:
-                side, _, rest = row.source.name.partition(".")
-                key = rest.rpartition(".")[2]
-                together = side == "spheres" and key in ("radius_m", "mass_kg")
-                found.setdefault(key if together else row.source.name, []).append(row)
-        return list(found.values())
+        return advice(self)
 
     def to_json(self) -> Json:
         """Return the budget as ``impactd-budget/1``; NaN and infinity never appear."""
@@ -155,30 +117,6 @@ class Budget:
         }
 
 
-def _rounded_down(u: float) -> float:
-    """Return one significant digit of an uncertainty, not more than it."""
-    unit = 10.0 ** math.floor(math.log10(u))
-    return math.floor(u / unit + 1e-9) * unit
-
-
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
-
-
-def _combined(rows: list[Row]) -> float:
-    return math.sqrt(sum(r.contribution**2 for r in rows))
-
-
-def _together(rows: list[Row]) -> str:
-    """Return what several rows of one kind are called."""
-    label = rows[0].source.label.removeprefix("stated ")
-    if len(rows) == 1:
-        return label
-    what, _, first = label.partition(" of the sphere ")
-    rest = [r.source.label.partition(" of the sphere ")[2] for r in rows[1:]]
-    return f"{what} of the spheres {', '.join([first, *rest[:-1]])} and {rest[-1]}"
-
-
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
@@ -189,7 +127,7 @@ def _row_json(row: Row, total: float) -> Json:
         "input": source.name,
         "label": source.label,
         "value": source.value,
-        "u": source.uncertainty.u,
+        "u": _finite(source.uncertainty.u),
         "unit": source.unit,
         "distribution": source.uncertainty.distribution,
         "sensitivity": row.sensitivity,
@@ -223,28 +161,55 @@ def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) ->
     squares against the covariance, against ``uncertainties`` and against sampling in
     ``tests/analysis/test_budget.py``.
     """
-    at = [j for j, n in enumerate(problem.names) if n.startswith(("sphere.", "surface."))]
-    if not at or not fitted.blocks:
+    if not fitted.blocks:
         return []
+    campaign = problem.campaign
+    logs = dict(zip(problem.names, fitted.theta.tolist(), strict=True))
     found = sources(problem, fitted, degrees_of_freedom)
-    return [b for j in at for b in _of_material(problem, fitted, found, j)]
+    return budgets_of(logs, fitted.covariance, found, campaign.spheres, campaign.surfaces)
 
 
-def _of_material(
-    problem: JointProblem, fitted: Fitted, found: list[Source], j: int
+def budgets_of(
+    logs: Mapping[str, float],
+    covariance: Array,
+    found: Sequence[Source],
+    spheres: Mapping[str, Sphere],
+    surfaces: Mapping[str, Surface],
 ) -> list[Budget]:
-    name = problem.names[j]
-    side, _, short = name.partition(".")
-    log, u = float(fitted.theta[j]), math.sqrt(float(fitted.covariance[j, j]))
-    made = [_budget((name, PLANE), math.exp(log), found, (j, 1.0), {})]
-    known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-    young, ratio = known[short].youngs_modulus_pa, known[short].poissons_ratio
-    if ratio is None:
-        return made
-    value, _ = young_from_plane_strain(log, u, young, ratio)
-    share, direct = _youngs_form(young, ratio)
-    own = {f"{side}s.{short}.{key}": x for key, x in direct.items()}
-    return [*made, _budget((name, YOUNG), value, found, (j, share), own)]
+    """Return the budgets of all moduli among some parameters, from the sources of their covariance.
+
+    Parameters
+    ----------
+    logs : mapping of str to float
+        Parameters in the covariance's order; those of ``sphere.`` and ``surface.`` are ln E'.
+    covariance : ndarray, shape (g, g)
+        Of the parameters.
+    found : sequence of Source
+        Their spreads' squares add up to ``covariance``.
+    spheres, surfaces : mapping
+        What is stated of the materials.
+
+    Returns
+    -------
+    list of Budget
+        In the order of the parameters.
+    """
+    made = []
+    for j, (name, log) in enumerate(logs.items()):
+        side, _, short = name.partition(".")
+        if side not in ("sphere", "surface"):
+            continue
+        made.append(_budget((name, PLANE), math.exp(log), found, (j, 1.0), {}))
+        material = (spheres if side == "sphere" else surfaces)[short]
+        young, ratio = material.youngs_modulus_pa, material.poissons_ratio
+        if ratio is None:
+            continue
+        u = math.sqrt(float(covariance[j, j]))
+        value, _ = young_from_plane_strain(log, u, young, ratio)
+        share, direct = _youngs_form(young, ratio)
+        own = {f"{side}s.{short}.{key}": x for key, x in direct.items()}
+        made.append(_budget((name, YOUNG), value, found, (j, share), own))
+    return made
 
 
 def _youngs_form(young: Quantity | None, ratio: Quantity) -> tuple[float, dict[str, float]]:
@@ -264,7 +229,7 @@ def _youngs_form(young: Quantity | None, ratio: Quantity) -> tuple[float, dict[s
 def _budget(
     whose: tuple[str, str],
     value: float,
-    found: list[Source],
+    found: Sequence[Source],
     form: tuple[int, float],
     direct: dict[str, float],
 ) -> Budget:
@@ -293,9 +258,20 @@ def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: floa
         and a surface's is preceded by which it is, as under ``moduli``.
     """
     found = budgets(problem, fitted, degrees_of_freedom)
-    if not found:
-        return None
-    plain = [name.partition(".")[2] for name in dict.fromkeys(b.name for b in found)]
+    return by_material(found, [b.name for b in found]) if found else None
+
+
+def by_material(found: Sequence[Budget], names: Sequence[str]) -> Json:
+    """Return budgets as JSON has them, see `budgets_json`.
+
+    Parameters
+    ----------
+    found : sequence of Budget
+        To be shown.
+    names : sequence of str
+        All materials that are listed beside them, also such without a budget.
+    """
+    plain = [name.partition(".")[2] for name in dict.fromkeys(names)]
     moduli: Json = {}
     for one in found:
         short = one.name.partition(".")[2]

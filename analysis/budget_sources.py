@@ -8,13 +8,13 @@ sums over sources.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Quantity, Uncertainty
+from analysis.campaign import Quantity, Sphere, Surface, Uncertainty
 from analysis.fit.blocks import ShotBlock
 from analysis.fit.estimates import CELL
 from analysis.fit.joint import Fitted
@@ -38,7 +38,7 @@ _CELL_LABELS = {
     ),
     "compliance_m_per_v": ("sensor.compliance_m_per_V", "compliance of the load cell", "m/V"),
 }
-_INPUT_LABELS = {
+INPUT_LABELS = {
     "mass": "mass of the sphere {}",
     "radius": "radius of the sphere {}",
     "coupon_mass": "mass of the coupon {}",
@@ -70,6 +70,8 @@ class Source:
         Acts on all shots alike, so that no repetition lessens it.
     spread : ndarray, shape (g, r)
         What r independent standard deviations of it do to the globals.
+    remedy : str
+        What lessens it, where that is not to measure or to repeat it.
     """
 
     name: str
@@ -80,6 +82,7 @@ class Source:
     relative: bool
     common: bool
     spread: Array = field(repr=False)
+    remedy: str = ""
 
 
 def nu_slope(ratio: Quantity) -> float:
@@ -117,7 +120,8 @@ def sources(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) ->
 def _stated(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
     """Yield each stated number's source with the part of the precision that it explains."""
     yield from _of_inputs(problem, covariance)
-    yield from _of_moduli(problem, covariance)
+    known = problem.campaign.spheres, problem.campaign.surfaces
+    yield from of_moduli(problem.names, problem.prior_precision, covariance, *known)
     yield from _of_cell(problem, covariance)
 
 
@@ -129,7 +133,7 @@ def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
     size = covariance.shape[0]
     for j, one in enumerate(problem.inputs, start=size - len(problem.inputs)):
         column = covariance[:, [j]] / one.u
-        label = _INPUT_LABELS[one.kind].format(one.owner)
+        label = INPUT_LABELS[one.kind].format(one.owner)
         relative = one.kind != "height_offset"
         yield (
             _unit_precision(size, np.eye(size)[j], one.u),
@@ -137,17 +141,37 @@ def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
         )
 
 
-def _of_moduli(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
-    """Yield E and nu of every material: the prior on ln E' is their sum's."""
+def of_moduli(
+    names: Sequence[str],
+    prior_precision: Array,
+    covariance: Array,
+    spheres: Mapping[str, Sphere],
+    surfaces: Mapping[str, Surface],
+) -> Iterator[tuple[Array, Source]]:
+    """Yield E and nu of every material: the prior on ln E' is their sum's.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Of the first parameters; those of ``sphere.`` and ``surface.`` count.
+    prior_precision, covariance : ndarray, shape (g, g)
+        Of the parameters before and after.
+    spheres, surfaces : mapping
+        What is stated of them.
+
+    Yields
+    ------
+    tuple of ndarray and Source
+        The precision that it explains, and the source.
+    """
     size = covariance.shape[0]
-    for j, name in enumerate(problem.names):
+    for j, name in enumerate(names):
         side, _, short = name.partition(".")
         if side not in ("sphere", "surface"):
             continue
-        known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-        material = known[short]
+        material = (spheres if side == "sphere" else surfaces)[short]
         young, ratio = material.youngs_modulus_pa, material.poissons_ratio
-        precision = float(problem.prior_precision[j, j])
+        precision = float(prior_precision[j, j])
         told, zero = ratio or Quantity(0.35, 0.1), np.zeros((size, size))
         u_nu = nu_slope(told) * told.u
         if young is not None:
@@ -161,10 +185,8 @@ def _of_moduli(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
             yield whole, Source(path, label, young.value, said, "Pa", True, True, column)
         if ratio is not None or young is not None:
             column = covariance[:, [j]] * (precision * u_nu if young is not None else 0.0)
-            path, label = (
-                f"{side}s.{short}.poissons_ratio",
-                f"Poisson's ratio of the {side} {short}",
-            )
+            path = f"{side}s.{short}.poissons_ratio"
+            label = f"Poisson's ratio of the {side} {short}"
             said = Uncertainty(told.u)
             yield zero, Source(path, label, told.value, said, "1", False, True, column)
 

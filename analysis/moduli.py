@@ -12,11 +12,22 @@ each calibration are adjusted together, in logarithms.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
 
 from analysis import moduli_checks
 from analysis.campaign import Sphere, Surface
 from analysis.errors import AnalysisError
-from analysis.moduli_network import CalibrationInputs, SensorCovariance, build, grouped, solve
+from analysis.moduli_network import (
+    CalibrationInputs,
+    SensorCovariance,
+    System,
+    build,
+    grouped,
+    solve,
+)
 from analysis.moduli_result import ModuliResult
 from analysis.pair_observation import (
     PairObservation,
@@ -25,12 +36,39 @@ from analysis.pair_observation import (
 )
 
 __all__ = [
+    "Adjustment",
     "ModuliResult",
     "PairObservation",
     "adjust_moduli",
+    "adjust_network",
     "observation_from_fit",
     "observations_from_fit",
 ]
+
+
+@dataclass(frozen=True)
+class Adjustment:
+    """An adjusted network with the equations behind it.
+
+    Attributes
+    ----------
+    result : ModuliResult
+        What it found.
+    system : System
+        Its equations, dark uncertainty included.
+    random_share : ndarray, shape (rows,)
+        Share of each observation's random variance that its own fit stated; the rest is dark. [1]
+    covariance : ndarray, shape (n + c, n + c)
+        Of all columns of ``system``.
+    input_u : dict of float
+        Standard uncertainty of each stated input, as the latest fit took it; see `PairObservation`.
+    """
+
+    result: ModuliResult
+    system: System
+    random_share: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    input_u: Mapping[str, float]
 
 
 def adjust_moduli(
@@ -40,7 +78,19 @@ def adjust_moduli(
     sensor_covariance: SensorCovariance | None = None,
     calibrated_by: Mapping[str, CalibrationInputs] | None = None,
 ) -> ModuliResult:
-    """Return every material's modulus from the reduced moduli of pairs.
+    """Return every material's modulus from the reduced moduli of pairs; see `adjust_network`."""
+    found = adjust_network(observations, spheres, surfaces, sensor_covariance, calibrated_by)
+    return found.result
+
+
+def adjust_network(
+    observations: Sequence[PairObservation],
+    spheres: Mapping[str, Sphere],
+    surfaces: Mapping[str, Surface],
+    sensor_covariance: SensorCovariance | None = None,
+    calibrated_by: Mapping[str, CalibrationInputs] | None = None,
+) -> Adjustment:
+    """Return every material's modulus from the reduced moduli of pairs, and the equations.
 
     Parameters
     ----------
@@ -58,7 +108,7 @@ def adjust_moduli(
 
     Returns
     -------
-    ModuliResult
+    Adjustment
         Moduli, full covariance, the network's chi2 and the pairs that contradict it.
 
     Raises
@@ -83,10 +133,11 @@ def adjust_moduli(
     system = build(observations, spheres, surfaces, sensor_covariance, calibrated_by)
     checks, contradicting = moduli_checks.snoop(system)
     as_stated = moduli_checks.consistency(system)
+    stated = system.weight
     system, dark_u = moduli_checks.with_dark_uncertainty(system)
     x, covariance = solve(system, grouped(system))
     n = len(system.names)
-    return ModuliResult(
+    result = ModuliResult(
         model=models[0],
         names=tuple(system.names),
         log_plane_strain=x[:n],
@@ -100,4 +151,11 @@ def adjust_moduli(
         surfaces=dict(surfaces),
         shots=tuple(dict.fromkeys(o.shot for o in observations)),
         calibrations=tuple(sorted({o.calibration for o in observations if o.calibration})),
+    )
+    return Adjustment(
+        result=result,
+        system=system,
+        random_share=system.weight / stated,
+        covariance=covariance,
+        input_u={name: u for o in observations for name, u in o.input_u.items()},
     )

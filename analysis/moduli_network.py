@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -74,6 +74,8 @@ class System:
         1 / u_random^2.
     precision, mean : ndarray, shape (n + c, n + c), (n + c,)
         Of what is known of the columns beforehand.
+    calibrations, inputs : tuple of str
+        Names behind the columns of errors: each block's calibration, then the stated inputs.
     """
 
     names: list[str]
@@ -89,6 +91,8 @@ class System:
     weight: Array
     precision: Array
     mean: Array
+    calibrations: tuple[str, ...]
+    inputs: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -159,17 +163,14 @@ def _blocks(
     observations: Sequence[PairObservation],
     covariance: SensorCovariance | None,
     calibrated_by: Mapping[str, CalibrationInputs],
+    calibrations: Sequence[str],
+    inputs: Sequence[str],
 ) -> tuple[tuple[Block, ...], NDArray[np.int64], Array]:
     """Return each calibration's block, each observation's calibration, the errors' precision.
 
     The errors of stated inputs come last, in units of their standard uncertainty: they are common
     to all calibrations, and to the shots that a calibration rests on itself.
     """
-    inputs = sorted(
-        {name for o in observations for name in o.inputs}
-        | {name for known in calibrated_by.values() for name in known}
-    )
-    calibrations = sorted({o.calibration for o in observations})
     numbers = {name: i for i, name in enumerate(calibrations)}
     calibration = np.array([numbers[o.calibration] for o in observations])
     blocks: list[Block] = []
@@ -281,7 +282,10 @@ def build(
     pair = np.array([numbers[o.sphere, o.surface] for o in observations])
     left = np.array([names.index(f"sphere.{sphere}") for sphere, _ in pairs])
     right = np.array([names.index(f"surface.{surface}") for _, surface in pairs])
-    blocks, calibration, inner = _blocks(observations, covariance, calibrated_by or {})
+    known = calibrated_by or {}
+    calibrations = sorted({o.calibration for o in observations})
+    inputs = sorted({one for o in observations for one in o.inputs}.union(*known.values()))
+    blocks, calibration, inner = _blocks(observations, covariance, known, calibrations, inputs)
     together, group = np.unique(pair + len(pairs) * calibration, return_inverse=True)
     observed = np.array([o.log_reduced_modulus for o in observations])
     size = len(names) + inner.shape[0]
@@ -304,6 +308,8 @@ def build(
         weight=np.array([o.u_random**-2 for o in observations]),
         precision=precision,
         mean=mean,
+        calibrations=tuple(calibrations),
+        inputs=tuple(inputs),
     )
 
 
@@ -430,6 +436,33 @@ def solve(system: System, groups: Groups) -> tuple[Array, Array]:
     _, design = linearise(system, groups, x)
     normal = information(system, groups, design, system.precision)
     return x, np.asarray(np.linalg.inv(normal))
+
+
+def linearise_rows(system: System, x: Array) -> Iterator[tuple[Block, Array]]:
+    """Yield each calibration's block with the design of its observations one by one.
+
+    Parameters
+    ----------
+    system : System
+        The network.
+    x : ndarray, shape (n + c,)
+        ln E' of the materials, then errors, on which the design does not depend.
+
+    Yields
+    ------
+    tuple of Block and ndarray, shape (m, n + c)
+        d computed / d x.
+    """
+    n = len(system.names)
+    for block in system.blocks:
+        pairs, rows = system.pair[block.rows], np.arange(block.rows.size)
+        left, right = system.left[pairs], system.right[pairs]
+        a, b = np.exp(-x[left]), np.exp(-x[right])
+        design = np.zeros((rows.size, x.size))
+        design[rows, left] += a / (a + b)
+        design[rows, right] += b / (a + b)
+        design[:, n + block.columns] = block.slopes
+        yield block, design
 
 
 def errors_of_rows(system: System, x: Array) -> Array:

@@ -168,7 +168,7 @@ class ModuliResult:
         side = name.partition(".")[0]
         log, u = self.plane_strain(name)
         entry: Json = {"youngs_modulus_Pa": None, "plane_strain_modulus_Pa": None, "side": side}
-        reason = self._why_withheld(name, u)
+        reason = self.why_withheld(name, u)
         if reason is not None:
             return entry | {"status": "withheld", "reason": reason}
         plane = math.exp(log)
@@ -182,7 +182,16 @@ class ModuliResult:
         entry["youngs_modulus_Pa"] = measurand(e, e * u_e, "Pa")
         return entry
 
-    def _why_withheld(self, name: str, u: float) -> str | None:
+    def why_withheld(self, name: str, u: float) -> str | None:
+        """Return why a material's modulus is not stated, None where it is.
+
+        Parameters
+        ----------
+        name : str
+            ``sphere.<name>`` or ``surface.<name>``.
+        u : float
+            Relative standard uncertainty of its modulus.
+        """
         j = self.names.index(name)
         if not self.anchored[j]:
             return (

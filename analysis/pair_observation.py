@@ -46,6 +46,9 @@ class PairObservation:
         Standard uncertainty of ln E*, with its sign, from each stated mass, radius and the like, by
         name: one error common to all observations that name it. With the cell's values held: what
         the same error did to the calibration is added by the network. [1]
+    input_u : dict of float
+        Standard uncertainty of each input as the fit took it: relative, of an offset of heights in
+        mm.
     """
 
     sphere: str
@@ -58,6 +61,7 @@ class PairObservation:
     u_calibration: float = 0.0
     calibration: str = ""
     inputs: Mapping[str, float] = field(default_factory=dict)
+    input_u: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def pair(self) -> str:
@@ -97,6 +101,7 @@ def observations_from_fit(
         u, u_cell = float(modulus["u"]) / value, float(entry["u_calibration_Pa"]) / value
         # fits of earlier versions took every stated number as exact
         known = entry.get("inputs") or {}
+        input_u = {name: float(one["u"]) for name, one in known.items()}
         whole = [float(one["d_ln_reduced_modulus_d_input"] * one["u"]) for one in known.values()]
         own = u**2 - u_cell**2 - sum(part**2 for part in whole)
         # the network itself follows what an input did to the calibration
@@ -118,6 +123,7 @@ def observations_from_fit(
                 u_calibration=u_cell,
                 calibration=calibration,
                 inputs=stated,
+                input_u=input_u,
             )
         )
     return tuple(observations)

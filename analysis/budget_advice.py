@@ -1,0 +1,102 @@
+"""What would improve a modulus most, as one sentence about its budget."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from analysis.budget import Budget, Row
+
+ENOUGH = 3.0
+"""A source whose contribution is a third of all others' together adds 5 % to them."""
+
+
+def advice(budget: Budget) -> str:
+    """Return what would improve a modulus most.
+
+    Parameters
+    ----------
+    budget : Budget
+        Its rows.
+
+    Returns
+    -------
+    str
+        A sentence with what is to be done and the u that would be left.
+    """
+    worst = max(_measurable(budget.rows), key=_combined, default=[])
+    if _combined(worst) < budget.part(common=False):
+        return _more_shots(budget)
+    whole, total, source = _combined(worst), budget.relative_u, worst[0].source
+    share = f"{whole**2 / total**2:.0%} of its variance"
+    if source.remedy:
+        return f"{source.remedy}: the {source.label} is {share}."
+    if source.value is None:
+        return f"The {source.label} is {share}; nothing else would improve it as much."
+    rest = math.sqrt(max(total**2 - whole**2, 0.0))
+    # u at which the source would be a third of the rest; a tenth of today's where it is alone
+    share_left = max(min(rest / ENOUGH / whole, 0.5), 0.1)
+    said = source.uncertainty.u
+    if source.relative:
+        said = max(r.source.uncertainty.u / (r.source.value or 1.0) for r in worst)
+        now, then = _percent(said), f"{100 * _rounded_down(said * share_left):.1g} %"
+    else:
+        unit = "" if source.unit == "1" else f" {source.unit}"
+        now, then = f"{said:.2g}{unit}", f"{_rounded_down(said * share_left):.1g}{unit}"
+    left = math.hypot(rest, whole * share_left)
+    return (
+        f"Measure the {_together(worst)} to {then} (now {now}): it is {share}, and u would "
+        f"fall from {_percent(total)} to {_percent(left)}."
+    )
+
+
+def _more_shots(budget: Budget) -> str:
+    """Return what lessens that which is not common to all shots."""
+    total, averaged = budget.relative_u, budget.part(common=False)
+    worst = max((r for r in budget.rows if not r.source.common), key=lambda r: r.contribution)
+    if worst.source.remedy:
+        share = f"{worst.contribution**2 / total**2:.0%} of its variance"
+        return f"{worst.source.remedy}: the {worst.source.label} is {share}."
+    left = math.hypot(budget.part(common=True), averaged / 2)
+    return (
+        "Drop four times as many shots: noise and scatter are "
+        f"{averaged**2 / total**2:.0%} of its variance, and u would fall from "
+        f"{_percent(total)} to {_percent(left)}."
+    )
+
+
+def _measurable(rows: tuple[Row, ...]) -> list[list[Row]]:
+    """Return what all shots share by what one measures in one go: all radii, all masses."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.source.common:
+            side, _, rest = row.source.name.partition(".")
+            key = rest.rpartition(".")[2]
+            together = side == "spheres" and key in ("radius_m", "mass_kg")
+            found.setdefault(key if together else row.source.name, []).append(row)
+    return list(found.values())
+
+
+def _rounded_down(u: float) -> float:
+    """Return one significant digit of an uncertainty, not more than it."""
+    unit = 10.0 ** math.floor(math.log10(u))
+    return math.floor(u / unit + 1e-9) * unit
+
+
+def _percent(share: float) -> str:
+    return f"{100 * share:.2g} %"
+
+
+def _combined(rows: list[Row]) -> float:
+    return math.sqrt(sum(r.contribution**2 for r in rows))
+
+
+def _together(rows: list[Row]) -> str:
+    """Return what several rows of one kind are called."""
+    label = rows[0].source.label.removeprefix("stated ")
+    if len(rows) == 1:
+        return label
+    what, _, first = label.partition(" of the sphere ")
+    rest = [r.source.label.partition(" of the sphere ")[2] for r in rows[1:]]
+    return f"{what} of the spheres {', '.join([first, *rest[:-1]])} and {rest[-1]}"
