@@ -24,6 +24,7 @@ RULES = {
 """Decision rules: JCGM 106 8.3 on both sides, 8.3.2, 8.3.3 and 8.2."""
 LEAST_LIMIT_PA = 1e3
 """Softer than any coupon that a sphere rebounds from; a smaller number is a limit in GPa."""
+NAMES = {"youngs_modulus_Pa": "E", "plane_strain_modulus_Pa": "E/(1-nu^2)"}
 
 Json = dict[str, Any]
 
@@ -203,3 +204,32 @@ def _chance(p: float) -> str:
     if p < 1e-4:
         return "less than 0.01 %"
     return f"{100 * p:.3g} %" if p < 0.99 else f"{100 * p:.2f} %"
+
+
+def decide(budget: Json, material: str, measurand: str, limits: Limits) -> None:
+    """Write a decision into ``impactd-budget/1``, under ``conformity`` of one modulus.
+
+    Parameters
+    ----------
+    budget : dict
+        Of all moduli; changed in place.
+    material : str
+        As its keys call it.
+    measurand : str
+        ``youngs_modulus_Pa`` or ``plane_strain_modulus_Pa``.
+    limits : Limits
+        What was asked.
+
+    Raises
+    ------
+    AnalysisError
+        If the budget does not have that modulus.
+    """
+    one = budget["moduli"].get(material, {}).get(measurand)
+    if one is None:
+        raise AnalysisError(
+            f"{NAMES[measurand]} of {material} is not stated here, so nothing can be decided. It "
+            f"is stated for: {', '.join(n for n, m in budget['moduli'].items() if measurand in m)}."
+        )
+    name = f"{NAMES[measurand]} of {material}"
+    one["conformity"] = judge(name, one["value"], one["relative_u"], limits)

@@ -251,6 +251,32 @@ class Daemon:
             self.materials, specimen=specimen, since=since, until=until, model=name
         )
 
+    def moduli_budget(
+        self, *, specimen: str | None, since: str | None, until: str | None, model: str | None
+    ) -> dict[str, Any]:
+        """Return what the uncertainty of each of these moduli is made of.
+
+        Parameters
+        ----------
+        specimen, since, until, model : str or None
+            As for `moduli`.
+
+        Returns
+        -------
+        dict
+            ``impactd-budget/1``.
+
+        Raises
+        ------
+        UnknownModelError
+            If this version does not know the model.
+        """
+        name = model or self.archive.models.active()
+        check_model(name)
+        return self._moduli.budget(
+            self.materials, specimen=specimen, since=since, until=until, model=name
+        )
+
     def models(self) -> list[dict[str, Any]]:
         """Return the base models, then every version of every named one, newest first."""
         bases: list[dict[str, Any]] = [

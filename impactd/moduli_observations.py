@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from impactd.storage.archive import Archive
@@ -139,7 +140,14 @@ def _with_shared_names(seen: PairObservation) -> PairObservation:
         surface=sys.intern(seen.surface),
         model=sys.intern(seen.model),
         calibration=sys.intern(seen.calibration),
+        input_u=_shared(tuple(seen.input_u.items())),
     )
+
+
+@lru_cache(maxsize=256)
+def _shared(items: tuple[tuple[str, float], ...]) -> dict[str, float]:
+    """Return one mapping for all shots that were fitted with the same statements."""
+    return dict(items)
 
 
 def _why_not(found: ShotFit) -> str | None:

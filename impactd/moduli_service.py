@@ -11,17 +11,16 @@ from __future__ import annotations
 
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import structlog
-from numpy.typing import NDArray
 
 from analysis.base_models import DEFAULT_BASE
 from impactd.materials import Materials
-from impactd.moduli_observations import CERTIFICATE, Observations, ShotUse
+from impactd.moduli_adjustment import adjusted, calibrations_of_other_bases
+from impactd.moduli_observations import Observations, ShotUse
 from impactd.storage.archive import Archive, Calibration
 from impactd.storage.moment import utc_now
 from impactd.storage.version import software
@@ -30,7 +29,7 @@ if TYPE_CHECKING:
     from analysis import PairObservation
 
 FORMAT = "impactd-moduli/1"
-RIGID_CELL_MODEL = "hsd"
+BUDGET_FORMAT = "impactd-budget/1"
 MODELS_KEPT = 3
 """Observations of so many models: both bases and the active one. About 1 kB a shot each."""
 NETWORKS_KEPT = 8
@@ -66,6 +65,7 @@ class _Network:
     materials: Materials
     found: Json
     lists: dict[str, bytes]
+    seen: list[PairObservation]
 
 
 class ModuliService:
@@ -84,6 +84,7 @@ class ModuliService:
         self._thread: threading.Thread | None = None
         self._observations: OrderedDict[str, Observations] = OrderedDict()
         self._networks: OrderedDict[tuple[str | None, ...], _Network] = OrderedDict()
+        self._budgets: OrderedDict[tuple[str | None, ...], tuple[_Network, Json]] = OrderedDict()
 
     def start(self, model: str, wait: Callable[[float], bool]) -> None:
         """Take the archive in beforehand, in a thread.
@@ -207,9 +208,81 @@ class ModuliService:
     ) -> _Network:
         uses = observations.chosen(since, until)
         seen = [use.observation for use in uses if use.observation is not None]
-        found = _adjusted(self._archive, materials, seen, model)
+        found = self._adjusted(materials, seen, model)
         found.pop("shots", None)  # by name only; the answer's list has the hashes too
-        return _Network(observations.version, observations, materials, found, _lists(uses))
+        return _Network(observations.version, observations, materials, found, _lists(uses), seen)
+
+    def _adjusted(self, materials: Materials, seen: list[PairObservation], model: str) -> Json:
+        if not seen:
+            return {
+                "format": FORMAT,
+                "model": model,
+                "moduli": {},
+                "pairs": {},
+                "network": None,
+                "covariance": None,
+                "calibrations": [],
+                "warnings": [f"No stored shot has a usable {model} fit for this choice."],
+            }
+        found = adjusted(self._archive, materials, seen, model).result.to_json()
+        others = calibrations_of_other_bases(self._archive, seen, model)
+        return {**found, "warnings": found["warnings"] + others}
+
+    def budget(
+        self,
+        materials: Materials,
+        *,
+        specimen: str | None = None,
+        since: str | None = None,
+        until: str | None = None,
+        model: str = DEFAULT_BASE,
+    ) -> Json:
+        """Return what the uncertainty of every modulus of `answer` is made of.
+
+        It is computed when it is asked for, beside whoever asks for moduli, and kept with them.
+
+        Parameters
+        ----------
+        materials : Materials
+            Spheres and surfaces with what is known of them.
+        specimen : str, optional
+            Only report this surface.
+        since, until : str, optional
+            As in `answer`.
+        model : str
+            Model of the fits.
+
+        Returns
+        -------
+        dict
+            ``impactd-budget/1``, without moduli where none is stated.
+        """
+        network = self._network(materials, model, since, until)
+        key = (model, since, until)
+        with self._lock:
+            kept = self._budgets.get(key)
+        if kept is None or kept[0] is not network:
+            kept = network, _budgets(self._archive, network, model)
+            with self._lock:
+                self._budgets.pop(key, None)
+                self._budgets[key] = kept
+                if len(self._budgets) > NETWORKS_KEPT:
+                    self._budgets.popitem(last=False)
+        moduli = network.found["moduli"]
+        wanted = [n for n in kept[1] if specimen is None or _is_surface(n, moduli[n], specimen)]
+        return {
+            "format": BUDGET_FORMAT,
+            "model": model,
+            # copies: whoever asks may add a decision
+            "moduli": {n: {m: dict(one) for m, one in kept[1][n].items()} for n in wanted},
+            "status": {name: moduli[name]["status"] for name in wanted},
+            "warnings": network.found["warnings"],
+            "specimen": specimen,
+            "since": since,
+            "until": until,
+            "shots": len(network.seen),
+            "software": software(),
+        }
 
 
 def _lists(uses: Sequence[ShotUse]) -> dict[str, bytes]:
@@ -222,87 +295,23 @@ def _joined(entries: list[str]) -> bytes:
     return f"[{','.join(entries)}]".encode()
 
 
-def _adjusted(
-    archive: Archive, materials: Materials, observations: list[PairObservation], model: str
-) -> Json:
-    if not observations:
-        return {
-            "format": FORMAT,
-            "model": model,
-            "moduli": {},
-            "pairs": {},
-            "network": None,
-            "covariance": None,
-            "calibrations": [],
-            "warnings": [f"No stored shot has a usable {model} fit for this choice."],
-        }
-    from analysis import adjust_moduli
+def _budgets(archive: Archive, network: _Network, model: str) -> Json:
+    if not network.seen:
+        return {}
+    from analysis.moduli_budget import network_budgets_json
 
-    covariances: dict[str, NDArray[np.float64]] = {}
-    calibrated_by: dict[str, dict[str, NDArray[np.float64]]] = {}
-    for name in {one.calibration for one in observations}:
-        covariance = _cell_covariance(archive, name, model)
-        if covariance is not None:
-            covariances[name] = covariance
-            calibrated_by[name] = _calibration_inputs(archive, name, model)
-    result = adjust_moduli(
-        observations, materials.spheres, materials.surfaces, covariances, calibrated_by
-    )
-    found = result.to_json()
-    return {**found, "warnings": found["warnings"] + _of_other_bases(archive, covariances, model)}
+    found = network_budgets_json(adjusted(archive, network.materials, network.seen, model))
+    moduli: Json = found["moduli"]
+    return moduli
 
 
-def _of_other_bases(archive: Archive, names: Iterable[str], model: str) -> list[str]:
-    """Return a warning for each calibration whose cell belongs to another base model.
-
-    ``kv`` counts the coupons of the calibration among the crystal's mass, ``kv2`` does not.
-    """
-    base = model.partition("+")[0]
-    if base == RIGID_CELL_MODEL:  # every calibration finds its constant too
-        return []
-    found = []
-    for name in sorted(names, key=int):
-        of = str((archive.calibrations.get(int(name)).result or {}).get("model", base))
-        if of.partition("+")[0] != base:
-            found.append(
-                f"Calibration {name} was made with {of}; its load cell does not hold for fits "
-                f"with {model}. Calibrate again with {model} active, then run: impactd refit."
-            )
-    return found
-
-
-def _cell_covariance(archive: Archive, name: str, model: str) -> NDArray[np.float64] | None:
-    """Return the covariance that the fits' sensitivities refer to, ``None`` to use their own u."""
-    if name == CERTIFICATE:
-        return None
-    calibration = archive.calibrations.get(int(name))
-    if calibration.result is None:
-        return None
-    from analysis import sensor_from_json
-
-    sensor = sensor_from_json(calibration.result)
-    if model.partition("+")[0] != RIGID_CELL_MODEL:
-        return sensor.covariance
-    gain = sensor.hsd_n_per_v
-    return None if gain is None else np.array([[(gain.u / gain.value) ** 2]])
-
-
-def _calibration_inputs(archive: Archive, name: str, model: str) -> dict[str, NDArray[np.float64]]:
-    """Return how a calibration follows the masses, radii and heights that it was made with."""
-    result = archive.calibrations.get(int(name)).result or {}
-    if model.partition("+")[0] == RIGID_CELL_MODEL:
-        result = result.get("hsd") or {}
-    # calibrations of earlier versions took every stated number as exact
-    return {key: np.array(one) for key, one in (result.get("inputs") or {}).items()}
+def _is_surface(key: str, entry: Json, specimen: str) -> bool:
+    return key in (specimen, f"surface:{specimen}") and entry["side"] == "surface"
 
 
 def _only(found: Json, specimen: str) -> Json:
     pairs = {key: one for key, one in found["pairs"].items() if one["surface"] == specimen}
-    kept = {
-        key: one
-        for key, one in found["moduli"].items()
-        if key in (specimen, f"surface:{specimen}") and one["side"] == "surface"
-    }
+    kept = {key: one for key, one in found["moduli"].items() if _is_surface(key, one, specimen)}
     warnings = list(found["warnings"])
     if not kept:
         warnings.append(f"No usable shot was dropped on {specimen!r}.")

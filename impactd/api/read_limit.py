@@ -15,6 +15,7 @@ from fastapi import Depends, Request
 LARGE_READS = frozenset(
     {
         "/v1/moduli",
+        "/v1/moduli/budget",
         "/v1/calibrations",
         "/v1/shots/{number}.h5",
         "/v1/shots/{number}.csv",

@@ -57,6 +57,7 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("POST", "/v1/fits"): Scope.OPERATE,
     ("GET", "/v1/fits/{fit_id}"): Scope.READ,
     ("GET", "/v1/moduli"): Scope.READ,
+    ("GET", "/v1/moduli/budget"): Scope.READ,
     ("POST", "/v1/calibrations"): Scope.OPERATE,
     ("GET", "/v1/calibrations"): Scope.READ,
     ("GET", "/v1/calibrations/current"): Scope.READ,

@@ -15,6 +15,7 @@ import pytest
 
 from analysis.campaign import Quantity, Sphere, Surface
 from drivers.digitizer import Record
+from impactd import moduli_service
 from impactd.materials import Materials
 from impactd.moduli_observations import IDS_AT_ONCE, Observations
 from impactd.moduli_service import MODELS_KEPT, NETWORKS_KEPT, ModuliService
@@ -286,6 +287,56 @@ def test_an_unchanged_archive_is_not_read_again(
     new = fitted()
     assert service.answer(MATERIALS).lists is not first.lists
     assert read == [archive.fits.for_shot(new)[0].id]
+
+
+def test_budgets_account_for_what_the_answer_states(
+    archive: Archive, fitted: Callable[..., int]
+) -> None:
+    """Every stated modulus has rows that add up to its u; the filter limits what is shown."""
+    for surface in ("aluminium", "specimen") * 4:
+        fitted(surface)
+    service = ModuliService(archive)
+    stated = moduli(archive, MATERIALS, service)["moduli"]
+
+    found = service.budget(MATERIALS)
+
+    assert (found["format"], found["shots"]) == ("impactd-budget/1", 8)
+    assert set(found["moduli"]) == set(stated)
+    assert found["status"]["specimen"] == "fitted"
+    for name, budgets in found["moduli"].items():
+        for measurand, one in budgets.items():
+            assert one["u"] == pytest.approx(stated[name][measurand]["u"], rel=1e-8)
+            assert sum(row["share"] for row in one["rows"]) == pytest.approx(1.0)
+    only = service.budget(MATERIALS, specimen="specimen")
+    assert only["moduli"] == {"specimen": found["moduli"]["specimen"]}
+    assert service.budget(MATERIALS, model="hsd")["moduli"] == {}
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_budget_is_made_when_asked_for_and_follows_the_archive(
+    archive: Archive, fitted: Callable[..., int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Moduli never wait for one; an unchanged one is not made again, a new fit changes it."""
+    made: list[int] = []
+    real = moduli_service._budgets
+
+    def counted(*given: Any) -> Any:
+        made.append(1)
+        return real(*given)
+
+    monkeypatch.setattr(moduli_service, "_budgets", counted)
+    fitted("aluminium"), fitted()
+    service = ModuliService(archive)
+    service.answer(MATERIALS)
+    assert made == []
+    first = service.budget(MATERIALS)
+    first["moduli"]["specimen"]["youngs_modulus_Pa"]["conformity"] = {"decision": "pass"}
+    second = service.budget(MATERIALS)
+    assert made == [1]
+    assert "conformity" not in second["moduli"]["specimen"]["youngs_modulus_Pa"]
+    fitted()
+    assert service.budget(MATERIALS)["shots"] == 3
+    assert made == [1, 1]
 
 
 def test_changed_materials_give_another_network(

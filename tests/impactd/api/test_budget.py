@@ -1,0 +1,64 @@
+"""Budgets of the moduli over HTTP, and decisions against limits."""
+
+from __future__ import annotations
+
+import pytest
+
+
+@pytest.fixture(scope="module")
+def measured(rig):
+    """A rig with one analysed shot on a reference and one on the specimen."""
+    rig.analysed_shot()
+    number = rig.drop(
+        {"sphere": "acetal", "surface": "specimen", "drop_height_m": 0.03, "operator": "ab"}
+    ).json()["number"]
+    assert rig.ended(number, ("analysed", "failed"))["state"] == "analysed"
+    return rig
+
+
+def test_a_budget_adds_up_to_what_the_moduli_say(measured):
+    """Rows with their shares, and a sentence that says what would improve the modulus most."""
+    stated = measured.reader.get("/v1/moduli").json()["moduli"]
+    found = measured.reader.get("/v1/moduli/budget").json()
+    assert found["format"] == "impactd-budget/1"
+    assert found["status"]["specimen"] == "fitted"
+    one = found["moduli"]["specimen"]["youngs_modulus_Pa"]
+    assert one["u"] == pytest.approx(stated["specimen"]["youngs_modulus_Pa"]["u"], rel=1e-6)
+    inputs = {row["input"]: row for row in one["rows"]}
+    assert not inputs["noise"]["common"]
+    assert inputs["spheres.acetal.youngs_modulus_Pa"]["common"]
+    assert one["improve"].endswith(".")
+    assert "conformity" not in one
+
+
+def test_a_limit_gets_a_decision(measured):
+    """The specimen's modulus passes far within a limit, fails far beyond, and says why."""
+    path = "/v1/moduli/budget?specimen=specimen"
+    young = measured.reader.get(path).json()["moduli"]["specimen"]["youngs_modulus_Pa"]
+    decisions = {}
+    for name, factor in (("low", 0.2), ("high", 5.0)):
+        asked = f"{path}&lower_Pa={factor * young['value']}"
+        one = measured.reader.get(asked).json()["moduli"]["specimen"]["youngs_modulus_Pa"]
+        decisions[name] = one["conformity"]
+    assert decisions["low"]["decision"] == "pass"
+    assert decisions["high"]["decision"] == "fail"
+    assert decisions["high"]["sentence"].startswith("E of specimen fails: at least")
+    plane = measured.reader.get(f"{path}&upper_Pa=1e12&modulus=plane_strain_modulus_Pa").json()
+    assert plane["moduli"]["specimen"]["plane_strain_modulus_Pa"]["conformity"]["rule"] == "both"
+
+
+@pytest.mark.parametrize(
+    ("query", "words"),
+    [
+        ("lower_Pa=2e9", "no specimen"),
+        ("specimen=specimen&lower_Pa=2.2", "2.2 GPa is 2.2e9"),
+        ("specimen=specimen&lower_Pa=2e9&upper_Pa=1e9", "not below"),
+        ("specimen=sand&lower_Pa=2e9", "not stated"),
+        ("specimen=specimen&lower_Pa=nan", "no modulus"),
+    ],
+)
+def test_limits_that_mean_nothing_are_refused_in_words(measured, query, words):
+    """What cannot be decided is a problem document with the cause, never a decision."""
+    answer = measured.reader.get(f"/v1/moduli/budget?{query}")
+    assert answer.status_code == 422
+    assert words in answer.json()["detail"]
