@@ -11,7 +11,19 @@ from typing import Annotated
 import typer
 
 from analysis.base_models import DEFAULT_BASE
-from impactd.console.options import Csv, Json, Url
+from impactd.console.options import (
+    Csv,
+    DecisionRule,
+    Guard,
+    Json,
+    Lower,
+    Modulus,
+    Of,
+    Report,
+    Rule,
+    Upper,
+    Url,
+)
 
 
 class BaseModel(StrEnum):
@@ -72,7 +84,7 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
         raise typer.BadParameter("give one campaign file, or only shot numbers")
 
 
-def budget(
+def budget(  # noqa: PLR0917 - typer reads options from the parameters
     campaign: Annotated[
         Path, typer.Argument(metavar="CAMPAIGN.json", help="A campaign folder's file.")
     ],
@@ -92,11 +104,27 @@ def budget(
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the budgets here; - prints.")
     ] = None,
+    report: Report = None,
+    specimen: Annotated[
+        str | None, typer.Option("--specimen", help="Only this material; the one of the limits.")
+    ] = None,
+    lower: Lower = None,
+    upper: Upper = None,
+    rule: DecisionRule = Rule.BOTH,
+    guard: Guard = 1.0,
+    of: Of = Modulus.YOUNG,
 ) -> None:
-    """Show what the uncertainty of every modulus is made of, and what would lessen it most."""
-    from impactd.console import budgets
+    """Show what the uncertainty of every modulus is made of, and what would lessen it most.
 
-    budgets.budget(campaign, model, draws=draws, refits=refits, json_out=json_out)
+    With a limit also whether the modulus passes, fails or is undecided (JCGM 106).
+    """
+    from impactd.console import budgets
+    from impactd.console.decisions import Asked
+
+    asked = Asked(lower, upper, rule, guard, of, specimen)
+    budgets.budget(
+        campaign, model, asked, draws=draws, refits=refits, json_out=json_out, report_out=report
+    )
 
 
 def diagnose(  # noqa: PLR0917 - typer reads options from the parameters

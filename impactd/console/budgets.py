@@ -1,4 +1,4 @@
-"""``impactd budget``: what the uncertainty of every modulus of a campaign is made of."""
+"""What the uncertainty of every modulus is made of: of a campaign, or of the daemon's archive."""
 
 # ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
 
@@ -8,6 +8,8 @@ import json
 from pathlib import Path
 from typing import Any
 
+from impactd.console.client import connect
+from impactd.console.decisions import Asked
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.tables import measured, print_json, table
@@ -20,7 +22,14 @@ Json = dict[str, Any]
 
 
 def budget(
-    path: Path, model: str, *, draws: int | None, refits: int | None, json_out: Path | None
+    path: Path,
+    model: str,
+    asked: Asked,
+    *,
+    draws: int | None,
+    refits: int | None,
+    json_out: Path | None,
+    report_out: Path | None,
 ) -> None:
     """Fit a campaign folder and print the budget of every modulus that was to be found.
 
@@ -30,18 +39,23 @@ def budget(
         ``campaign.json`` or its folder.
     model : str
         Base model, with effects.
+    asked : Asked
+        Limits, and which material to show.
     draws : int or None
         Draws of a Monte Carlo to compare with.
     refits : int or None
         Whole fits of redrawn records to compare with.
     json_out : Path or None
         Where the budgets go, all of them; ``-`` prints them instead of the tables.
+    report_out : Path or None
+        Where a report goes; ends in ``.html`` or ``.pdf``.
 
     Raises
     ------
     Failure
-        If the fit has no moduli, or there are too few draws.
+        If the fit has no moduli, the limits mean nothing, or there are too few draws.
     """
+    _refuse_ending(report_out)
     from analysis import fit_campaign
     from analysis.budget_monte_carlo import FORMAT, monte_carlo
     from analysis.budget_monte_carlo import refits as refitted
@@ -58,7 +72,15 @@ def budget(
             "radius and mass of the spheres and names of the surfaces."
         )
     document: Json = {**found, "model": result.model, "outcome": result.outcome.message}
-    document |= {"assumptions": list(result.problem.assumptions), "software": software()}
+    moduli = result.moduli()
+    document |= {
+        "status": {name: moduli[name]["status"] for name in found["moduli"]},
+        "assumptions": list(result.problem.assumptions),
+        "shots": len(result.shots),
+        "software": software(),
+    }
+    names = shown(document, asked.specimen)
+    asked.write_into(document, names)
     if draws is not None:
         try:
             sampled = monte_carlo(result, draws)
@@ -71,19 +93,88 @@ def budget(
         rows = [one.to_json() for one in again]
         document["refits"] = {"format": FORMAT, "draws": refits, "moduli": rows}
     progress("", last=True)
+    _deliver(document, names, report_out)
     if json_out == Path("-"):
         print_json(document)
         return
     if json_out is not None:
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         json_out.write_text(text + "\n", encoding="utf-8")
-    print(report(document, _sought(result.moduli())))
+    print(report(document, names))
 
 
-def _sought(moduli: Json) -> list[str]:
-    """Return the materials whose modulus was to be found; all where all were stated."""
-    found = [name for name, one in moduli.items() if one["status"] == "fitted"]
-    return found or list(moduli)
+def of_the_archive(
+    filters: Json, asked: Asked, *, report_out: Path | None, url: str | None, as_json: bool
+) -> None:
+    """Print the budgets of the moduli that all stored shots give.
+
+    Parameters
+    ----------
+    filters : dict
+        ``specimen``, ``since``, ``until``; ``None`` where not given.
+    asked : Asked
+        Limits.
+    report_out : Path or None
+        Where a report goes; ends in ``.html`` or ``.pdf``.
+    url : str or None
+        The daemon.
+    as_json : bool
+        Print the answer as JSON.
+
+    Raises
+    ------
+    Failure
+        If no modulus is stated.
+    """
+    _refuse_ending(report_out)
+    with connect(url) as client:
+        document = client.get("/v1/moduli/budget", **filters, **asked.query())
+    if as_json:
+        print_json(document)
+    if not document["moduli"]:
+        raise Failure(" ".join(["No modulus is stated.", *document["warnings"]]))
+    names = list(document["moduli"]) if asked.specimen else shown(document, None)
+    _deliver(document, names, report_out)
+    if not as_json:
+        print(report(document, names))
+
+
+def _refuse_ending(report_out: Path | None) -> None:
+    """Refuse before anything is computed for a report of no known kind."""
+    if report_out is not None and report_out.suffix.lower() not in (".html", ".pdf"):
+        raise Failure(f"{report_out} ends in neither .html nor .pdf, which are the reports.")
+
+
+def _deliver(document: Json, names: list[str], report_out: Path | None) -> None:
+    if report_out is None:
+        return
+    from impactd.budget_report import write_budget_report
+
+    write_budget_report(report_out, document, names)
+
+
+def shown(document: Json, specimen: str | None) -> list[str]:
+    """Return the materials to show: those whose modulus was to be found, or all stated ones.
+
+    Parameters
+    ----------
+    document : dict
+        ``impactd-budget/1`` with ``status``.
+    specimen : str or None
+        Only this one.
+
+    Raises
+    ------
+    Failure
+        If its modulus is not among them.
+    """
+    if specimen is not None:
+        if specimen not in document["moduli"]:
+            known = ", ".join(document["moduli"])
+            raise Failure(f"No modulus of {specimen!r} is stated; there is one of: {known}.")
+        return [specimen]
+    found = [name for name, status in document["status"].items() if status == "fitted"]
+    return found or list(document["moduli"])
 
 
 def report(document: Json, names: list[str]) -> str:
@@ -109,6 +200,7 @@ def report(document: Json, names: list[str]) -> str:
         if key in document:
             parts.append(_compared(document[key], words, names))
     parts += document.get("assumptions") or []
+    parts += document.get("warnings") or []
     return "\n\n".join(parts)
 
 
@@ -135,9 +227,9 @@ def budget_table(title: str, one: Json) -> str:
     )
     rows = [
         (
-            row["label"],
+            row["label"] if row["common"] else f"{row['label']} *",
             "-" if row["value"] is None else f"{row['value']:.6g}",
-            f"{row['u']:.2g}",
+            "-" if row["u"] is None else f"{row['u']:.2g}",
             row["unit"],
             row["distribution"],
             "-" if row["sensitivity"] is None else f"{row['sensitivity']:.3g}",
@@ -146,12 +238,19 @@ def budget_table(title: str, one: Json) -> str:
             f"{row['degrees_of_freedom']:.0f}" if row["degrees_of_freedom"] else "inf",
             row["traceable_to"] or "",
         )
-        for row in one["rows"]
+        for row in sorted(one["rows"], key=lambda row: not row["common"])
         if row["share"] >= SHOWN_SHARE
     ]
     headings = ("input", "value", "u", "unit", "distribution", "d ln/d", "gives", "share", "dof")
+    decision = [one["conformity"]["sentence"]] if "conformity" in one else []
     return "\n".join(
-        [f"{said} ({parts})", table((*headings, "traceable to"), rows), one["improve"]]
+        [
+            f"{said} ({parts})",
+            table((*headings, "traceable to"), rows),
+            "* lessened by more shots; all else is common to them.",
+            one["improve"],
+            *decision,
+        ]
     )
 
 

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -35,6 +36,51 @@ Config = Annotated[
 ]
 Data = Annotated[
     Path | None, typer.Option("--data", help="Folder of the archive, instead of the settings'.")
+]
+
+
+class Rule(StrEnum):
+    """How a modulus is compared with its limits."""
+
+    BOTH = "both"
+    ACCEPTANCE = "acceptance"
+    REJECTION = "rejection"
+    SIMPLE = "simple"
+
+
+class Modulus(StrEnum):
+    """Which of a material's moduli a limit is for."""
+
+    YOUNG = "young"
+    PLANE_STRAIN = "plane-strain"
+
+
+Lower = Annotated[
+    float | None,
+    typer.Option("--lower", metavar="PA", help="The modulus must be at least this. [Pa]"),
+]
+Upper = Annotated[
+    float | None,
+    typer.Option("--upper", metavar="PA", help="The modulus must be at most this. [Pa]"),
+]
+DecisionRule = Annotated[
+    Rule,
+    typer.Option(
+        "--rule",
+        help="both: pass and fail need the guard band, else undecided. acceptance: a pass needs "
+        "it. rejection: a fail needs it. simple: none.",
+    ),
+]
+Guard = Annotated[
+    float,
+    typer.Option(
+        "--guard", metavar="R", min=0, max=10, help="Guard band over the expanded uncertainty."
+    ),
+]
+Of = Annotated[Modulus, typer.Option("--of", help="What the limits are for: E, or E/(1-nu^2).")]
+Report = Annotated[
+    Path | None,
+    typer.Option("--report", metavar="OUT", help="Write a report here; ends in .html or .pdf."),
 ]
 
 

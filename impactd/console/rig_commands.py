@@ -10,7 +10,19 @@ from typing import Annotated, Any
 import typer
 
 from impactd.console import completions
-from impactd.console.options import Csv, Json, Url
+from impactd.console.options import (
+    Csv,
+    DecisionRule,
+    Guard,
+    Json,
+    Lower,
+    Modulus,
+    Of,
+    Report,
+    Rule,
+    Upper,
+    Url,
+)
 
 _Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
 _Until = Annotated[str | None, typer.Option("--until", help="First moment that is too late.")]
@@ -207,12 +219,36 @@ def moduli(  # noqa: PLR0917 - the framework fills them by name
     specimen: Annotated[str | None, typer.Option("--specimen", help="Only this material.")] = None,
     since: _Since = None,
     until: _Until = None,
+    budget: Annotated[
+        bool,
+        typer.Option("--budget", help="Show what their uncertainties are made of instead."),
+    ] = False,
+    report: Report = None,
+    lower: Lower = None,
+    upper: Upper = None,
+    rule: DecisionRule = Rule.BOTH,
+    guard: Guard = 1.0,
+    of: Of = Modulus.YOUNG,
     csv_out: Csv = None,
     url: Url = None,
     as_json: Json = False,
 ) -> None:
-    """Show the fitted moduli with their uncertainties."""
-    from impactd.console.moduli import show
+    """Show the fitted moduli with their uncertainties.
 
+    With a limit also whether the specimen's modulus passes, fails or is undecided (JCGM 106).
+    """
     filters = {"specimen": specimen, "since": since, "until": until}
-    show(filters, csv_out=csv_out, url=url, as_json=as_json)
+    if not (budget or report is not None or lower is not None or upper is not None):
+        from impactd.console.moduli import show
+
+        show(filters, csv_out=csv_out, url=url, as_json=as_json)
+        return
+    if csv_out is not None:
+        raise typer.BadParameter("--csv is for the moduli; a budget has --json and --report")
+    from impactd.console.budgets import of_the_archive
+    from impactd.console.decisions import Asked
+
+    asked = Asked(lower, upper, rule, guard, of, specimen)
+    if asked.limited and specimen is None:
+        raise typer.BadParameter("a limit is for one material; choose it with --specimen")
+    of_the_archive(filters, asked, report_out=report, url=url, as_json=as_json)

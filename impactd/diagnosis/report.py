@@ -12,7 +12,7 @@ from string import Template
 from typing import Any
 
 from analysis.plots.span import span_us
-from impactd.diagnosis import closure_figures, figures, sections, trail
+from impactd.diagnosis import budgets, closure_figures, figures, sections, trail
 from impactd.diagnosis.style import STYLE
 from impactd.diagnosis.unit import Unit, unit_of
 
@@ -52,6 +52,7 @@ $trail
 $closure
 <h2>Moduli before and after</h2>
 $moduli
+$budgets
 <h2>What remains</h2>
 $remains
 $residual_after
@@ -131,6 +132,7 @@ def page(document: Json) -> str:
             "Plane-strain moduli before and after, with 95 % intervals",
         )
         + sections.moduli(document),
+        budgets=_budgets(document),
         remains=trail.remains(document),
         residual_after=_stack(
             repaired,
@@ -145,6 +147,14 @@ def page(document: Json) -> str:
         circumstances=sections.circumstances(document),
         software=html.escape(document["software"]),
     )
+
+
+def _budgets(document: Json) -> str:
+    """Return what the uncertainty of every modulus that was found is made of."""
+    block = document["after"]
+    stated = [name for name, one in block["moduli"].items() if one["status"] == "fitted"]
+    made = budgets.section(block.get("budget"), stated)
+    return f"<h2>What their uncertainty is made of</h2>{made}" if made else ""
 
 
 def _in_time(seen: Json, closure: Json | None, unit: Unit) -> str:
@@ -179,9 +189,7 @@ def _learned(closure: Json | None, unit: Unit) -> str:
     )
 
 
-def _stack(
-    seen: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]
-) -> str:
+def _stack(seen: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]) -> str:
     if not seen.get("stacks"):
         return ""
     return _picture(

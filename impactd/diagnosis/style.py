@@ -35,5 +35,20 @@ details { margin: .6rem 0; } summary { color: var(--soft); cursor: pointer; }
 figcaption { font-size: .9rem; }
 ul { padding-left: 1.2rem; }
 code { font-size: .92em; }
-@media print { body { max-width: none; } }
+td.group { text-align: left; font-weight: 600; color: var(--soft); border-bottom: 0;
+           padding-top: .9rem; }
+.budget table { font-size: .84rem; }
+.budget th, .budget td { padding: .3rem .4rem; }
+.budget th, .budget td.input { white-space: normal; }
+.verdict.fail, .verdict.undecided { border-color: var(--before); }
+@media print {
+  body { max-width: none; font-size: 11px; padding: 0; }
+  table, figure, .verdict, .figures { break-inside: avoid; }
+  h2, h3 { break-after: avoid; }
+  .wide { overflow: visible; }
+  td, th { padding: .2rem .35rem; }
+  td, th, td.words { white-space: normal; }
+  details::details-content { content-visibility: visible; height: auto; }
+  @page { size: A4 landscape; margin: 14mm; }
+}
 """

@@ -19,6 +19,7 @@ _VIEWS = (
     "rig",
     "shots",
     "shots/{last}",
+    "moduli",
     "compare/{some}",
     "calibration",
     "diagnoses",
@@ -88,6 +89,9 @@ def _look(visitor: Visitor, folder: Path, name: str) -> None:
     for view in _VIEWS:
         address = view.format(last=last, some=f"{last - 3},{last - 2},{last}")
         page.goto(f"{visitor.daemon.url}/#/{address}")
+        if view == "moduli":
+            page.locator("summary").first.click()
+            page.get_by_role("table").first.wait_for()
         if view in _WITH_CHART or "/" in view:
             page.locator(".chart .main-svg").first.wait_for(state="attached")
         page.wait_for_timeout(_SETTLED_MS)

@@ -5,6 +5,7 @@ import { byId, fill, h } from "../js/dom.js";
 const VIEWS = [
   ["#/rig", "Drop"],
   ["#/shots", "Shots"],
+  ["#/moduli", "Moduli"],
   ["#/calibration", "Calibration"],
   ["#/diagnoses", "Diagnoses"],
   ["#/models", "Models"],

@@ -1,0 +1,45 @@
+"""Moduli on the page: what they are, what their uncertainty is made of, whether one passes."""
+
+from __future__ import annotations
+
+
+def test_a_budget_is_unfolded_and_a_limit_decided(visitor):
+    """The sentence, both groups of rows, their shares, and pass or fail stand under a modulus."""
+    page = visitor.page
+    visitor.sign_in()
+    asked = []
+    page.on("request", lambda request: asked.append(request.url))
+    for surface in ("aluminium", "specimen"):
+        visitor.choose("acetal", surface, 30)
+        visitor.arm_and_drop()
+        page.get_by_text(f"acetal on {surface} from 30 mm").nth(1).wait_for()
+        page.locator(".modulus").wait_for()
+    visitor.go("Moduli")
+    card = page.get_by_role("region", name="specimen", exact=True)
+    card.locator(".modulus").wait_for()
+    assert not any("budget" in url for url in asked)
+
+    card.get_by_text("What its uncertainty is made of").click()
+
+    table = card.get_by_role("table").first
+    table.wait_for()
+    assert sum("budget" in url for url in asked) == 1
+    words = table.inner_text()
+    for told in ("Common to all shots", "Of the single shots", "Poisson's ratio", "noise"):
+        assert told in words
+    assert card.locator(".improve").first.inner_text().endswith(".")
+    assert table.get_by_role("columnheader", name="Traceable to").count() == 1
+    form = card.get_by_role("form", name="Limits for E of specimen")
+    form.get_by_role("button", name="Decide").click()
+    form.get_by_role("alert").get_by_text("Give a limit").wait_for()
+    form.get_by_label("At least / GPa").fill("0.01")
+    form.get_by_role("button", name="Decide").click()
+    form.locator("[data-decision=pass]").get_by_text("E of specimen passes").wait_for()
+    form.get_by_label("At least / GPa").fill("500")
+    form.get_by_role("button", name="Decide").click()
+    form.locator("[data-decision=fail]").wait_for()
+    page.emulate_media(media="print")
+    assert not page.get_by_role("navigation").is_visible()
+    assert table.is_visible()
+    page.emulate_media(media="screen")
+    visitor.assert_clean()
