@@ -17,6 +17,7 @@ class Schema(StrEnum):
 
     CAMPAIGN = "campaign"
     FIT = "fit"
+    BUDGET = "budget"
     DIAGNOSIS = "diagnosis"
     SETTINGS = "settings"
 
@@ -32,7 +33,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of what is exchanged.
 
-    A campaign, a fit, a diagnosis or the settings.
+    A campaign, a fit, a budget, a diagnosis or the settings.
     """
     import json
     from importlib import resources

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+import json
+from importlib import resources
+
+import jsonschema_rs
 import pytest
+
+
+def _is_as_its_schema_says(document) -> bool:
+    text = resources.files("impactd.schemas").joinpath("budget.json").read_text("utf-8")
+    return bool(jsonschema_rs.validator_for(json.loads(text)).is_valid(document))
 
 
 @pytest.fixture(scope="module")
@@ -29,6 +38,7 @@ def test_a_budget_adds_up_to_what_the_moduli_say(measured):
     assert inputs["spheres.acetal.youngs_modulus_Pa"]["common"]
     assert one["improve"].endswith(".")
     assert "conformity" not in one
+    assert _is_as_its_schema_says(found)
 
 
 def test_a_limit_gets_a_decision(measured):
@@ -44,6 +54,7 @@ def test_a_limit_gets_a_decision(measured):
     assert decisions["high"]["decision"] == "fail"
     assert decisions["high"]["sentence"].startswith("E of specimen fails: at least")
     plane = measured.reader.get(f"{path}&upper_Pa=1e12&modulus=plane_strain_modulus_Pa").json()
+    assert _is_as_its_schema_says(plane)
     assert plane["moduli"]["specimen"]["plane_strain_modulus_Pa"]["conformity"]["rule"] == "both"
 
 

@@ -1,7 +1,7 @@
 // What a modulus' uncertainty is made of: what all shots share apart from what more shots lessen.
 
 import { h } from "../js/dom.js";
-import { modulus, significant } from "../js/numbers.js";
+import { modulus, modulusUnit, significant } from "../js/numbers.js";
 
 const NAMES = { youngs_modulus_Pa: "E", plane_strain_modulus_Pa: "E/(1−ν²)" };
 const GROUPS = [
@@ -60,13 +60,21 @@ function group(words, rows) {
       h("td", { colspan: 2 })));
 }
 
+/** Return a number of a row with its unit; pascals as one reads them. */
+function inUnit(value, row, digits) {
+  if (value === null) return "–";
+  if (row.unit !== "Pa") return `${significant(value, digits)}${row.unit === "1" ? "" : ` ${row.unit}`}`;
+  const [scale, unit] = modulusUnit(row.value ?? value);
+  return `${significant(value * scale, digits)} ${unit}`;
+}
+
 function line(row) {
   const unit = row.unit === "1" ? "" : ` ${row.unit}`;
   const number = (text) => h("td", { class: "number" }, text);
   return h("tr", {},
     h("th", { scope: "row" }, row.label),
-    number(row.value === null ? "–" : `${significant(row.value, 6)}${unit}`),
-    number(row.u === null ? "–" : `${significant(row.u, 2)}${unit}`),
+    number(inUnit(row.value, row, 6)),
+    number(inUnit(row.u, row, 2)),
     h("td", {}, row.distribution),
     number(row.sensitivity === null ? "–" : `${significant(row.sensitivity)}${row.sensitivity_to === "logarithm" || !unit ? "" : ` per${unit}`}`),
     number(percent(row.contribution)),

@@ -15,9 +15,9 @@ const STATUS = {
   withheld: ["warn", "withheld"],
 };
 const RULES = [
-  ["both", "Pass, fail or undecided: both need the guard band"],
-  ["acceptance", "A pass needs the guard band, all else fails"],
-  ["rejection", "A fail needs the guard band, all else passes"],
+  ["both", "Guard band for pass and for fail"],
+  ["acceptance", "Guard band for a pass"],
+  ["rejection", "Guard band for a fail"],
   ["simple", "No guard band"],
 ];
 
