@@ -25,6 +25,7 @@ from analysis import (
     plot_shot,
     plot_traces,
 )
+from analysis.plots.budget import plot_budget
 from analysis.plots.paper_figures import figure_2, figure_3, figure_4
 
 COMBINATIONS = ("natural_frequency_Hz", "damping_ratio", "gain_N_per_V")
@@ -64,11 +65,21 @@ MATRIX = {
     "columns": ["adequate", "echo"],
     "counts": {"all": [[5, 0], [1, 3]], "detectable": [[0, 0], [0, 0]]},
 }
+
+
+def _a_budget(fit: Any) -> dict[str, Any]:
+    """Return the budget of one modulus of a fit."""
+    of_materials: list[dict[str, Any]] = list(fit.budget()["moduli"].values())
+    found: dict[str, Any] = of_materials[0]["plane_strain_modulus_Pa"]
+    return found
+
+
 DRAWN: dict[str, Callable[[Any, Any], Figure]] = {
     "shot": lambda hsd, kv: plot_shot(hsd, kv, shot=2),
     "residuals": lambda hsd, _: plot_residuals(hsd),
     "traces": lambda _, kv: plot_traces(kv),
     "moduli": lambda _, kv: plot_moduli(kv.to_json(), literature_of(kv.problem.campaign)),
+    "budget": lambda _, kv: plot_budget("E'", _a_budget(kv)),
     "calibrations": lambda *_: plot_calibrations(series(5, 3)),
     "one afternoon": lambda *_: plot_calibrations(series(3, 0)),
     "confusion": lambda *_: plot_confusion(MATRIX, "all"),

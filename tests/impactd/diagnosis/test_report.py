@@ -69,6 +69,19 @@ def test_the_page_tells_the_whole_story(document):
         assert said in text
 
 
+def test_the_page_says_what_each_uncertainty_is_made_of(document):
+    """The found modulus has its inputs, the part no repetition lessens, and what improves it."""
+    text = " ".join(read(page(document)).text)
+    budget = document["after"]["budget"]["moduli"]["specimen"]["youngs_modulus_Pa"]
+    assert "What their uncertainty is made of" in text
+    assert budget["improve"] in text
+    assert "common to all shots" in text
+    assert budget["rows"][0]["label"] in text
+    older = copy.deepcopy(document)
+    del older["after"]["budget"]  # of a version that accounted for nothing
+    assert "What their uncertainty is made of" not in page(older)
+
+
 def test_other_verdicts_have_a_page_too(document):
     """Without effect, with a closure, or without anything to find, the page still closes."""
     unknown = copy.deepcopy(document)
