@@ -29,7 +29,7 @@ def advice(budget: Budget) -> str:
     if _combined(worst) < budget.part(common=False):
         return _more_shots(budget)
     whole, total, source = _combined(worst), budget.relative_u, worst[0].source
-    share = f"{whole**2 / total**2:.0%} of its variance"
+    share = _share(whole / total)
     if source.remedy:
         return f"{source.remedy}: the {source.label} is {share}."
     if source.value is None:
@@ -56,13 +56,12 @@ def _more_shots(budget: Budget) -> str:
     total, averaged = budget.relative_u, budget.part(common=False)
     worst = max((r for r in budget.rows if not r.source.common), key=lambda r: r.contribution)
     if worst.source.remedy:
-        share = f"{worst.contribution**2 / total**2:.0%} of its variance"
+        share = _share(worst.contribution / total)
         return f"{worst.source.remedy}: the {worst.source.label} is {share}."
     left = math.hypot(budget.part(common=True), averaged / 2)
     return (
-        "Drop four times as many shots: noise and scatter are "
-        f"{averaged**2 / total**2:.0%} of its variance, and u would fall from "
-        f"{_percent(total)} to {_percent(left)}."
+        f"Drop four times as many shots: noise and scatter are {_share(averaged / total)}, and u "
+        f"would fall from {_percent(total)} to {_percent(left)}."
     )
 
 
@@ -84,8 +83,13 @@ def _rounded_down(u: float) -> float:
     return math.floor(u / unit + 1e-9) * unit
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.2g} %"
+def _percent(relative: float) -> str:
+    return f"{100 * relative:.2g} %"
+
+
+def _share(part: float) -> str:
+    """Return what a part of u is of the variance."""
+    return f"{100 * part**2:.0f} % of its variance"
 
 
 def _combined(rows: list[Row]) -> float:

@@ -53,8 +53,9 @@ def network_budgets(adjustment: Adjustment) -> list[Budget]:
 
     Notes
     -----
-    Validation: the contributions' squares against the covariance, and the rows against a joint fit
-    of the same shots, in ``tests/analysis/test_moduli_budget.py``.
+    Source: JCGM 100 (GUM) 5.1. Validation: the contributions' squares against the covariance, one
+    pair's rows against ``uncertainties``, and the whole against sampled networks in
+    ``tests/analysis/test_moduli_budget.py``.
     """
     result = adjustment.result
     logs = dict(zip(result.names, result.log_plane_strain.tolist(), strict=True))

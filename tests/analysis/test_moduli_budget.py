@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from analysis.budget import Budget
 from analysis.campaign import Quantity, Sphere, Surface, Uncertainty
 from analysis.moduli import Adjustment, adjust_network
 from analysis.moduli_budget import network_budgets, network_budgets_json
+from analysis.moduli_network import build, grouped, solve
 from analysis.pair_observation import PairObservation
 
 RATIO = Quantity(0.36, 0.01)
@@ -113,6 +115,55 @@ def test_one_pair_agrees_with_another_program() -> None:
     assert rows["spheres.a.mass_kg"] == pytest.approx(parts[errors["input.mass.a"]], rel=1e-4)
     assert rows["spheres.a.youngs_modulus_Pa"] == pytest.approx(parts[young], rel=1e-4)
     assert rows["spheres.a.poissons_ratio"] == pytest.approx(parts[nu], rel=1e-4)
+
+
+def test_sampled_networks_scatter_as_the_budget_says() -> None:
+    """Every stated number drawn and every recording repeated: the moduli's u is the budget's."""
+    rng, count = np.random.default_rng(7), 200
+    exact = [dataclasses.replace(o, log_reduced_modulus=m) for o, m in _exact(observed())]
+    known = {name: np.diag([1e-6, 4e-6, 1e-9, 9e-6]) for name in CELLS}
+    nominal = adjust_network(exact, SPHERES, SURFACES, known)
+    logs = np.empty((count, len(nominal.result.names)))
+    for draw in range(count):
+        cell = {n: rng.multivariate_normal(np.zeros(4), c) for n, c in known.items()}
+        inputs = {name: rng.standard_normal() for name in INPUTS}
+        seen = [
+            dataclasses.replace(
+                o,
+                log_reduced_modulus=o.log_reduced_modulus
+                + 1e-3 * rng.standard_normal()
+                + float(o.sensitivity @ cell[o.calibration])
+                + sum(u * inputs[name] for name, u in o.inputs.items()),
+            )
+            for o in exact
+        ]
+        system = build(seen, _restated(SPHERES, rng), _restated(SURFACES, rng), known)
+        logs[draw] = solve(system, grouped(system))[0][: logs.shape[1]]
+    budgets = network_budgets(nominal)
+    for name, values in zip(nominal.result.names, logs.T, strict=True):
+        # a standard deviation of 200 draws is good to 1/sqrt(2 * 199) = 5 %; four of that
+        stated = the(budgets, name).relative_u
+        assert values.std(ddof=1) == pytest.approx(stated, rel=0.2), name
+
+
+def _exact(observations: list[PairObservation]) -> list[tuple[PairObservation, float]]:
+    return [(o, -math.log(1 / PLANE[o.sphere] + 1 / PLANE[o.surface])) for o in observations]
+
+
+def _restated(materials: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
+    """Return materials as their stated moduli might have been said, of the same truth."""
+
+    def said(known: Quantity | None) -> Quantity | None:
+        return known and Quantity(known.value + known.u * rng.standard_normal(), known.u)
+
+    return {
+        name: dataclasses.replace(
+            one,
+            youngs_modulus_pa=said(one.youngs_modulus_pa),
+            poissons_ratio=said(one.poissons_ratio),
+        )
+        for name, one in materials.items()
+    }
 
 
 def test_rows_say_value_u_and_source_of_what_is_stated_today() -> None:
