@@ -8,8 +8,9 @@ const GROUPS = [
   [true, "Common to all shots: no repetition lessens it"],
   [false, "Of the single shots: more of them lessen it"],
 ];
-const HEAD = ["Input", "Value", "u", "Distribution", "Sensitivity", "Contribution", "Share", "Degrees of freedom", "Traceable to"];
-const WORDS = [0, 3, 8];
+// The share comes first: a tablet shows the first columns, and the others when it is pushed aside.
+const HEAD = ["Input", "Share", "Value", "u", "Distribution", "Sensitivity", "Contribution", "Degrees of freedom", "Traceable to"];
+const WORDS = [0, 4, 8];
 const SHOWN_SHARE = 1e-3;
 
 const DECISIONS = {
@@ -55,9 +56,8 @@ function group(words, rows) {
     large.map(line),
     h("tr", {},
       h("th", { scope: "row" }, small ? `Together, with ${small} smaller` : "Together"),
-      h("td", { colspan: 5 }),
       h("td", { class: "number" }, share(together)),
-      h("td", { colspan: 2 })));
+      h("td", { colspan: HEAD.length - 2 })));
 }
 
 /** Return a number of a row with its unit; pascals as one reads them. */
@@ -73,12 +73,12 @@ function line(row) {
   const number = (text) => h("td", { class: "number" }, text);
   return h("tr", {},
     h("th", { scope: "row" }, row.label),
+    h("td", { class: "number" }, h("progress", { max: 1, value: row.share, "aria-hidden": "true" }), share(row.share)),
     number(inUnit(row.value, row, 6)),
     number(inUnit(row.u, row, 2)),
     h("td", {}, row.distribution),
     number(row.sensitivity === null ? "–" : `${significant(row.sensitivity)}${row.sensitivity_to === "logarithm" || !unit ? "" : ` per${unit}`}`),
     number(percent(row.contribution)),
-    h("td", { class: "number" }, h("progress", { max: 1, value: row.share, "aria-hidden": "true" }), share(row.share)),
     number(row.degrees_of_freedom === null ? "∞" : significant(row.degrees_of_freedom, 3)),
     h("td", {}, row.traceable_to ?? (row.common ? "not stated" : "–")));
 }
