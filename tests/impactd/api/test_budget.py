@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from importlib import resources
 
 import jsonschema_rs
@@ -73,3 +76,25 @@ def test_limits_that_mean_nothing_are_refused_in_words(measured, query, words):
     answer = measured.reader.get(f"/v1/moduli/budget?{query}")
     assert answer.status_code == 422
     assert words in answer.json()["detail"]
+
+
+def test_the_command_shows_and_reports_the_archives_budget(measured, tmp_path):
+    """`impactd moduli --budget` has rows, sentence and decision, and writes the page."""
+    named = {"IMPACTD_URL": measured.url, "IMPACTD_TOKEN": measured.token("read", "a terminal")}
+    limit = ["--specimen", "specimen", "--lower", "1e6", "--report", str(tmp_path / "b.html")]
+    done, refused = (
+        subprocess.run(
+            [sys.executable, "-m", "impactd", "moduli", "--budget", *words],
+            capture_output=True,
+            text=True,
+            check=False,
+            env={**os.environ, **named},
+        )
+        for words in (limit, ["--lower", "1e6"])
+    )
+    assert done.returncode == 0, done.stderr
+    assert "noise and scatter of the single shots" in done.stdout
+    assert "E of specimen passes: at least 1 MPa was asked" in done.stdout
+    assert "E of specimen passes" in (tmp_path / "b.html").read_text(encoding="utf-8")
+    assert refused.returncode == 2
+    assert "--specimen" in refused.stderr
