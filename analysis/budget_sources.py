@@ -14,12 +14,19 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Quantity, Sphere, Surface, Uncertainty
+from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sphere, Surface, Uncertainty
 from analysis.fit.blocks import ShotBlock
 from analysis.fit.estimates import CELL
 from analysis.fit.joint import Fitted
-from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, sensor_transform
+from analysis.fit.priors import (
+    LEAST_RELATIVE_U,
+    SEEN,
+    SENSOR_FIELDS,
+    UNKNOWN_LOG_U,
+    sensor_transform,
+)
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.stated_effects import stated_effects
 from analysis.model import solver
 
 Array = NDArray[np.float64]
@@ -42,7 +49,6 @@ INPUT_LABELS = {
     "mass": "mass of the sphere {}",
     "radius": "radius of the sphere {}",
     "coupon_mass": "mass of the coupon {}",
-    "coupon_thickness": "thickness of the coupon {}",
     "height_offset": "offset that all drop heights share",
     "time_base": "time base (true over stated sample rate)",
     "gravity": "acceleration of fall",
@@ -120,6 +126,7 @@ def sources(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) ->
 def _stated(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
     """Yield each stated number's source with the part of the precision that it explains."""
     yield from _of_inputs(problem, covariance)
+    yield from _of_effects(problem, covariance)
     known = problem.campaign.spheres, problem.campaign.surfaces
     yield from of_moduli(problem.names, problem.prior_precision, covariance, *known)
     yield from _of_cell(problem, covariance)
@@ -139,6 +146,20 @@ def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
             _unit_precision(size, np.eye(size)[j], one.u),
             Source(one.path, label, one.value, one.uncertainty, one.unit, relative, True, column),
         )
+
+
+def _of_effects(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
+    """Yield what is stated of effects' numbers, as a coupon's thickness."""
+    size = covariance.shape[0]
+    for j, one in stated_effects(problem):
+        precision = float(problem.prior_precision[j, j])
+        said = one.uncertainty or Uncertainty(LEAST_RELATIVE_U * one.value)
+        # by the logarithm of the value, whose coordinate rises or falls with it
+        sign = math.copysign(1.0, one.parameter.slope(one.prior.mean))
+        column = covariance[:, [j]] * math.sqrt(precision) * sign
+        whole = _unit_precision(size, np.eye(size)[j], precision**-0.5)
+        unit = one.parameter.unit
+        yield whole, Source(one.path, one.label, one.value, said, unit, True, True, column)
 
 
 def of_moduli(
@@ -172,7 +193,7 @@ def of_moduli(
         material = (spheres if side == "sphere" else surfaces)[short]
         young, ratio = material.youngs_modulus_pa, material.poissons_ratio
         precision = float(prior_precision[j, j])
-        told, zero = ratio or Quantity(0.35, 0.1), np.zeros((size, size))
+        told, zero = ratio or UNKNOWN_POISSONS_RATIO, np.zeros((size, size))
         u_nu = nu_slope(told) * told.u
         if young is not None:
             # the part of the prior's variance that is not Poisson's ratio's, its floor included

@@ -33,6 +33,10 @@ class Quantity:
     u: float
 
 
+UNKNOWN_POISSONS_RATIO = Quantity(0.35, 0.1)
+"""What a Poisson's ratio counts as that nobody states."""
+
+
 @dataclass(frozen=True)
 class Uncertainty:
     """How far a stated number may be from the truth; the number itself stands beside it.

@@ -63,5 +63,5 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
 def _sampled(rate_hz: float) -> ShotContext:
     nothing = math.nan
     return ShotContext(
-        rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, None, nothing
+        rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, nothing
     )

@@ -17,6 +17,7 @@ from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.stated_effects import stated_effects
 
 Array = NDArray[np.float64]
 KNOWN_BEFORE = ("ln_v0", "ln_e")
@@ -146,10 +147,15 @@ def extended(
     new = larger.names[len(problem.names) :]
     start = np.array([coordinates.get(n, 0.0) for n in new])
     size, old = len(larger.names), len(problem.names)
+    stated = [(j, s.prior) for j, s in stated_effects(larger) if j >= old]
+    for j, prior in stated:
+        start[j - old] = prior.mean
     larger.prior_precision = np.zeros((size, size))
     larger.prior_precision[:old, :old] = problem.prior_precision
     for j in range(old, size):
         larger.prior_precision[j, j] = COORDINATE_U**-2
+    for j, prior in stated:
+        larger.prior_precision[j, j] = prior.u**-2
     larger.prior_mean = np.concatenate([problem.prior_mean, start])
     theta = np.concatenate([fitted.theta, start])
     larger.start = theta

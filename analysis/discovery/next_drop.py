@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from analysis.discovery.candidates import Refit
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
-from analysis.fit.fit_shot import ASSUMED_REPEATABILITY
+from analysis.fit.fit_shot import ASSUMED_REPEATABILITY, poissons_ratio
 from analysis.fit.priors import Prior
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import NUISANCE, SHARED
@@ -211,9 +211,9 @@ def _item(problem: JointProblem, drop: _Drop) -> FitShot:
         radius_m=sphere.radius_m if sphere else None,
         mass_kg=(sphere.mass_kg if sphere else None) or template.frame.mass_kg,
         coupon_mass_kg=surface.coupon_mass_kg if surface else None,
-        coupon_thickness_m=surface.coupon_thickness_m if surface else None,
         sphere=drop.sphere,
         surface=drop.surface,
+        coupon_poissons_ratio=poissons_ratio(surface),
     )
     shot = dataclasses.replace(
         template.shot,

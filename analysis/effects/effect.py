@@ -31,6 +31,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.campaign import UNKNOWN_POISSONS_RATIO
 from analysis.errors import ParameterOutOfRangeError
 from analysis.model.hertz import (
     closed_damping_coefficient,
@@ -67,7 +68,7 @@ class ShotContext:
         Impact speed. [m/s]
     touch_down_s : float
         After the window's first sample. [s]
-    radius_m, drop_height_m, coupon_mass_kg, coupon_thickness_m : float or None
+    radius_m, drop_height_m, coupon_mass_kg : float or None
         None where unknown.
     gravity_m_per_s2 : float
         [m/s^2]
@@ -77,6 +78,11 @@ class ShotContext:
         The base model obeys the third law and its contact ends when the force does (``kv2``).
     coupon_on_crystal_kg : float
         What the base model adds to the crystal's mass; 0 in the paper's models. [kg]
+    coupon_share : float or None
+        The coupon's part in the compliance of the two bodies, (1/E2') / (1/E1' + 1/E2'); None for
+        effects that do not ask for it. [1]
+    coupon_poissons_ratio : float
+        nu of the coupon, 0.35 where unknown. [1]
     """
 
     sample_rate_hz: float
@@ -88,11 +94,12 @@ class ShotContext:
     radius_m: float | None
     drop_height_m: float | None
     coupon_mass_kg: float | None
-    coupon_thickness_m: float | None
     gravity_m_per_s2: float
     restitution: float = 1.0
     closed: bool = False
     coupon_on_crystal_kg: float = 0.0
+    coupon_share: float | None = None
+    coupon_poissons_ratio: float = UNKNOWN_POISSONS_RATIO.value
 
     @property
     def alpha(self) -> float:
@@ -160,6 +167,8 @@ class EffectParameter:
     valleys : tuple of float
         Multiples of a value at which the squares may have another valley, as where it says when
         something comes back: a fit that ends in structure begins there once more.
+    stated : str
+        Which number of a campaign's surface is this one measured beforehand; empty for none.
     """
 
     name: str
@@ -175,6 +184,7 @@ class EffectParameter:
     threshold: bool = False
     resolved: bool = False
     valleys: tuple[float, ...] = ()
+    stated: str = ""
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""
@@ -262,6 +272,9 @@ class Effect:
         Whose shots it acts on, as (``surface`` or ``sphere``, name); None for all.
     rides : bool
         Its second contact meets the structure as the first has left it, ringing.
+    by_coupon_share : bool
+        It depends on the coupon's share in the compliance of the two bodies, a local parameter
+        ``<id>.coupon_share`` that follows from the moduli and is nobody's own.
     """
 
     id: str
@@ -292,6 +305,7 @@ class Effect:
     lookalikes: tuple[Effect, ...] = ()
     only: tuple[str, str] | None = None
     rides: bool = False
+    by_coupon_share: bool = False
 
     def acts_on(self, sphere: str | None, surface: str | None) -> bool:
         """Tell whether a shot of this sphere on this surface feels it."""

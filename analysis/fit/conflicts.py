@@ -15,6 +15,7 @@ from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
+from analysis.fit.stated_effects import stated_effect, stated_effects
 
 CONFLICT_ABOVE = 3.3
 """Standard uncertainties of the difference; chance alone does it once in a thousand statements."""
@@ -91,6 +92,7 @@ def _statements(problem: JointProblem) -> list[int]:
             known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
             if known[short].youngs_modulus_pa is not None:
                 found.append(j)
+    found.extend(j for j, _ in stated_effects(problem))
     return [*found, *range(len(problem.names) - len(problem.inputs), len(problem.names))]
 
 
@@ -155,6 +157,12 @@ def _score(problem: JointProblem, theta: Array, covariance: Array, j: int) -> fl
 def _conflict(problem: JointProblem, j: int, seen: tuple[float, float], score: float) -> Conflict:
     name, (at, u) = problem.names[j], seen
     side, _, short = name.partition(".")
+    effect = stated_effect(problem, name)
+    if effect is not None:
+        parameter, said = effect.parameter, effect.uncertainty
+        stated = Quantity(effect.value, said.u if said else 0.0)
+        found = Quantity(parameter.value(at), u * abs(parameter.slope(at)))
+        return Conflict(name, effect.path, stated, found, parameter.unit, score)
     if side not in ("sphere", "surface"):
         one = problem.inputs[j - len(problem.names) + len(problem.inputs)]
         stated = Quantity(one.value, one.uncertainty.u)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from analysis.campaign import Campaign, Rejected, Shot
+from analysis.campaign import UNKNOWN_POISSONS_RATIO, Campaign, Rejected, Shot, Surface
 from analysis.errors import ShotRejectedError
 from analysis.fit.priors import Prior
 from analysis.fit.window import Window, campaign_noise, cut, rail
@@ -61,6 +61,12 @@ class FitShot:
         return f"{self.shot.sphere or '?'}/{self.shot.surface or '?'}"
 
 
+def poissons_ratio(surface: Surface | None) -> float:
+    """Return a coupon's Poisson's ratio, or what counts for one that nobody states."""
+    stated = surface.poissons_ratio if surface else None
+    return (stated or UNKNOWN_POISSONS_RATIO).value
+
+
 def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
     sphere = campaign.spheres.get(shot.sphere or "")
     surface = campaign.surfaces.get(shot.surface or "")
@@ -77,10 +83,10 @@ def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
         radius_m=sphere.radius_m if sphere else None,
         drop_height_m=shot.drop_height_m,
         coupon_mass_kg=surface.coupon_mass_kg if surface else None,
-        coupon_thickness_m=surface.coupon_thickness_m if surface else None,
         rail=rail(shot, window),
         sphere=shot.sphere,
         surface=shot.surface,
+        coupon_poissons_ratio=poissons_ratio(surface),
     )
 
 

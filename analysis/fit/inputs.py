@@ -7,7 +7,7 @@ joint covariance, which is generalised least squares with the common errors as p
 =========================  ===================================================================
 ``input.mass.<sphere>``    ln of a sphere's mass [kg]
 ``input.radius.<sphere>``  ln of a sphere's radius [m]
-``input.coupon_mass.<s>``  ln of a coupon's mass [kg]; ``coupon_thickness`` [m] likewise
+``input.coupon_mass.<s>``  ln of a coupon's mass [kg]
 ``input.height_offset``    offset that all drop heights share [mm]
 ``input.time_base``        ln of true over stated sample rate, of all shots [1]
 ``input.gravity``          ln of the acceleration of fall [m/s^2]
@@ -112,7 +112,7 @@ class Input:
         """Tell whether it is a number of this shot."""
         if self.kind in ("mass", "radius"):
             return item.shot.sphere == self.owner
-        if self.kind in ("coupon_mass", "coupon_thickness"):
+        if self.kind == "coupon_mass":
             return item.shot.surface == self.owner
         if self.kind == "height_offset":
             return _fell(item)
@@ -215,12 +215,6 @@ def _coupon_mass(item: FitShot, by: float) -> FitShot:
     return replace(item, frame=frame)
 
 
-def _coupon_thickness(item: FitShot, by: float) -> FitShot:
-    known = item.frame.coupon_thickness_m
-    thickness = None if known is None else known * math.exp(by)
-    return replace(item, frame=replace(item.frame, coupon_thickness_m=thickness))
-
-
 def _height_offset(item: FitShot, by_mm: float) -> FitShot:
     stated = item.frame.drop_height_m
     assert stated is not None
@@ -248,7 +242,6 @@ _MOVES = {
     "mass": _mass,
     "radius": _radius,
     "coupon_mass": _coupon_mass,
-    "coupon_thickness": _coupon_thickness,
     "height_offset": _height_offset,
     "time_base": _time_base,
     "gravity": _gravity,
@@ -277,13 +270,10 @@ def _of_materials(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Sta
         if ball.mass_kg is not None:
             yield _Stated("mass", name, ball.mass_kg, "kg", ball.u_mass_kg, f"{at}.mass_kg")
     for name in sorted({i.shot.surface for i in items if i.shot.surface is not None}):
-        coupon = campaign.surfaces[name]
-        for kind, value, unit, u in (
-            ("coupon_mass", coupon.coupon_mass_kg, "kg", coupon.u_coupon_mass_kg),
-            ("coupon_thickness", coupon.coupon_thickness_m, "m", coupon.u_coupon_thickness_m),
-        ):
-            if value is not None:
-                yield _Stated(kind, name, value, unit, u, f"surfaces.{name}.{kind}_{unit}")
+        mass, u = campaign.surfaces[name].coupon_mass_kg, campaign.surfaces[name].u_coupon_mass_kg
+        if mass is not None:
+            path = f"surfaces.{name}.coupon_mass_kg"
+            yield _Stated("coupon_mass", name, mass, "kg", u, path)
 
 
 def _of_the_rig(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Stated]:

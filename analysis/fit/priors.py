@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Quantity, Sensor
+from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sensor
 from analysis.model.hertz import plane_strain_modulus
 
 SEEN = "rebound.seen_ms"
@@ -16,6 +16,9 @@ SEEN_U_MS = 3.0
 """Nobody says when a rebound was seen; camera frames and record lengths are of this order."""
 SEEN_NEEDS_SHOTS = 6
 """Fewer stated restitutions cannot tell the delay from the restitution itself."""
+
+LEAST_RELATIVE_U = 1e-6
+"""What is exact is known as well as this: normal equations have to stay solvable in doubles."""
 
 UNKNOWN_LOG_U = 4.0
 """Width that only keeps an undetermined logarithm finite; e^4 either way is no information."""
@@ -62,7 +65,7 @@ def sensor_prior(sensor: Sensor) -> tuple[NDArray[np.float64], NDArray[np.float6
     if sensor.covariance is not None and all(known):
         inner = np.linalg.inv(sensor.covariance)
     else:
-        relative = [max(q.u / q.value, 1e-6) if q else math.inf for q in known]
+        relative = [max(q.u / q.value, LEAST_RELATIVE_U) if q else math.inf for q in known]
         inner = np.diag([r**-2 for r in relative])
     precision = transform.T @ inner @ transform
     return precision, transform.T @ inner @ logs
@@ -83,7 +86,7 @@ def modulus_prior(modulus: Quantity | None, ratio: Quantity | None) -> Prior | N
     """
     if modulus is None:
         return None
-    nu = ratio or Quantity(0.35, 0.1)
+    nu = ratio or UNKNOWN_POISSONS_RATIO
     u_nu = 2 * nu.value * nu.u / (1 - nu.value**2)
     u = math.hypot(modulus.u / modulus.value, u_nu)
-    return Prior(math.log(plane_strain_modulus(modulus.value, nu.value)), max(u, 1e-6))
+    return Prior(math.log(plane_strain_modulus(modulus.value, nu.value)), max(u, LEAST_RELATIVE_U))

@@ -46,9 +46,10 @@ from analysis.fit.priors import (
     sensor_prior,
     sensor_transform,
 )
+from analysis.fit.stated_effects import stated_effects
 from analysis.model import solver
 from analysis.model.free_fall import AIR_ASSUMED
-from analysis.model.impact_model import SHARED, ImpactModel
+from analysis.model.impact_model import COUPON_SHARE, SHARED, ImpactModel
 from analysis.temperature import at_temperature_of_shots
 
 __all__ = [
@@ -175,10 +176,12 @@ class JointProblem:
     def effect_key(self, row: int, shot: FitShot) -> str | None:
         """Return the global's name of an effect's shared local parameter for this shot.
 
-        None where the shot does not feel the effect.
+        None where the shot does not feel the effect, or the number follows from the moduli.
         """
         name = self.model.shared[row]
         effect, _, parameter = name.partition(".")
+        if parameter == COUPON_SHARE:
+            return None
         found = next(e for e in self.model.effects if e.id == effect)
         if not found.acts_on(shot.shot.sphere, shot.shot.surface):
             return None
@@ -234,7 +237,9 @@ class JointProblem:
             chain[0, k] += other / (one + other)
         for row, name in enumerate(names[1:], start=1):
             column = self.index(f"sensor.{name}")
-            if row >= len(SHARED[self.model.kind]):
+            if row == self.model.coupon_share_at:
+                values[row], chain[row] = self._coupon_share(shot, theta, values[0], chain[0])
+            elif row >= len(SHARED[self.model.kind]):
                 key = self.effect_key(row, shot)
                 if key is not None:
                     column = self.names.index(key)
@@ -252,6 +257,30 @@ class JointProblem:
                 values[row], chain[row, column] = theta[column], 1.0
         self._follow_inputs(shot, theta, values, chain)
         return values, chain
+
+    def _coupon_share(
+        self, shot: FitShot, theta: NDArray[np.float64], ln_k: float, slope: NDArray[np.float64]
+    ) -> tuple[float, NDArray[np.float64]]:
+        """Return the coupon's share in the compliance of a pair, and its derivative by the globals.
+
+        ``slope`` is that of ln K. In pair mode K is the whole compliance, and a stated modulus one
+        part of it; where neither is stated the sphere counts as rigid.
+        """
+        chain = np.zeros_like(slope)
+        keys = self.material_keys(shot)
+        if keys is not None:
+            j, k = (self.names.index(key) for key in keys)
+            share = float(slope[k])
+            chain[j], chain[k] = share * (1.0 - share), -share * (1.0 - share)
+            return share, chain
+        ball = self.campaign.spheres.get(shot.shot.sphere or "")
+        coupon = self.campaign.surfaces.get(shot.shot.surface or "")
+        for body, sign in ((ball, -1.0), (coupon, 1.0)):
+            known = modulus_prior(body.youngs_modulus_pa, body.poissons_ratio) if body else None
+            if known is not None and shot.radius_m is not None:
+                part = 0.75 * math.exp(ln_k - known.mean) / math.sqrt(shot.radius_m)
+                return (part if sign > 0 else 1.0 - part), sign * part * slope
+        return 1.0, chain
 
     def _follow_inputs(
         self,
@@ -357,6 +386,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         )
     problem.assumptions.extend(temperature_told)
     _, exact = stated_numbers(campaign, shots)
+    exact += tuple(s.path for _, s in stated_effects(problem) if s.uncertainty is None)
     if exact:
         problem.assumptions.append(exact_sentence(exact))
     return problem
@@ -408,5 +438,8 @@ def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
     if SEEN in problem.names:
         j = problem.names.index(SEEN)
         precision[j, j] = SEEN_U_MS**-2
+    for j, stated in stated_effects(problem):
+        precision[j, j] = stated.prior.u**-2
+        weighted[j] = stated.prior.mean * precision[j, j]
     problem.prior_precision = precision
     problem.prior_mean = weighted  # information vector until the start completes it

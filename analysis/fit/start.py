@@ -17,6 +17,7 @@ from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
 from analysis.fit.ring import FREQUENCY_STEP, ring_in_tails
 from analysis.fit.scan import best_contact_time, stiffness_for
 from analysis.fit.start_moduli import choose_start, start_moduli
+from analysis.fit.stated_effects import stated_effect
 from analysis.model import solver
 
 START_RESTITUTION = 0.75
@@ -210,6 +211,9 @@ def _complete(
 
 def _effect_start(problem: JointProblem, name: str) -> float:
     """Return the coordinate an effect's parameter starts from; 0 for anything else."""
+    stated = stated_effect(problem, name)
+    if stated is not None:
+        return stated.prior.mean
     plain = name.split("[", 1)[0]
     for effect in problem.model.effects:
         for parameter in effect.parameters:

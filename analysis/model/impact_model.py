@@ -37,6 +37,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.campaign import UNKNOWN_POISSONS_RATIO
 from analysis.effects.effect import Effect, EffectParameter, ShotContext
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
@@ -49,6 +50,8 @@ SHARED = {
     solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M", "seen_ms"),
 }
 NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
+COUPON_SHARE = "coupon_share"
+"""Behind an effect's id: a local parameter that follows from the moduli of the two bodies."""
 
 Array = NDArray[np.float64]
 
@@ -72,7 +75,7 @@ class ShotFrame:
         [m/s^2]
     window_start_s : float
         First sample of the window after the record's first. [s]
-    radius_m, drop_height_m, coupon_mass_kg, coupon_thickness_m : float or None
+    radius_m, drop_height_m, coupon_mass_kg : float or None
         For effects that need them; None where unknown.
     rail : tuple of float or None
         Ends of the converter's range, where the record reaches one. [unit of the signal]
@@ -81,6 +84,8 @@ class ShotFrame:
     coupon_on_crystal_kg : float
         What ``kv2`` adds to the crystal's mass; 0 where unknown, or where the crystal's own mass is
         no parameter. [kg]
+    coupon_poissons_ratio : float
+        nu of the coupon. [1]
     """
 
     sample_rate_hz: float
@@ -91,11 +96,11 @@ class ShotFrame:
     radius_m: float | None = None
     drop_height_m: float | None = None
     coupon_mass_kg: float | None = None
-    coupon_thickness_m: float | None = None
     rail: tuple[float, float] | None = None
     sphere: str | None = None
     surface: str | None = None
     coupon_on_crystal_kg: float = 0.0
+    coupon_poissons_ratio: float = UNKNOWN_POISSONS_RATIO.value
 
     def cut(self, signal: Array, jacobian: Array | None = None) -> None:
         """Hold a signal within the converter's range; beyond it nothing moves it.
@@ -194,6 +199,12 @@ class ImpactModel:
         return {e.id: tuple(at[f"{e.id}.{p.name}"] for p in e.parameters) for e in self.effects}
 
     @cached_property
+    def coupon_share_at(self) -> int | None:
+        """Return where the coupon's share in the compliance is among the local parameters."""
+        asking = (e.id for e in self.effects if e.by_coupon_share)
+        return next((self.names.index(f"{i}.{COUPON_SHARE}") for i in asking), None)
+
+    @cached_property
     def of_shot(self) -> tuple[tuple[int, EffectParameter], ...]:
         """Return the effects' numbers that each shot has for itself, with their places."""
         return tuple(
@@ -224,12 +235,12 @@ class ImpactModel:
         return any(e.again is not None for e in self.effects)
 
     def _of_effects(self, *, shot: bool) -> tuple[str, ...]:
-        return tuple(
-            f"{e.id}.{p.name}"
-            for e in self.effects
-            for p in e.parameters
-            if (p.scope == "shot") == shot
-        )
+        names: list[str] = []
+        for e in self.effects:
+            names.extend(f"{e.id}.{p.name}" for p in e.parameters if (p.scope == "shot") == shot)
+            if e.by_coupon_share and not shot:
+                names.append(f"{e.id}.{COUPON_SHARE}")
+        return tuple(names)
 
     def with_effect(self, effect: Effect) -> ImpactModel:
         """Return this model with one more effect."""
@@ -329,7 +340,7 @@ class ImpactModel:
 
     def context(self, local: Array, frame: ShotFrame) -> ShotContext:
         """Return what the effects may know of a shot at these local parameters."""
-        at = len(self.shared)
+        at, share = len(self.shared), self.coupon_share_at
         return ShotContext(
             sample_rate_hz=frame.sample_rate_hz,
             window_start_s=frame.window_start_s,
@@ -343,8 +354,9 @@ class ImpactModel:
             radius_m=frame.radius_m,
             drop_height_m=frame.drop_height_m,
             coupon_mass_kg=frame.coupon_mass_kg,
-            coupon_thickness_m=frame.coupon_thickness_m,
             gravity_m_per_s2=frame.gravity_m_per_s2,
+            coupon_share=None if share is None else float(local[share]),
+            coupon_poissons_ratio=frame.coupon_poissons_ratio,
         )
 
     def speed_shift(self, local: Array, frame: ShotFrame) -> float:

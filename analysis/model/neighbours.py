@@ -115,6 +115,8 @@ def moves(model: ImpactModel) -> tuple[Move, ...]:
         elif name in _IN_CONTEXT:
             step = TIME_STEP_US if name == "t0_us" else LOG_STEP
             found.append(Move(at, SOLVE, step, in_context=True, same_structure=not hooked))
+        elif at == model.coupon_share_at:
+            found.append(Move(at, SOLVE, LOG_STEP, in_context=True, same_structure=not hooked))
         elif name in _IN_STRUCTURE:
             found.append(Move(at, SOLVE, LOG_STEP))
     for effect in model.effects:

@@ -12,7 +12,13 @@ from scipy.linalg import expm
 from scipy.signal import tf2ss
 
 from analysis.effects.effect import Effect, ShotContext
-from analysis.model.impact_model import ImpactModel, Prediction, ShotFrame, model_named
+from analysis.model.impact_model import (
+    COUPON_SHARE,
+    ImpactModel,
+    Prediction,
+    ShotFrame,
+    model_named,
+)
 
 from .reference import Ground, Outcome, base_dashpot, impact
 
@@ -36,6 +42,8 @@ class Rig:
     coupon_mass: float = 3.6e-3
     drop_height: float = 0.047
     compliance_m_per_v: float = 1.2e-8
+    coupon_share: float = 0.5
+    poissons_ratio: float = 0.33
 
     @property
     def times(self) -> Array:
@@ -62,8 +70,8 @@ class Rig:
             radius_m=self.radius,
             drop_height_m=self.drop_height,
             coupon_mass_kg=self.coupon_mass,
-            coupon_thickness_m=3e-3,
             coupon_on_crystal_kg=self.coupon_mass,
+            coupon_poissons_ratio=self.poissons_ratio,
         )
 
     def context(self) -> ShotContext:
@@ -78,7 +86,6 @@ class Rig:
             radius_m=self.radius,
             drop_height_m=self.drop_height,
             coupon_mass_kg=self.coupon_mass,
-            coupon_thickness_m=3e-3,
             gravity_m_per_s2=9.80665,
             restitution=self.restitution,
         )
@@ -96,6 +103,7 @@ class Rig:
             "ln_v0": math.log(self.speed),
             "ln_e": math.log(self.restitution),
             "t0_us": self.touch_down_us,
+            f"finite_thickness.{COUPON_SHARE}": self.coupon_share,
         }
         for effect in model.effects:
             for p in effect.parameters:

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from .conftest import Rig, apart
 from .reference import Law, hertz
+from .thin_coupon import thin_coupon
 
 RIG = Rig()
 K, R, M = RIG.stiffness, RIG.radius, RIG.mass
@@ -73,17 +74,6 @@ def sticking_circle(gamma: float) -> Law:
     return law
 
 
-def thin(h: float) -> Law:
-    """Return Dimitriadis' series on Hertz's law."""
-
-    def law(d: float, r: float, z: Any) -> tuple[float, float, tuple[()]]:
-        x = math.sqrt(R * d) / h
-        factor = np.polyval([0.0975, 0.769, 1.283, 1.133, 1.0], x)
-        return K * d**1.5 * float(factor), RIG.dashpot(d, r), ()
-
-    return law
-
-
 def rough(s: float) -> Law:
     """Return the softened toe."""
     return lambda d, r, z: (K * d**1.5 * -math.expm1(-d / s), RIG.dashpot(d, r), ())
@@ -131,7 +121,7 @@ CASES: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
         {"surface_energy_j_per_m2": 2.0},
         {"law": sticking_circle(2.0), "reach": neck(2.0)},
     ),
-    "thin": ("finite_thickness", {"thickness_m": 2e-3}, {"law": thin(2e-3)}),
+    "thin": ("finite_thickness", {"thickness_m": 2e-3}, {"law": thin_coupon(RIG, 2e-3)}),
     "rough": ("surface_roughness", {"roughness_m": 2e-6}, {"law": rough(2e-6)}),
     "plate": (
         "plate_radiation",
@@ -273,9 +263,10 @@ def test_no_yield_below_the_threshold() -> None:
 def test_effects_act_together() -> None:
     """Two contact effects at once, and three with the reaction, agree with one reference of all."""
     a, h = 2e-6, 3e-3
+    thin_law = thin_coupon(RIG, h)
 
     def both(d: float, r: float, z: Any) -> tuple[float, float, tuple[()]]:
-        return thin(h)(d, r, z)[0], viscoelastic(a)(d, r, z)[1], ()
+        return thin_law(d, r, z)[0], viscoelastic(a)(d, r, z)[1], ()
 
     values = {
         "finite_thickness.thickness_m": h,

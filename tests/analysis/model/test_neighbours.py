@@ -19,7 +19,6 @@ FRAME = ShotFrame(
     radius_m=4.76e-3,
     drop_height_m=0.047,
     coupon_mass_kg=3.6e-3,
-    coupon_thickness_m=3e-3,
 )
 NAMES = (
     "hsd",

@@ -1,0 +1,98 @@
+"""What a campaign states of an effect's number, as a coupon's thickness: known beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from analysis.campaign import Uncertainty
+from analysis.effects.effect import EffectParameter
+from analysis.fit.priors import LEAST_RELATIVE_U, Prior
+
+if TYPE_CHECKING:
+    from analysis.fit.problem import JointProblem
+
+
+@dataclass(frozen=True)
+class StatedEffect:
+    """A stated number that is an effect's own.
+
+    Attributes
+    ----------
+    parameter : EffectParameter
+        The effect's number.
+    path : str
+        Where a campaign states it.
+    label : str
+        For people.
+    value : float
+        As stated. [``parameter.unit``]
+    uncertainty : Uncertainty or None
+        Of ``value``; None where it counts as exact.
+    """
+
+    parameter: EffectParameter
+    path: str
+    label: str
+    value: float
+    uncertainty: Uncertainty | None
+
+    @property
+    def prior(self) -> Prior:
+        """Return what is known of the effect's coordinate."""
+        at = self.parameter.coordinate(self.value)
+        u = self.uncertainty.u if self.uncertainty else 0.0
+        u = max(u, LEAST_RELATIVE_U * self.value)
+        return Prior(at, u / abs(self.parameter.slope(at)))
+
+
+def _parameter(problem: JointProblem, name: str) -> tuple[int, EffectParameter] | None:
+    """Return an effect's number by its global's name, with its row among the local parameters."""
+    plain = name.partition("[")[0]
+    for effect in problem.model.effects:
+        for p in effect.parameters:
+            if p.stated and plain == f"{effect.id}.{p.name}":
+                return problem.model.names.index(plain), p
+    return None
+
+
+def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
+    """Return what is stated of an effect's number.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Its shots say which surfaces the number belongs to.
+    name : str
+        The global.
+
+    Returns
+    -------
+    StatedEffect or None
+        None where nothing is stated, or not the same of all the surfaces that share the number.
+    """
+    found = _parameter(problem, name)
+    if found is None:
+        return None
+    row, parameter = found
+    owners = {s.shot.surface for s in problem.shots if problem.effect_key(row, s) == name}
+    said = set()
+    for owner in owners:
+        surface = problem.campaign.surfaces.get(owner or "")
+        value = getattr(surface, parameter.stated, None)
+        if value is None:
+            return None
+        said.add((float(value), getattr(surface, f"u_{parameter.stated}")))
+    if len(said) != 1:
+        return None
+    (value, uncertainty), first = said.pop(), min(str(o) for o in owners)
+    words = parameter.stated.rpartition("_")[0].replace("coupon_", "").replace("_", " ")
+    path = f"surfaces.{first}.{parameter.stated}"
+    label = f"{words} of the coupon {', '.join(sorted(str(o) for o in owners))}"
+    return StatedEffect(parameter, path, label, value, uncertainty)
+
+
+def stated_effects(problem: JointProblem) -> list[tuple[int, StatedEffect]]:
+    """Return all such numbers of a problem, with their places among the globals."""
+    found = ((j, stated_effect(problem, name)) for j, name in enumerate(problem.names))
+    return [(j, one) for j, one in found if one is not None]
