@@ -49,6 +49,7 @@ INPUT_LABELS = {
     "mass": "mass of the sphere {}",
     "radius": "radius of the sphere {}",
     "coupon_mass": "mass of the coupon {}",
+    "coupon_ratio": "Poisson's ratio of the coupon {}, in how a thin one stiffens",
     "height_offset": "offset that all drop heights share",
     "time_base": "time base (true over stated sample rate)",
     "gravity": "acceleration of fall",

@@ -62,6 +62,4 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
 
 def _sampled(rate_hz: float) -> ShotContext:
     nothing = math.nan
-    return ShotContext(
-        rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, nothing
-    )
+    return ShotContext(rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, nothing)

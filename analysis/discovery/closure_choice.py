@@ -17,8 +17,13 @@ FORCED = ("contact", "loss")
 """Families that stand for a free contact force."""
 ALSO = {"locked": "outline", "wander": "pieces"}
 """What is learned where a family explains much that has too many numbers, or too coarse ones."""
-REFINED = {"curve": ("fine", "ripple"), "response": ("impulse",), "creep": ("impulse",),
-           "mode": ("damped",), "pieces": ("jump", "slew")}
+REFINED = {
+    "curve": ("fine", "ripple"),
+    "response": ("impulse",),
+    "creep": ("impulse",),
+    "mode": ("damped",),
+    "pieces": ("jump", "slew"),
+}
 """Tried as well where something is left, as they cost more."""
 OWNED = ("damped", "jump")
 """Finer forms with the owners of the coarse one; the others are the rig's."""

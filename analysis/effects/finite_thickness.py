@@ -20,14 +20,14 @@ are fitted to the solution of the bonded layer for Poisson's ratios from 0 to 0.
 
 .. math:: F = F_H\,(1 + c X + \tfrac76 c^2 X^2 + \dots), \quad c(0.5) = 1.127, \quad c(0.37) = 0.934
 
-Source: own fit to Hankel transforms' solution of a frictionless sphere on a bonded layer (compliance
-of the layer: Alexandrov & Pozharskii, Three-Dimensional Contact Problems, 2001; Hayes et al., J.
-Biomech. 5 (1972) 541). The series of Dimitriadis et al., Biophys. J. 82 (2002) 2798, has c^2 where
-the solution has 7/6 c^2, and is 8 % low at X = 0.49 for nu = 0.5; the often quoted sign of its last
-term (+0.0975) is not its own (-0.0975). Garcia & Garcia, Biophys. J. 114 (2018) 2923, has 1.133,
-1.497 = 7/6 1.133^2, 1.469, 0.755 for nu = 0.5.
+Source: own fit to the solution, by Hankel transforms, of a frictionless sphere on a bonded layer
+(compliance of the layer: Alexandrov & Pozharskii, Three-Dimensional Contact Problems, 2001; Hayes
+et al., J. Biomech. 5 (1972) 541). The series of Dimitriadis et al., Biophys. J. 82 (2002) 2798, has
+c^2 where the solution has 7/6 c^2, and is 8 % low at X = 0.49 for nu = 0.5; its last coefficient
+there is -0.0975, often quoted as +0.0975, which hides part of that. Garcia & Garcia, Biophys. J.
+114 (2018) 2923, has 1.133, 1.497 = 7/6 1.133^2, 1.469, 0.755 for nu = 0.5.
 
-Validity: X up to 1 (within 0.1 %; to 0.03 % up to 0.5), finite and rising beyond; frictionless;
+Validity: X up to 1 (within 0.2 %; 0.06 % up to 0.5), finite and rising beyond; frictionless;
 bonded to a ground that does not give way within a radius of contact. What gives way as a whole
 below the coupon (tape, crystal) is the structure's.
 

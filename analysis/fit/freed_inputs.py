@@ -35,7 +35,9 @@ def with_inputs(problem: JointProblem) -> JointProblem:
     JointProblem
         The problem itself where every number is exact.
     """
-    inputs, _ = stated_numbers(problem.campaign, problem.shots)
+    inputs, _ = stated_numbers(
+        problem.campaign, problem.shots, by_ratio=problem.model.coupon_share_at is not None
+    )
     if not inputs or problem.inputs:
         return problem
     inputs, own = _with_calibration(problem, inputs)

@@ -8,6 +8,7 @@ joint covariance, which is generalised least squares with the common errors as p
 ``input.mass.<sphere>``    ln of a sphere's mass [kg]
 ``input.radius.<sphere>``  ln of a sphere's radius [m]
 ``input.coupon_mass.<s>``  ln of a coupon's mass [kg]
+``input.coupon_ratio.<s>`` ln of a coupon's Poisson's ratio, where a contact law asks for it [1]
 ``input.height_offset``    offset that all drop heights share [mm]
 ``input.time_base``        ln of true over stated sample rate, of all shots [1]
 ``input.gravity``          ln of the acceleration of fall [m/s^2]
@@ -24,7 +25,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Campaign, Uncertainty
+from analysis.campaign import UNKNOWN_POISSONS_RATIO, Campaign, Uncertainty
 from analysis.fit.fit_shot import FitShot, log_speed_in_air
 from analysis.fit.priors import Prior
 from analysis.model.impact_model import ShotFrame
@@ -112,7 +113,7 @@ class Input:
         """Tell whether it is a number of this shot."""
         if self.kind in ("mass", "radius"):
             return item.shot.sphere == self.owner
-        if self.kind == "coupon_mass":
+        if self.kind in ("coupon_mass", "coupon_ratio"):
             return item.shot.surface == self.owner
         if self.kind == "height_offset":
             return _fell(item)
@@ -215,6 +216,11 @@ def _coupon_mass(item: FitShot, by: float) -> FitShot:
     return replace(item, frame=frame)
 
 
+def _coupon_ratio(item: FitShot, by: float) -> FitShot:
+    ratio = item.frame.coupon_poissons_ratio * math.exp(by)
+    return replace(item, frame=replace(item.frame, coupon_poissons_ratio=ratio))
+
+
 def _height_offset(item: FitShot, by_mm: float) -> FitShot:
     stated = item.frame.drop_height_m
     assert stated is not None
@@ -242,6 +248,7 @@ _MOVES = {
     "mass": _mass,
     "radius": _radius,
     "coupon_mass": _coupon_mass,
+    "coupon_ratio": _coupon_ratio,
     "height_offset": _height_offset,
     "time_base": _time_base,
     "gravity": _gravity,
@@ -261,7 +268,9 @@ class _Stated:
     path: str
 
 
-def _of_materials(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Stated]:
+def _of_materials(
+    campaign: Campaign, items: Sequence[FitShot], *, by_ratio: bool
+) -> Iterator[_Stated]:
     for name in sorted({i.shot.sphere for i in items if i.shot.sphere is not None}):
         ball = campaign.spheres[name]
         at = f"spheres.{name}"
@@ -274,6 +283,10 @@ def _of_materials(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Sta
         if mass is not None:
             path = f"surfaces.{name}.coupon_mass_kg"
             yield _Stated("coupon_mass", name, mass, "kg", u, path)
+        ratio = campaign.surfaces[name].poissons_ratio or UNKNOWN_POISSONS_RATIO
+        if by_ratio and ratio.value > 0:
+            path, u = f"surfaces.{name}.poissons_ratio", Uncertainty(ratio.u)
+            yield _Stated("coupon_ratio", name, ratio.value, "1", u, path)
 
 
 def _of_the_rig(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_Stated]:
@@ -299,7 +312,7 @@ def _time_base_u(campaign: Campaign, items: Sequence[FitShot]) -> Uncertainty | 
 
 
 def stated_numbers(
-    campaign: Campaign, items: Sequence[FitShot]
+    campaign: Campaign, items: Sequence[FitShot], *, by_ratio: bool
 ) -> tuple[tuple[Input, ...], tuple[str, ...]]:
     """Return a campaign's numbers that have an uncertainty, and where those stand that have none.
 
@@ -309,6 +322,9 @@ def stated_numbers(
         What is known.
     items : sequence of FitShot
         The shots that are fitted; what none of them depends on is left out.
+    by_ratio : bool
+        Whether a contact law asks for the coupons' Poisson's ratios. Their part in E = E'(1 - nu^2)
+        is taken as independent of this one.
 
     Returns
     -------
@@ -317,7 +333,10 @@ def stated_numbers(
     exact : tuple of str
         Paths in the campaign.
     """
-    known = (*_of_materials(campaign, items), *_of_the_rig(campaign, items))
+    known = (
+        *_of_materials(campaign, items, by_ratio=by_ratio),
+        *_of_the_rig(campaign, items),
+    )
     inputs = tuple(
         Input(s.kind, s.owner, s.value, s.unit, s.uncertainty, s.path)
         for s in known

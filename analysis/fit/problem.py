@@ -237,9 +237,7 @@ class JointProblem:
             chain[0, k] += other / (one + other)
         for row, name in enumerate(names[1:], start=1):
             column = self.index(f"sensor.{name}")
-            if row == self.model.coupon_share_at:
-                values[row], chain[row] = self._coupon_share(shot, theta, values[0], chain[0])
-            elif row >= len(SHARED[self.model.kind]):
+            if row >= len(SHARED[self.model.kind]):
                 key = self.effect_key(row, shot)
                 if key is not None:
                     column = self.names.index(key)
@@ -255,11 +253,20 @@ class JointProblem:
             else:
                 assert column is not None
                 values[row], chain[row, column] = theta[column], 1.0
+        self._follow_moduli(shot, values, chain)
         self._follow_inputs(shot, theta, values, chain)
         return values, chain
 
+    def _follow_moduli(
+        self, shot: FitShot, values: NDArray[np.float64], chain: NDArray[np.float64]
+    ) -> None:
+        """Fill in the coupon's share in the compliance where an effect asks for it."""
+        at = self.model.coupon_share_at
+        if at is not None:
+            values[at], chain[at] = self._coupon_share(shot, values[0], chain[0])
+
     def _coupon_share(
-        self, shot: FitShot, theta: NDArray[np.float64], ln_k: float, slope: NDArray[np.float64]
+        self, shot: FitShot, ln_k: float, slope: NDArray[np.float64]
     ) -> tuple[float, NDArray[np.float64]]:
         """Return the coupon's share in the compliance of a pair, and its derivative by the globals.
 
@@ -385,7 +392,8 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."
         )
     problem.assumptions.extend(temperature_told)
-    _, exact = stated_numbers(campaign, shots)
+    by_ratio = model.coupon_share_at is not None
+    _, exact = stated_numbers(campaign, shots, by_ratio=by_ratio)
     exact += tuple(s.path for _, s in stated_effects(problem) if s.uncertainty is None)
     if exact:
         problem.assumptions.append(exact_sentence(exact))
