@@ -19,10 +19,16 @@ indentation below the coupon's plane (the effect) or within the dent, with delta
 flow begins instead of the pressure (``plastic_yield:force``, delta_y = (F_y / K)^(2/3)): one force
 for all spheres is another pressure for each.
 
-Source: Thornton, J. Appl. Mech. 64 (1997) 383; Johnson, Contact Mechanics (1985) ch. 6. Validity:
-elastic, perfectly plastic, R much larger than the dent. Other contact effects add to Hertz's force
+Source: Thornton, J. Appl. Mech. 64 (1997) 383; Johnson, Contact Mechanics (1985) ch. 6 and 11.
+Validity: elastic, perfectly plastic, R much larger than the dent. It is Hertz's pressure cut off at
+p_y, without the gradual transition of a real body: flow begins inside at a centre pressure of 1.6 Y
+(Y the yield stress) and reaches the whole contact at a mean pressure of 2.8 to 3 Y (Johnson 6.3;
+Stronge, Impact Mechanics (2000) ch. 6). A fitted p_y lies between and creeps up with the depth, so
+one p_y holds for a narrow range of speeds; with p_y = 1.6 Y flow begins at Johnson's speed,
+:math:`\rho v_y^2 / Y = 26 (Y / E^*)^4` (11.29). Other contact effects add to Hertz's force
 and do not know of the dent; their sum with this one is a first approximation. Validation: DOP853 of
-the coupled equations in all forms; Thornton's closed restitution on a rigid cell, in the tests.
+the coupled equations in all forms; Thornton's closed restitution on a rigid cell, and Johnson's
+0.14 m/s for steel, in the tests.
 
 Scope: the surface's, because the coupon is the softer body of a sensible campaign (yield pressure
 first: the force differs with every sphere, the pressure belongs to the material). Where
@@ -118,7 +124,7 @@ EFFECT = Effect(
     title="the contact yields",
     tell_tale="above a threshold of speed: cut peak, early end, more loss",
     source="Thornton 1997; Johnson 1985",
-    validation="DOP853; Thornton's restitution",
+    validation="DOP853; Thornton's restitution; Johnson's speed of first yield",
     parameters=_PARAMETERS,
     needs=("radius_m",),
     contact=_term,

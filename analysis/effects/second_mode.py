@@ -1,9 +1,19 @@
-r"""Second mode: another resonance of the cell, read in parallel.
+r"""Second mode: another resonance of the cell, behind the crystal.
 
 .. math:: V \to V + \beta\,G_2 V, \quad G_2(s) = \frac{\omega^2}{s^2 + 2\zeta\omega s + \omega^2}
 
-Source: modal sum of a linear sensor, truncated at one more mode. Validity: the mode does not act
-back on the contact. beta may have either sign. Validation: ``scipy.signal.lsim`` in the tests.
+A cascade: the mode is driven by what the crystal does (a case, a mount or a cable that the crystal
+shakes), not by the force on the crystal beside it. With the crystal's :math:`G_1` the output is
+:math:`G_1 (1 + \beta G_2) F`. In partial fractions that is a sum of two modes whose parts in the
+output are not free: the second one's is :math:`\beta G_1(s_2)`, next to opposite in sign and
+falling with the square of the frequencies' ratio where it lies above the crystal, while a mode that
+the force drives beside the crystal has any real part. The two agree in what rings, not in its
+phase.
+
+Source: two second-order systems in series; partial fractions as in any text on linear systems, e.g.
+Oppenheim & Willsky, Signals and Systems (1997), ch. 9. Validity: the mode does not act back on the
+crystal. beta may have either sign. Validation: ``scipy.signal.lsim``; poles and residues of the two
+modes, in the tests.
 
 Scope: the rig's, there is one cell.
 """
@@ -35,8 +45,8 @@ EFFECT = Effect(
     slot="sensor",
     title="the cell has a second resonance",
     tell_tale="beat on the ring",
-    source="modal sum",
-    validation="lsim",
+    source="two second-order systems in series",
+    validation="lsim; poles and residues",
     parameters=(
         EffectParameter(
             "share",

@@ -1,7 +1,7 @@
-"""A second resonance of the cell beside the first: ``V + beta G2(s) V``.
+"""A second resonance of the cell behind the first: ``V + beta G2(s) V``.
 
-``G2 = w2^2/(s^2 + 2 zeta2 w2 s + w2^2)``. Source: modal superposition. Tell-tale: beat on the ring
-(tested).
+``G2 = w2^2/(s^2 + 2 zeta2 w2 s + w2^2)``, driven by what the crystal reads and added to it. Source:
+two second-order systems in series. Tell-tale: beat on the ring (tested).
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from drivers.simulated.electronics import StateSpaceStage, resonance
 
 
 class SecondMode(Effect):
-    """A parallel resonance of the cell."""
+    """A resonance that the crystal drives."""
 
     id = "second_mode"
     slot = "sensor"

@@ -139,7 +139,7 @@ class Rig:
 def neutral(effect: Effect) -> dict[str, float]:
     """Return the effect's neutral values: 0, infinity, or the limit where it is one."""
     limits = {
-        "surface_roughness.roughness_m": 1e-13,
+        "surface_roughness.roughness_m": 1e-15,
         "recontact.speed_ratio": 1e-9,
         "recontact:ringing.speed_ratio": 1e-9,
     }

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.signal import residue
 
 from analysis.effects.effect import Array
 from analysis.effects.library import effect_named
@@ -57,6 +58,19 @@ def test_a_second_mode_adds_its_share() -> None:
     }
     found = RIG.predict("kv+second_mode", values).signal
     assert apart(found, SIGNAL + 0.1 * second_order(SIGNAL, 45e3, 0.02)) < 1e-8
+
+
+def test_a_second_mode_is_driven_by_the_crystal_not_by_the_force() -> None:
+    """Residues of G1 (1 + beta G2): the second mode's is beta G1 at its pole, and not free."""
+    (w1, z1), (w2, z2), beta = (2 * math.pi * 17.3e3, 0.07), (2 * math.pi * 45e3, 0.02), 0.1
+    one, two = ([1.0, 2 * z * w, w**2] for w, z in ((w1, z1), (w2, z2)))
+    above = w1**2 * np.polyadd(two, [beta * w2**2])
+    residues, poles, _ = residue(above, np.polymul(one, two))
+    at = int(np.argmax(poles.imag))
+    g1 = w1**2 / np.polyval(one, poles[at])
+    assert residues[at] == pytest.approx(beta * g1 * w2**2 / (2j * poles[at].imag), rel=1e-9)
+    # a mode that the force drives beside the crystal would have its part in phase with beta
+    assert g1.real == pytest.approx(-1 / ((45 / 17.3) ** 2 - 1), rel=0.05)
 
 
 def test_a_second_mode_beats_on_the_ring() -> None:
