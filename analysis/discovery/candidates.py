@@ -17,7 +17,7 @@ from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
-from analysis.fit.stated_effects import stated_effects
+from analysis.fit.stated_effects import effect_prior, stated_effects
 
 Array = NDArray[np.float64]
 KNOWN_BEFORE = ("ln_v0", "ln_e")
@@ -147,16 +147,18 @@ def extended(
     new = larger.names[len(problem.names) :]
     start = np.array([coordinates.get(n, 0.0) for n in new])
     size, old = len(larger.names), len(problem.names)
-    stated = [(j, s.prior) for j, s in stated_effects(larger) if j >= old]
-    for j, prior in stated:
-        start[j - old] = prior.mean
+    for j, stated in stated_effects(larger):
+        if j >= old:
+            start[j - old] = stated.prior.mean
     larger.prior_precision = np.zeros((size, size))
     larger.prior_precision[:old, :old] = problem.prior_precision
     for j in range(old, size):
         larger.prior_precision[j, j] = COORDINATE_U**-2
-    for j, prior in stated:
-        larger.prior_precision[j, j] = prior.u**-2
     larger.prior_mean = np.concatenate([problem.prior_mean, start])
+    for j, name in enumerate(new, start=old):
+        prior = effect_prior(larger, name)
+        if prior is not None:
+            larger.prior_precision[j, j], larger.prior_mean[j] = prior.u**-2, prior.mean
     theta = np.concatenate([fitted.theta, start])
     larger.start = theta
     nuisances = carried_over(problem.model, model, fitted.nuisances, coordinates)

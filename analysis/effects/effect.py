@@ -169,6 +169,9 @@ class EffectParameter:
         something comes back: a fit that ends in structure begins there once more.
     stated : str
         Which number of a campaign's surface is this one measured beforehand; empty for none.
+    usual_u : float
+        Standard deviation of the coordinate about neutral where nobody states it, because rigs are
+        built so; infinite where nothing is known.
     """
 
     name: str
@@ -185,6 +188,7 @@ class EffectParameter:
     resolved: bool = False
     valleys: tuple[float, ...] = ()
     stated: str = ""
+    usual_u: float = math.inf
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""

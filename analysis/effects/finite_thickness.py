@@ -35,8 +35,10 @@ Validation: the solution itself, by another method than the simulated rig's; DOP
 equations; Garcia & Garcia's numbers; limits h -> infinity and rigid coupon. All in the tests.
 
 Scope: the surface's. Where a campaign states the coupon's thickness, that is what is known of it
-beforehand. In a fit the coupon's share in the compliance follows from the moduli; a sphere of
-unknown modulus on a pair whose moduli cannot be told apart counts as rigid.
+beforehand; else that coupons are as a rule a millimetre or thicker, without which a hard reference
+of next to no thickness would be as good as rigid. In a fit the coupon's share in the compliance
+follows from the moduli; a sphere of unknown modulus on a pair whose moduli cannot be told apart
+counts as rigid.
 """
 
 import math
@@ -134,6 +136,7 @@ EFFECT = Effect(
             (3e-3,),
             "thickness of the bonded coupon, h",
             stated="coupon_thickness_m",
+            usual_u=1.0,  # coupons are a millimetre or thicker
         ),
     ),
     needs=("radius_m",),

@@ -46,7 +46,7 @@ from analysis.fit.priors import (
     sensor_prior,
     sensor_transform,
 )
-from analysis.fit.stated_effects import stated_effects
+from analysis.fit.stated_effects import effect_prior, stated_effects
 from analysis.model import solver
 from analysis.model.free_fall import AIR_ASSUMED
 from analysis.model.impact_model import COUPON_SHARE, SHARED, ImpactModel
@@ -446,8 +446,10 @@ def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
     if SEEN in problem.names:
         j = problem.names.index(SEEN)
         precision[j, j] = SEEN_U_MS**-2
-    for j, stated in stated_effects(problem):
-        precision[j, j] = stated.prior.u**-2
-        weighted[j] = stated.prior.mean * precision[j, j]
+    for j, name in enumerate(problem.names):
+        prior = effect_prior(problem, name)
+        if prior is not None:
+            precision[j, j] = prior.u**-2
+            weighted[j] = prior.mean * precision[j, j]
     problem.prior_precision = precision
     problem.prior_mean = weighted  # information vector until the start completes it

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -51,7 +52,7 @@ def _parameter(problem: JointProblem, name: str) -> tuple[int, EffectParameter] 
     plain = name.partition("[")[0]
     for effect in problem.model.effects:
         for p in effect.parameters:
-            if p.stated and plain == f"{effect.id}.{p.name}":
+            if plain == f"{effect.id}.{p.name}" and (p.stated or math.isfinite(p.usual_u)):
                 return problem.model.names.index(plain), p
     return None
 
@@ -75,6 +76,8 @@ def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
     if found is None:
         return None
     row, parameter = found
+    if not parameter.stated:
+        return None
     owners = {s.shot.surface for s in problem.shots if problem.effect_key(row, s) == name}
     said = set()
     for owner in owners:
@@ -90,6 +93,31 @@ def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
     path = f"surfaces.{first}.{parameter.stated}"
     label = f"{words} of the coupon {', '.join(sorted(str(o) for o in owners))}"
     return StatedEffect(parameter, path, label, value, uncertainty)
+
+
+def effect_prior(problem: JointProblem, name: str) -> Prior | None:
+    """Return what is known of an effect's global beforehand: as stated, or as rigs are built.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Its shots say which surfaces the number belongs to.
+    name : str
+        The global.
+
+    Returns
+    -------
+    Prior or None
+        None where nothing is known, and for what is no effect's.
+    """
+    found = _parameter(problem, name)
+    if found is None:
+        return None
+    stated = stated_effect(problem, name)
+    if stated is not None:
+        return stated.prior
+    usual_u = found[1].usual_u
+    return Prior(0.0, usual_u) if math.isfinite(usual_u) else None
 
 
 def stated_effects(problem: JointProblem) -> list[tuple[int, StatedEffect]]:

@@ -28,7 +28,7 @@ THICKNESS = "finite_thickness.thickness_m[specimen]"
 SHARE = "finite_thickness.coupon_share"
 
 
-def stating(campaign: Campaign, thickness_m: float, u_m: float | None) -> Campaign:
+def stating(campaign: Campaign, thickness_m: float | None, u_m: float | None) -> Campaign:
     """Return a campaign that states the specimen's thickness."""
     specimen = dataclasses.replace(
         campaign.surfaces["specimen"],
@@ -40,7 +40,7 @@ def stating(campaign: Campaign, thickness_m: float, u_m: float | None) -> Campai
 
 @pytest.fixture(scope="module")
 def thin(tmp_path_factory: pytest.TempPathFactory) -> tuple[Campaign, float]:
-    """Return twelve drops on a closed rig whose specimen is 2 mm thick, and its true E'."""
+    """Return twelve drops on a closed rig with a specimen of 2 mm, and the specimen's true E'."""
     usual = CampaignSettings()
     layer = make_effect(
         "finite_thickness", {"thickness_m": THICKNESS_M}, Scope(surface="specimen"), form="layer"
@@ -166,11 +166,10 @@ def test_a_pair_of_unknown_moduli_counts_the_sphere_as_rigid(thin: tuple[Campaig
 
 
 def test_a_thickness_that_nobody_states_is_free(thin: tuple[Campaign, float]) -> None:
-    """It starts from the effect's usual value, and nothing is known of it."""
-    surface = dataclasses.replace(thin[0].surfaces["specimen"], coupon_thickness_m=None)
-    campaign = dataclasses.replace(thin[0], surfaces={**thin[0].surfaces, "specimen": surface})
-    problem = build(campaign, model_named(NAME))
+    """It starts as thick; coupons are a millimetre or thicker as a rule."""
+    problem = build(stating(thin[0], None, None), model_named(NAME))
     prepare(problem)
     j = problem.names.index(THICKNESS)
-    assert problem.start[j] == pytest.approx(1 / 3)
-    assert problem.prior_precision[j, j] < 1.0
+    assert problem.start[j] == 0.0
+    assert problem.prior_mean[j] == pytest.approx(0.0)
+    assert problem.prior_precision[j, j] == pytest.approx(1.0)
