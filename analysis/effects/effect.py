@@ -4,7 +4,8 @@ An effect is one file in this folder that defines ``EFFECT = Effect(...)``; noth
 it. It hooks into the model at one or more of these places:
 
 ``contact``    a compiled term of the contact law (``analysis.model.effect_solver.TERM``)
-``pack``       the effect's values and the shot's context -> the four numbers of its term
+``pack``       the effect's values and the shot's context -> the four numbers of its term, or of
+               each of its ``memories``
 ``share``      the part of the dissipative force that also loads the structure
 ``mobility``   the speed at which the ground recedes per newton of the whole contact force
 ``bears``      the largest pull between the surfaces that does not part them [N]
@@ -279,6 +280,14 @@ class Effect:
     by_coupon_share : bool
         It depends on the coupon's share in the compliance of the two bodies, a local parameter
         ``<id>.coupon_share`` that follows from the moduli and is nobody's own.
+    memories : int
+        How often its contact term is called, each time with a memory and four numbers of its own;
+        the forces add up.
+    parts_by_force : bool
+        Its force could pull: on the paper's base models, which otherwise end a contact where the
+        indentation ends, the contact then ends where the elastic force does.
+    by_name : tuple of Effect
+        Further forms, under ids ``<id>:<form>``, that a model may name and no diagnosis tries.
     """
 
     id: str
@@ -291,7 +300,9 @@ class Effect:
     order: int = 0
     needs: tuple[str, ...] = ()
     contact: Any = None
-    pack: Callable[[Values, ShotContext], tuple[float, float, float, float]] | None = None
+    pack: Callable[[Values, ShotContext], tuple[float, ...]] | None = None
+    memories: int = 1
+    parts_by_force: bool = False
     share: Callable[[Values], float] | None = None
     mobility: Callable[[Values], float] | None = None
     bears: Callable[[Values, ShotContext], float] | None = None
@@ -307,6 +318,7 @@ class Effect:
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
     lookalikes: tuple[Effect, ...] = ()
+    by_name: tuple[Effect, ...] = ()
     only: tuple[str, str] | None = None
     rides: bool = False
     by_coupon_share: bool = False
@@ -330,6 +342,7 @@ class Effect:
             speed=None,
             again=None,
             steps=None,
+            parts_by_force=False,
         )
 
     @property

@@ -55,6 +55,7 @@ EFFECT = Effect(
             validation="DOP853",
             parameters=_PARAMETERS,
             contact=_felt,
+            parts_by_force=True,
             bases=("hsd", "kv"),
             pack=lambda v, c: (v["damping_s_per_m"], 0.0, 0.0, 0.0),
         ),

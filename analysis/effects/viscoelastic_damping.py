@@ -75,6 +75,7 @@ EFFECT = Effect(
             validation="DOP853",
             parameters=_PARAMETERS,
             contact=_felt,
+            parts_by_force=True,
             bases=("hsd", "kv"),
             pack=lambda v, c: (1.5 * v["dissipation_time_s"] * c.stiffness, 0.0, 0.0, 0.0),
         ),

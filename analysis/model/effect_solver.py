@@ -9,9 +9,10 @@ A contact term is called as ``term(delta, rate, elastic, z, p0, p1, p2, p3)`` wi
 It returns ``(elastic_addition [N], dissipative_addition [N], dz/dt, recession [m/s])``: the elastic
 part also loads the structure, the dissipative part only the sphere (the paper's convention); the
 recession is taken from the indentation rate. A closed base model loads the structure with both, and
-its contact ends when their sum does. Where surfaces hold on to one another a contact ends
-only ``reach`` beyond the plane in which it began; there the indentation is negative, and neither
-Hertz's force nor the base dashpot acts.
+its contact ends when their sum does. On the paper's base models it ends with the indentation, or
+with the elastic part where an effect's could pull (``Effect.parts_by_force``). Where surfaces hold
+on to one another a contact ends only ``reach`` beyond the plane in which it began; there the
+indentation is negative, and neither Hertz's force nor the base dashpot acts.
 
 A call integrates a whole set of columns: a trace and its neighbours, each with its own numbers.
 
@@ -47,6 +48,7 @@ TERM = types.UniTuple(float64, 4)(  # type: ignore[no-untyped-call]
 
 NUMBERS = (
     "start", "dt", "K", "m", "v0", "alpha", "g", "share", "mobility", "gain", "reach", "bears",
+    "counted",
 )  # fmt: skip
 """What a column's row of numbers holds, see `integrate_columns`."""
 
@@ -87,7 +89,8 @@ _MOST_CORRECTIONS = 60
 def _gap(y, u, force, K, cd, floor):  # type: ignore[no-untyped-def]
     """Return H of ``analysis.model.solver`` for any law: its sign is the force's, its zero simple.
 
-    ``force`` is the total one, and what the surfaces bear.
+    ``force`` is the one that ends the contact, and what the surfaces bear; ``cd`` is the base
+    dashpot's coefficient as far as it is part of that.
     """
     rest = force / (K * y) - y**5 if y > floor else cd * u / K + force / (K * floor)
     return y - max(-rest, 0.0) ** 0.2
@@ -156,6 +159,7 @@ def _advance(  # type: ignore[no-untyped-def]
     per_mass,
     g,
     share,
+    counted,
     count,
     terms,
     packed,
@@ -167,11 +171,11 @@ def _advance(  # type: ignore[no-untyped-def]
     """Write the trial one step of size h in s after the state, and its slope, by stages.
 
     Stage 0 writes the slope of the state itself, which a later step inherits from the one before.
-    Returns the force on the structure.
+    Returns the force on the structure and the one whose end may be the contact's.
     """
     first = _Z + count
     blocks = (first + 2 * masses + _LANES - 1) // _LANES
-    row, force = _TRIAL * _LANES, 0.0
+    row, force, parting = _TRIAL * _LANES, 0.0, 0.0
     for stage in range(begin, end):
         c1, c2, c3 = h * _TABLE[stage, 0], h * _TABLE[stage, 1], h * _TABLE[stage, 2]
         c4, c5, c6 = h * _TABLE[stage, 3], h * _TABLE[stage, 4], h * _TABLE[stage, 5]
@@ -194,6 +198,7 @@ def _advance(  # type: ignore[no-untyped-def]
             work, row, k, y3, K, cd, mobility, reach, v0, count, terms, packed
         )
         force = elastic + share * lost
+        parting = elastic + counted * lost
         acceleration = 0.0
         for i in range(masses):
             rate = load(b, i) * force
@@ -207,7 +212,7 @@ def _advance(  # type: ignore[no-untyped-def]
         store(work, k + _Y, 0.25 * (load(work, row + _U) - recession))
         store(work, k + _U, y3 * (g - (elastic + lost) * per_mass - acceleration))
         store(work, k + _T, y3)
-    return force
+    return force, parting
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -286,7 +291,7 @@ def _integrate(  # type: ignore[no-untyped-def]
     """
     start, dt, K, m, v0 = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     alpha, g, share, mobility, gain = numbers[5], numbers[6], numbers[7], numbers[8], numbers[9]
-    reach, bears = numbers[10], numbers[11]
+    reach, bears, counted = numbers[10], numbers[11], numbers[12]
     n, first = out.size, _Z + count
     blocks = (first + 2 * masses + _LANES - 1) // _LANES
     for i in range(blocks * _BLOCK):
@@ -313,22 +318,23 @@ def _integrate(  # type: ignore[no-untyped-def]
     for step in range(MAX_STEPS):
         if i >= n and step > ENDLESS * steps:
             break  # nobody sees whether it ever leaves
-        f1 = _advance(
+        f1, parting = _advance(
             work, begin, end, length,
-            K, cd, mobility, reach, v0, per_mass, g, share, count, terms, packed, masses, A, b, top,
+            K, cd, mobility, reach, v0, per_mass, g, share, counted, count, terms, packed,
+            masses, A, b, top,
         )  # fmt: skip
         if begin == 0:
             begin, end, f0 = 1, _STAGES, f1
             continue
         y1, u1 = load(work, new + _Y), load(work, new + _U)
-        parts = y1 <= 0.0 or f1 + bears <= 0.0
+        parts = y1 <= 0.0 or parting + bears <= 0.0
         if corrections or (parts and u1 < 0.0):
             # lift-off lies within the step: Newton for its length (dy/ds = u/4), then secants
             if math.isinf(bears):
                 correction = 4.0 * y1 / u1
                 ahead = length - correction
             else:
-                gap = _gap(y1, u1, f1 + bears, K, cd, floor)
+                gap = _gap(y1, u1, parting + bears, K, counted * cd, floor)
                 if gap > 0.0:
                     low = length
                 else:
@@ -399,15 +405,15 @@ def integrate_columns(  # type: ignore[no-untyped-def]
         Rows of samples.
     rows : ndarray of int64, shape (c,)
         Which row each impact is added to.
-    numbers : ndarray of float64, shape (c, 12)
+    numbers : ndarray of float64, shape (c, 13)
         In the order of `NUMBERS`. ``start``, ``dt``: first sample relative to touch-down, sample
         interval [s]. ``K``, ``m``, ``v0``, ``alpha``, ``g``: as in
         ``analysis.model.solver.integrate``. ``share``: part of the dissipative force that also
         loads the structure [1]. ``mobility``: speed at which the ground recedes per newton of the
         whole contact force [m/(N s)]. ``gain``: output per metre of crystal compression, or per
         newton for a rigid cell. ``reach``: how far beyond the plane of touch-down the contact ends
-        [m]. ``bears``: the pull at which it ends before that [N]; infinite in the paper's models,
-        and finite only with a ``share`` of 1.
+        [m]. ``bears``: the pull at which it ends before that [N]; infinite in the paper's models.
+        ``counted``: part of the dissipative force that is part of that pull [1].
     terms : ndarray of int64, shape (a,)
         Addresses of the contact terms that act, see ``analysis.model.by_address.address_of``.
     packed : ndarray of float64, shape (c, a, 4)

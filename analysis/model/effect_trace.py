@@ -17,6 +17,9 @@ from analysis.model.structure import RIGID, Assembled, Structure
 
 Array = NDArray[np.float64]
 
+_PACKED = 4
+"""Numbers of a contact term, see `analysis.model.effect_solver.TERM`."""
+
 
 @dataclass(frozen=True)
 class Column:
@@ -82,9 +85,11 @@ def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[flo
     """Return a column's row of numbers, as `effect_solver.NUMBERS` orders them."""
     context = column.context
     share, mobility, reach = 0.0, 0.0, 0.0
-    bears = math.inf
+    bears, counted = math.inf, 0.0
     if context.closed:
-        share, bears = 1.0, 0.0
+        share, bears, counted = 1.0, 0.0, 1.0
+    elif any(effect.parts_by_force for effect in effects):
+        bears = 0.0
     for effect in effects:
         if effect.share is not None:
             share = effect.share(column.values[effect.id])
@@ -107,6 +112,7 @@ def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[flo
         cell.gain,
         reach,
         bears,
+        counted,
     )
 
 
@@ -182,11 +188,15 @@ def integrate_with_effects(
     """
     addresses = term_addresses()
     acting = [e for e in effects if e.contact is not None]
-    packed = np.empty((len(columns), len(acting), 4))
-    for c, column in enumerate(columns):
-        for a, effect in enumerate(acting):
+    calls = [e for e in acting for _ in range(e.memories)]
+    packed = np.empty((len(columns), len(calls), _PACKED))
+    for row, column in zip(packed.reshape(len(columns), -1), columns, strict=True):
+        at = 0
+        for effect in acting:
             assert effect.pack is not None
-            packed[c, a] = effect.pack(column.values[effect.id], column.context)
+            end = at + _PACKED * effect.memories
+            row[at:end] = effect.pack(column.values[effect.id], column.context)
+            at = end
     if math.isnan(cells[0].mass_kg):
         matrices, which = _RIGID, [0] * len(columns)
     else:
@@ -201,7 +211,7 @@ def integrate_with_effects(
         table,
         np.array([c.row for c in columns]),
         np.array([_numbers(effects, *pair) for pair in zip(cells, columns, strict=True)]),
-        np.array([addresses.get(e.id) or address_of(e.contact) for e in acting], dtype=np.int64),
+        np.array([addresses.get(e.id) or address_of(e.contact) for e in calls], dtype=np.int64),
         packed,
         np.array(which),
         *matrices,

@@ -91,14 +91,15 @@ def impact(
     share: float = 0.0,
     reach: float = 0.0,
     bears: float = math.inf,
+    counted: float = 1.0,
     after_turn: Callable[[float], Law] | None = None,
 ) -> Outcome:
     """Integrate one impact.
 
     ``recession`` is in metres per second per newton of elastic force, ``mobility`` of the whole
     force; ``share`` of the dissipative force loads the ground; the contact ends at the indentation
-    ``-reach``, or where the force is a pull of ``bears``; ``after_turn`` makes the law of the way
-    back from the deepest point.
+    ``-reach``, or where the elastic force with this ``counted`` part of the dissipative one is a
+    pull of ``bears``; ``after_turn`` makes the law of the way back from the deepest point.
     """
     n = len(ground.masses)
     system = ground.system()
@@ -146,7 +147,7 @@ def impact(
 
         def let_go(t: float, s: Array) -> float:
             elastic, lost, _, rate = forces(s)
-            return elastic + lost + bears if rate < 0 else 1.0
+            return elastic + counted * lost + bears if rate < 0 else 1.0
 
         def turn(t: float, s: Array) -> float:
             return float(forces(s)[3])

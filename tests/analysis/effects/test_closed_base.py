@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
+from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
+from analysis.model.effect_trace import Cell, Column, integrate_with_effects
 from analysis.model.hertz import closed_damping_coefficient
 from analysis.model.impact_model import model_named
 
@@ -40,6 +44,10 @@ def _relaxing(g: float, tau: float) -> Law:
     )
 
 
+def _crossed(chi: float) -> Law:
+    return lambda d, r, z: (K * d**1.5, _dashpot(d, r) + chi * K * d**1.5 * r, ())
+
+
 def _sticking(gamma: float) -> Law:
     return lambda d, r, z: (K * d**1.5 - 4 * math.pi * gamma * R, _dashpot(d, r), ())
 
@@ -54,6 +62,11 @@ CASES: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
         "stress_relaxation",
         {"strength": 0.3, "relaxation_time_s": 2e-5},
         {"law": _relaxing(0.3, 2e-5), "memories": 1},
+    ),
+    "Hunt and Crossley": (
+        "hunt_crossley_damping",
+        {"damping_s_per_m": 0.3},
+        {"law": _crossed(0.3)},
     ),
     "adhesion": (
         "adhesion",
@@ -79,13 +92,66 @@ def test_an_effect_on_the_closed_base_agrees_with_an_independent_integration(cas
     assert found.rebound_ratio == pytest.approx(wanted.rebound / RIG.speed, abs=3e-6)
 
 
-def test_a_relaxing_contact_does_not_pull() -> None:
-    """Relaxation ends the contact earlier on the closed base than where the indentation ends it."""
-    values = {"stress_relaxation.strength": 0.15, "stress_relaxation.relaxation_time_s": 2e-5}
-    closed, pulling = (
-        RIG.predict(f"{base}+stress_relaxation", values).contact_time_s for base in ("kv2", "kv")
-    )
-    assert closed < 0.99 * pulling
+def _force(effect: str, values: dict[str, float], times: list[float]) -> Any:
+    """Return the force between sphere and coupon at times after touch-down, the cell held still."""
+    found = np.zeros((1, len(times)))
+    step = times[1] - times[0]
+    context = replace(RIG.context(), closed=True, sample_rate_hz=1 / step, touch_down_s=-times[0])
+    column = Column(0, np.zeros(0), {effect: values}, context)
+    rigid = Cell(math.nan, math.nan, math.nan, 1.0)
+    acting = [effect_named(effect)]
+    outcome, _ = integrate_with_effects(found, acting, [column], [rigid], steps=400)
+    return found[0], float(outcome[0, 0])
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("stress_relaxation", {"strength": 0.15, "relaxation_time_s": 1.5e-5}),
+        ("stress_relaxation", {"strength": 0.15, "relaxation_time_s": 2e-5}),
+        ("viscoelastic_damping", {"dissipation_time_s": 3e-6}),
+        ("hunt_crossley_damping", {"damping_s_per_m": 0.3}),
+    ],
+)
+def test_a_contact_with_a_further_loss_ends_when_its_force_does(
+    effect: str, values: dict[str, float]
+) -> None:
+    """The force never pulls, falls to zero where the contact ends, and stays zero."""
+    times = [1e-8 * i for i in range(12_000)]
+    force, end = _force(effect, values, times)
+    assert force.min() >= -1e-9 * force.max()
+    last, _ = _force(effect, values, [end * (1 - 1e-13), end])
+    assert abs(last[0]) <= 1e-9 * force.max()
+    after = np.array(times) > end
+    assert after.any()
+    assert not force[after].any()
+
+
+def test_a_relaxing_contact_leaves_a_coupon_that_rings_on_its_tape() -> None:
+    """After the end by force the coupon swings freely on its tape, as an integration has it."""
+    k, c, g, tau = 5e8, 100.0, 0.15, 2e-5
+    values = {"adhesive_layer.stiffness_n_per_m": k, "adhesive_layer.damping_n_s_per_m": c}
+    values |= {"stress_relaxation.strength": g, "stress_relaxation.relaxation_time_s": tau}
+    found = RIG.predict("kv2+adhesive_layer+stress_relaxation", values)
+    links = [(0, -1, RIG.cell_stiffness, RIG.cell_damping), (1, 0, k, c)]
+    ground = Ground([RIG.cell_mass, RIG.coupon_mass], links, top=1)
+    wanted = RIG.reference(law=_relaxing(g, tau), memories=1, ground=ground, share=1.0, bears=0.0)
+    assert apart(found.signal, wanted.compression) < 3e-6
+    assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=2e-6)
+
+
+@pytest.mark.parametrize("base", ["kv", "hsd"])
+def test_without_its_strength_relaxation_ends_the_papers_contact_as_the_paper_does(
+    base: str,
+) -> None:
+    """At no strength the contact of the paper's bases lasts until the indentation is zero."""
+    values = {"stress_relaxation.strength": 0.0, "stress_relaxation.relaxation_time_s": 2e-5}
+    found = RIG.predict(f"{base}+stress_relaxation", values)
+    plain = RIG.predict(base)
+    assert found.contact_time_s == pytest.approx(plain.contact_time_s, rel=1e-7)
+    relaxing = values | {"stress_relaxation.strength": 0.15}
+    ends = RIG.predict(f"{base}+stress_relaxation", relaxing).contact_time_s
+    assert ends < 0.99 * plain.contact_time_s
 
 
 def test_a_tape_takes_the_coupon_off_the_crystal() -> None:

@@ -41,7 +41,7 @@ SLOT_OF = {
     "release_speed_bias": "release",
     "recontact": "release",
 }
-EVERY = [e for listed in library().values() for e in (listed, *listed.variants)]
+EVERY = [e for listed in library().values() for e in (listed, *listed.variants, *listed.by_name)]
 MODELLED = [e for e in EVERY if not e.replaces_base]
 HERE = Path(analysis.effects.__file__).parent
 RIG = Rig()
@@ -93,7 +93,8 @@ def test_a_file_is_an_effect(effect: Effect) -> None:
     text = (HERE / f"{effect.id}.py").read_text(encoding="utf-8")
     for word in ("Source:", "Validity:", "Validation:"):
         assert word in text or word.replace(":", " for") in text or "Valid for" in text
-    assert all(variant.id.startswith(f"{effect.id}:") for variant in effect.variants)
+    forms = (*effect.variants, *effect.by_name)
+    assert all(form.id.startswith(f"{effect.id}:") for form in forms)
 
 
 @pytest.mark.parametrize("base_name", ["kv", "kv2"])
