@@ -17,7 +17,8 @@ def effect_list() -> list[dict[str, Any]]:
     -------
     list of dict
         JSON-ready: id, slot, title, how it shows, source, validation, parameters with units,
-        bounds and neutral value, what must be known to try it, other forms.
+        bounds and neutral value, what must be known to try it, other forms, and those that only a
+        model's name asks for.
     """
     from analysis.effects.library import library
 
@@ -38,6 +39,7 @@ def _described(effect: Effect) -> dict[str, Any]:
         "bases": list(effect.bases),
         "replaces_base": effect.replaces_base or None,
         "variants": [_described(one) for one in effect.variants],
+        "by_name": [_described(one) for one in effect.by_name],
     }
 
 

@@ -8,9 +8,22 @@ r"""Coupon mode: flexure or rocking of what the sphere hits, a side oscillator o
 with sigma M the mass that takes part; F_side acts on the top mass (the crystal, or the coupon where
 an adhesive layer is added before).
 
+``coupon_mode:off_centre``, fitted by name only, is the crystal's own rocking under a hit beside its
+axis. A disc of radius a on a uniform seat rocks with the frequency and the damping of its
+compression, and a hit at b moves the place that is hit by
+
+.. math:: r = (2b/a)^2
+
+times the compression more, which the cell does not read. So the sphere meets a crystal of
+M/(1 + r) on k/(1 + r), read at the old gain: the one direction in which a trace tells M itself.
+Where all shots are alike it is a wrong crystal mass; the error in a modulus comes from hits on one
+coupon that lie elsewhere than those on the others (this folder's README has the size).
+
 Source: one mode of a continuous body as an attached oscillator; Meirovitch, Fundamentals of
 Vibrations (2001) ch. 8. Validity: one mode matters, the contact excites it through the top mass's
-motion. Validation: DOP853 of the coupled equations; split of the free frequencies in the tests.
+motion; off centre: a thin disc, a uniform seat, no gain that varies over the crystal. Validation:
+DOP853 of the coupled equations; split of the free frequencies in the tests; off centre: DOP853 of
+compression and tilt apart.
 
 Scope: frequency and damping are the rig's as the smallest hypothesis: one cap, coupons of one kind.
 The mass that takes part goes with the place that the sphere hits, none at a node and most at an
@@ -41,6 +54,10 @@ def _structure(structure: Structure, values: Values, context: ShotContext) -> No
     structure.link(
         "side", structure.top, mass * omega**2, 2 * values["damping_ratio"] * mass * omega
     )
+
+
+def _rocks(structure: Structure, values: Values, context: ShotContext) -> None:
+    structure.rocking = values["tilt_over_compression"]
 
 
 def _steps(values: Values, context: ShotContext) -> float:
@@ -87,4 +104,29 @@ EFFECT = Effect(
     structure=_structure,
     steps=_steps,
     bases=("kv", "kv2"),
+    by_name=(
+        Effect(
+            id="coupon_mode:off_centre",
+            slot="mounting",
+            title="the sphere hits beside the middle, and the crystal rocks",
+            tell_tale="more recoil with the same ring; a crystal that looks too light",
+            source="own: a disc on a uniform seat",
+            validation="DOP853 of compression and tilt apart",
+            parameters=(
+                EffectParameter(
+                    "tilt_over_compression",
+                    "1",
+                    "surface",
+                    "linear",
+                    0.3,
+                    0.0,
+                    4.0,
+                    (0.1,),
+                    "r = (2 b / a)^2, b of the hit and a of the crystal",
+                ),
+            ),
+            structure=_rocks,
+            bases=("kv", "kv2"),
+        ),
+    ),
 )

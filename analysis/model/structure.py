@@ -71,6 +71,9 @@ class Structure:
         The cell reads the crystal's displacement less the base's.
     coupon_kg : float
         Part of the crystal's mass that is a coupon lying on it; 0 in the paper's models. [kg]
+    rocking : float
+        How far the crystal's tilt moves the place that is hit, over its compression; the cell reads
+        the compression alone. [1]
     """
 
     masses: dict[str, float] = field(default_factory=dict)
@@ -79,6 +82,7 @@ class Structure:
     crystal: str = "crystal"
     base: str = FRAME
     coupon_kg: float = 0.0
+    rocking: float = 0.0
 
     @classmethod
     def kelvin_voigt(
@@ -110,7 +114,13 @@ class Structure:
         self.base = name
 
     def assemble(self) -> Assembled:
-        """Return the system as matrices."""
+        """Return the system as matrices.
+
+        A rocking crystal's displacement is that of the place hit, ``1 + rocking`` times its
+        compression: both obey one equation where tilt and compression have the same frequency and
+        damping. So what pushes the crystal moves it more, and what it hands on or shows is less.
+        """
+        more = 1.0 + self.rocking
         at = {name: i for i, name in enumerate(self.masses)}
         count = len(at)
         rows = [[0.0] * (2 * count) for _ in at]
@@ -119,14 +129,19 @@ class Structure:
                 if a == FRAME:
                     continue
                 row, mass = rows[at[a]], self.masses[a]
+                seat = {one, other} == {self.crystal, self.base}
+                if a == self.crystal and not seat:
+                    mass /= more
+                elif a == self.base and seat:
+                    mass *= more
                 row[2 * at[a]] -= k / mass
                 row[2 * at[a] + 1] -= c / mass
                 if b != FRAME:
                     row[2 * at[b]] += k / mass
                     row[2 * at[b] + 1] += c / mass
         load, reading = [0.0] * count, [0.0] * count
-        load[at[self.top]] = 1.0 / self.masses[self.top]
-        reading[at[self.crystal]] = 1.0
+        load[at[self.top]] = (more if self.top == self.crystal else 1.0) / self.masses[self.top]
+        reading[at[self.crystal]] = 1.0 / more
         if self.base != FRAME:
-            reading[at[self.base]] -= 1.0
+            reading[at[self.base]] -= 1.0 / more
         return Assembled(np.array(rows), np.array(load), np.array(reading), at[self.top])
