@@ -340,6 +340,14 @@ def _total_force(
 
 
 @_compiled
+def _relaxes(codes: NDArray[np.int64]) -> bool:
+    found = False
+    for code in codes:
+        found = found or bool(code == RELAXATION)
+    return found
+
+
+@_compiled
 def _event(  # noqa: PLR0917 - compiled code knows no keywords
     kind: int, s: Vector, p: Vector, codes: NDArray[np.int64], values: Vector, memory: Vector
 ) -> float:
@@ -348,8 +356,10 @@ def _event(  # noqa: PLR0917 - compiled code knows no keywords
     by_force = p[LIFT_OFF_RULE] == AT_FORCE and not sticks
     if kind == _LEAVES:
         above = _gap(s, p) - _release_indentation(p, memory)
-        if by_force and above > 0.0:
-            return _total_force(s, p, codes, values, memory)
+        if above > 0.0 and (by_force or (_relaxes(codes) and not sticks)):
+            # the paper's dashpot pulls the sphere to the end, a relaxed body cannot
+            felt, loss = _forces(_gap(s, p), _gap_rate(s, p), p, codes, values, s, memory)
+            return felt + loss if by_force else felt
         return above
     if kind == _TOUCHES:
         # A surface that is still coming back is met below zero, where the force would turn to push.

