@@ -57,7 +57,9 @@ def _structure(structure: Structure, values: Values, context: ShotContext) -> No
 
 
 def _rocks(structure: Structure, values: Values, context: ShotContext) -> None:
-    structure.rocking = values["tilt_over_compression"]
+    # a tilt that undoes the whole compression leaves no crystal; a fit steps back from there
+    more = values["tilt_over_compression"]
+    structure.rocking = more if more > -1.0 else math.nan
 
 
 def _steps(values: Values, context: ShotContext) -> float:

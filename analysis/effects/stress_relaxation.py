@@ -98,6 +98,9 @@ def _two_arms(values: Values, context: ShotContext) -> tuple[float, ...]:
 
 def _power_law(values: Values, context: ShotContext) -> tuple[float, ...]:
     b, K = values["exponent"], context.stiffness
+    if not -1.0 < b < 1.0:
+        # the integral has no value there; a fit steps back
+        return (math.nan,) * (4 * _ARMS)
     rates = [_REFERENCE_S / _FASTEST_S * math.exp(-_SPACING * k) for k in range(_ARMS)]
     # h / Gamma(b) with the b of 1 / Gamma(b) = b / Gamma(1 + b) apart, across the neutral point
     scale = _SPACING / math.gamma(1.0 + b)

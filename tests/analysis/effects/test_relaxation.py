@@ -175,3 +175,19 @@ def test_the_effect_is_the_plain_integral() -> None:
     exact, later, _ = TingImpact(*bodies, **cell).solve(times)  # type: ignore[arg-type]
     assert apart(exact, plain) == pytest.approx(0.011, rel=0.1)
     assert later > end
+
+
+@pytest.mark.parametrize(
+    ("effect", "name", "value"),
+    [
+        (POWER_LAW, "exponent", 1.0),
+        (POWER_LAW, "exponent", -1.0),
+        (POWER_LAW, "exponent", 2.0),
+        ("coupon_mode:off_centre", "tilt_over_compression", -1.0),
+        ("coupon_mode:off_centre", "tilt_over_compression", -1.3),
+    ],
+)
+def test_a_value_without_a_meaning_gives_no_number(effect: str, name: str, value: float) -> None:
+    """A step of a fit to where a law has no value is seen as such, and stops nothing."""
+    found = RIG.predict(f"kv2+{effect}", {f"{effect}.{name}": value})
+    assert not np.isfinite(found.contact_time_s)
