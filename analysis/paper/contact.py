@@ -176,8 +176,7 @@ def contact_history(
     ``tests/analysis/test_paper.py`` compares the two.
     """
     km = drop.stiffness / drop.mass_kg
-    alpha = closed_damping_coefficient(restitution) if closed else damping_coefficient(restitution)
-    cd = alpha * math.sqrt(km)
+    cd = _loss(restitution, closed=closed) * math.sqrt(km)
     end_cd = max(cd, 0.0) if closed else 0.0
     big_km, big_cd, w2, g2 = 0.0, 0.0, 0.0, 0.0
     if cell is not None:
@@ -207,7 +206,9 @@ def contact_history(
     return History(t, y**4, u, crystal, w, elastic, dissipative)
 
 
-def crystal_trace(drop: Drop, restitution: float, cell: Cell, times_s: Array) -> Array:
+def crystal_trace(
+    drop: Drop, restitution: float, cell: Cell, times_s: Array, *, closed: bool = False
+) -> Array:
     """Return the crystal's compression at equally spaced times, ring included.
 
     Parameters
@@ -215,7 +216,9 @@ def crystal_trace(drop: Drop, restitution: float, cell: Cell, times_s: Array) ->
     drop, restitution, cell
         As for `contact_history`.
     times_s : ndarray, shape (n,)
-        From touch-down on, equally spaced. [s]
+        After touch-down, equally spaced. [s]
+    closed
+        As for `contact_history`.
 
     Returns
     -------
@@ -230,8 +233,14 @@ def crystal_trace(drop: Drop, restitution: float, cell: Cell, times_s: Array) ->
         stiffness=drop.stiffness,
         mass_kg=drop.mass_kg,
         speed_m_per_s=drop.speed_m_per_s,
-        alpha=damping_coefficient(restitution),
+        alpha=_loss(restitution, closed=closed),
         crystal_mass_kg=cell.mass_kg,
         crystal_stiffness_n_per_m=cell.stiffness_n_per_m,
         crystal_damping_n_s_per_m=cell.damping_n_s_per_m,
+        closed=closed,
     )[0]
+
+
+def _loss(restitution: float, *, closed: bool) -> float:
+    """Return alpha of Eq. 3 for a rebound where the indentation, or the force, is back at zero."""
+    return closed_damping_coefficient(restitution) if closed else damping_coefficient(restitution)

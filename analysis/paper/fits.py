@@ -8,6 +8,7 @@ free to shift, which a person does who lays a computed pulse over a measured one
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -127,13 +128,43 @@ def fit_modulus(
     ModulusOnly
         Best of a grid, then refined.
     """
-    y = item.window.signal
-    total = float(np.sum((y - y.mean()) ** 2))
+    return fit_pulse(
+        item.window.signal,
+        lambda modulus_pa, shift_us: predict(item, known, modulus_pa, shift_us),
+        around_pa,
+        free_timing=free_timing,
+    )
+
+
+def fit_pulse(
+    signal: Array,
+    predicted: Callable[[float, float], Array],
+    around_pa: float,
+    *,
+    free_timing: bool = True,
+) -> ModulusOnly:
+    """Return the modulus whose pulse lies best over a signal, in plain least squares.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The record. [V]
+    predicted : callable
+        From E* [Pa] and a later touch-down [us] to a trace of shape (n,). [V]
+    around_pa, free_timing
+        As for `fit_modulus`.
+
+    Returns
+    -------
+    ModulusOnly
+        Best of a grid, then refined.
+    """
+    total = float(np.sum((signal - signal.mean()) ** 2))
 
     def cost(at: Array) -> float:
         """Return the squares left at (ln of the modulus over the middle, shift)."""
         shift = float(at[1]) if free_timing else 0.0
-        return float(np.sum((y - predict(item, known, around_pa * math.exp(at[0]), shift)) ** 2))
+        return float(np.sum((signal - predicted(around_pa * math.exp(at[0]), shift)) ** 2))
 
     shifts = _SHIFTS_US if free_timing else np.zeros(1)
     grid = [np.array([ln, shift]) for ln in _LN_E_GRID for shift in shifts]

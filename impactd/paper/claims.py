@@ -18,6 +18,7 @@ from analysis.paper.contact import (
 )
 from impactd.paper.claim import FAILS, HOLDS, NEARLY, NO_CLAIM, Claim
 from impactd.paper.rig_claims import rig_claims, slips
+from impactd.paper.trace_claims import trace_claims
 
 
 def all_claims() -> list[Claim]:
@@ -29,6 +30,7 @@ def all_claims() -> list[Claim]:
         *_rebound(),
         *_solver(),
         *_table_3(),
+        *trace_claims(),
         *rig_claims(),
         *slips(),
     ]

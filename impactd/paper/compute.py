@@ -12,6 +12,7 @@ from analysis.paper.valley import Valley, valley
 from impactd import __version__
 from impactd.paper.claim import Claim
 from impactd.paper.claims import all_claims
+from impactd.paper.printed_rows import PrintedRow, printed_rows
 from impactd.paper.rigs import WAYS, Pair, RigFigures, calibrated_cell, known_of, run_rigs
 from impactd.paper.source import (
     distance_from_literature,
@@ -21,6 +22,8 @@ from impactd.paper.source import (
     spread_of_materials,
     tables,
 )
+from impactd.paper.table_claims import MEAN_R2, table_claims
+from impactd.paper.trace_page import closed_model
 from impactd.paper.turn import Turn, take_turns
 
 Json = dict[str, Any]
@@ -53,6 +56,8 @@ class PaperResult:
         Of the first rig.
     turns : list of Turn
         The loop from HSD, with nothing undeclared and with a coupler.
+    printed : list of PrintedRow
+        Tables 4 and 5.
     """
 
     claims: list[Claim]
@@ -60,6 +65,11 @@ class PaperResult:
     valley: Valley
     seed: int
     turns: list[Turn]
+    printed: list[PrintedRow]
+
+    def table_claims(self) -> list[Claim]:
+        """Return what the paper says of Tables 3-5 as wholes."""
+        return table_claims(table_3(self.rigs), mean_r2(self.rigs))
 
     def to_json(self) -> Json:
         """Return everything, unrounded, as ``impactd-paper/1``."""
@@ -73,6 +83,9 @@ class PaperResult:
             "seed": self.seed,
             "table3": table_3(self.rigs),
             "tables_4_5": [pair_row(self.rigs, pair) for pair in self.rigs.pairs],
+            "tables_4_5_as_printed": [row.to_json() for row in self.printed],
+            "table_claims": [claim.to_json() for claim in self.table_claims()],
+            "closed_model": closed_model(),
             "mean_r2": mean_r2(self.rigs),
             "turns_of_the_loop": [turn.to_json() for turn in self.turns],
             "hsd_over_kv_correlation": pattern_correlation(self.rigs),
@@ -133,11 +146,11 @@ def compute(
         Same numbers for same arguments.
     """
     if tell is not None:
-        tell("figures 2-4")
+        tell("figures 2-6")
     claims = all_claims()
     found = run_rigs(rigs, seed, tell)
     turns = take_turns(seed + rigs, tell, turn_pairs)
-    return PaperResult(claims, found, one_valley(found), seed, turns)
+    return PaperResult(claims, found, one_valley(found), seed, turns, printed_rows(found))
 
 
 def one_valley(rigs: RigFigures) -> Valley:
@@ -218,7 +231,7 @@ def mean_r2(rigs: RigFigures) -> Json:
             if pair in four or not way.startswith("hsd")
         )
         for way in WAYS
-    } | {"paper_hsd": 0.48, "paper_kv": 0.86}
+    } | {"paper_hsd": MEAN_R2["table4_hsd"], "paper_kv": MEAN_R2["table5_kv"]}
 
 
 def pattern_correlation(rigs: RigFigures) -> float:

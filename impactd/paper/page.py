@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
-from impactd.paper.claim import Claim
+from impactd.paper.claim import FAILS, Claim
 from impactd.paper.compute import PaperResult
+from impactd.paper.printed_rows import ROW_HEADINGS, row_texts
+from impactd.paper.trace_page import CLOSED_HEADINGS, closed_rows
 from impactd.paper.turn_page import (
     LADDER_HEADINGS,
     ladder_rows,
@@ -33,9 +35,11 @@ _UNITS = {
 def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a Markdown table."""
     lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join(
-        "| " + " | ".join(c.replace("|", "\\|") for c in line) + " |" for line in lines
-    )
+    return "\n".join("| " + " | ".join(_shown(cell) for cell in line) + " |" for line in lines)
+
+
+def _shown(cell: str) -> str:
+    return "**does not** hold" if cell == FAILS else cell.replace("|", "\\|")
 
 
 def claims_table(claims: Sequence[Claim]) -> str:
@@ -48,7 +52,7 @@ def claims_table(claims: Sequence[Claim]) -> str:
                 c.says,
                 c.claimed,
                 c.ours,
-                c.verdict.replace("does not", "**does not**"),
+                c.verdict,
                 c.note,
             ]
             for c in claims
@@ -167,7 +171,6 @@ def page(result: PaperResult, command: str) -> str:
         Markdown; the pictures stand in ``pictures/`` beside it.
     """
     found = result.to_json()
-    r2, away = found["mean_r2"], found["paper_distance_from_literature"]
     valley = found["valley"]
     steel = next(e for e in found["tables_4_5"] if (e["sphere"], e["surface"]) == _SHORT)
     fits = [
@@ -192,12 +195,11 @@ def page(result: PaperResult, command: str) -> str:
             table_3_rows(found["table3"]),
         ),
         pairs=markdown_table(PAIR_HEADINGS, pair_rows(found["tables_4_5"])),
-        r2_hsd_free=r2["hsd_aligned"],
-        r2_hsd_onset=r2["hsd_onset"],
-        r2_kv=r2["kv_joint"],
         correlation=found["hsd_over_kv_correlation"],
-        away_hsd=away["table4_hsd"],
-        away_kv=away["table5_kv"],
+        table_claims=claims_table(result.table_claims()),
+        rows_4=markdown_table(ROW_HEADINGS, row_texts(result.printed, "table4_hsd")),
+        rows_5=markdown_table(ROW_HEADINGS, row_texts(result.printed, "table5_kv")),
+        closed=markdown_table(CLOSED_HEADINGS, closed_rows(found["closed_model"])),
         fits=markdown_table(
             ("start E_p", "start E_s", "end E_p", "end E_s", "end E*", "excess chi2"), fits
         ),

@@ -1,4 +1,4 @@
-"""The paper's figures from our model, and two of ours: the rigs' moduli and the valley."""
+"""The paper's figures, and three of ours: the closed model, the rigs' moduli and the valley."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from matplotlib.figure import Figure
 
 from analysis.paper.valley import Valley
 from analysis.plots.paper_figures import figure_2, figure_3, figure_4
+from impactd.paper.pair_traces import FIGURE_PAIRS
 from impactd.paper.rigs import RigFigures
 from impactd.paper.source import over_literature, rows
+from impactd.paper.trace_pictures import closed_figure, figure_of
 
-NAMES = ("figure-2", "figure-3", "figure-4", "tables-4-5", "valley")
+NAMES = ("figure-2", "figure-3", "figure-4", *FIGURE_PAIRS, "closed", "tables-4-5", "valley")
 INK, HSD, KV = "#202124", "#d9822b", "#1c6dd0"
 _EDGE_PA = 29e9
 
@@ -55,6 +57,9 @@ def draw_all(folder: Path, rigs: RigFigures, valley: Valley) -> dict[str, Path]:
         figure_2().savefig(paths["figure-2"])
         figure_3().savefig(paths["figure-3"])
         figure_4().savefig(paths["figure-4"])
+        for name in FIGURE_PAIRS:
+            figure_of(name).savefig(paths[name])
+        closed_figure().savefig(paths["closed"])
         _moduli(rigs).savefig(paths["tables-4-5"])
         _valley(valley).savefig(paths["valley"])
     return paths

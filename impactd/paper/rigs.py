@@ -124,6 +124,7 @@ def run_rigs(count: int, seed: int = 1, tell: Callable[[str], None] | None = Non
         fill=None,
         range_v=RANGE_V,
         repeats=1,
+        rig="paper",
     )
     for number in range(count):
         if tell is not None:

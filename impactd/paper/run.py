@@ -6,6 +6,7 @@ import json
 import time
 from collections.abc import Collection
 from pathlib import Path
+from typing import Any
 
 from rich.console import Console
 from rich.table import Table
@@ -14,6 +15,8 @@ from impactd.console.failure import Failure
 from impactd.console.tables import print_json
 from impactd.paper.compute import PaperResult, compute
 from impactd.paper.page import PAIR_HEADINGS, gigapascals, page, pair_rows, table_3_rows
+from impactd.paper.printed_rows import ROW_HEADINGS, TABLES, row_texts
+from impactd.paper.trace_page import CLOSED_HEADINGS, closed_rows
 from impactd.paper.turn_page import LADDER_HEADINGS, ladder_rows, moduli_headings, moduli_rows
 
 PAGE_NAME, JSON_NAME, PICTURES = "paper.md", "paper.json", "pictures"
@@ -58,7 +61,7 @@ def run_paper(
     if not console.is_terminal:
         console = Console(stderr=as_json, width=_WIDTH_IN_A_PIPE)
     out.mkdir(parents=True, exist_ok=True)
-    with console.status("figures 2-4") as status:
+    with console.status("figures 2-6") as status:
         result = compute(rigs, seed, status.update, turn_pairs)
     found = result.to_json()
     (out / JSON_NAME).write_text(
@@ -77,24 +80,7 @@ def run_paper(
 
 def _show(console: Console, result: PaperResult) -> None:
     found = result.to_json()
-    _print_table(
-        console,
-        "Text and figures",
-        ("where", "claim", "claimed", "ours", "verdict"),
-        [[c.where, c.says, c.claimed, c.ours, c.verdict] for c in result.claims],
-    )
-    _print_table(
-        console,
-        f"Table 3, {found['rigs']} simulated rigs",
-        ("quantity", "paper", "rigs as drawn", "calibrated", "rms error"),
-        table_3_rows(found["table3"]),
-    )
-    _print_table(
-        console,
-        "Tables 4 and 5: E* over literature (paper) or truth (ours)",
-        PAIR_HEADINGS,
-        pair_rows(found["tables_4_5"]),
-    )
+    _show_tables(console, result, found)
     for turn in result.turns:
         _print_table(
             console,
@@ -115,6 +101,37 @@ def _show(console: Console, result: PaperResult) -> None:
         f"{valley['correlation_ln_moduli']:.6f}: the split is not in the data.",
         highlight=False,
     )
+
+
+def _show_tables(console: Console, result: PaperResult, found: dict[str, Any]) -> None:
+    rigs = f"{found['rigs']} simulated rigs"
+    for title, claims in (
+        ("Text and figures", result.claims),
+        (f"Tables 3-5 as wholes, {rigs}", result.table_claims()),
+    ):
+        rows = [[c.where, c.says, c.claimed, c.ours, c.verdict] for c in claims]
+        _print_table(console, title, ("where", "claim", "claimed", "ours", "verdict"), rows)
+    _print_table(
+        console,
+        "A closed rig, read with KV and with kv2",
+        CLOSED_HEADINGS,
+        closed_rows(found["closed_model"]),
+    )
+    _print_table(
+        console,
+        f"Table 3, {rigs}",
+        ("quantity", "paper", "rigs as drawn", "calibrated", "rms error"),
+        table_3_rows(found["table3"]),
+    )
+    _print_table(
+        console,
+        "Tables 4 and 5: E* over literature (paper) or truth (ours)",
+        PAIR_HEADINGS,
+        pair_rows(found["tables_4_5"]),
+    )
+    for table, model in TABLES.items():
+        title = f"Table {table[5]} as printed ({model}), GPa"
+        _print_table(console, title, ROW_HEADINGS, row_texts(result.printed, table))
 
 
 def _print_table(

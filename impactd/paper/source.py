@@ -117,6 +117,7 @@ def spread_of_materials(table: str) -> dict[str, Json]:
             }
     return found
 
+
 def paper_moduli(table: str, side: str, name: str) -> tuple[float, float, float] | None:
     """Return mean, lowest and highest modulus that the paper's pairs give a material.
 

@@ -157,6 +157,7 @@ def simulated(
         fill=None,
         range_v=RANGE_V,
         repeats=1,
+        rig="paper",
         effects=tuple(effects),
     )
     made = simulate_campaign(settings, seed)

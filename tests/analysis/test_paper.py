@@ -10,7 +10,11 @@ import numpy as np
 import pytest
 
 from analysis import fit_campaign
-from analysis.model.hertz import plane_strain_modulus, reduced_modulus
+from analysis.model.hertz import (
+    closed_damping_coefficient,
+    plane_strain_modulus,
+    reduced_modulus,
+)
 from analysis.paper import figures, numbers
 from analysis.paper.contact import (
     FIG2_CELL,
@@ -21,7 +25,10 @@ from analysis.paper.contact import (
     crystal_trace,
 )
 from analysis.paper.fits import Known, fit_gain, fit_modulus
+from analysis.paper.traces import hsd_volts, kv_volts, maxima, width_at_half
 from analysis.paper.valley import valley
+
+from .closed_reference import ClosedImpact
 
 
 def _independent(impact: Any, eps: float, cell: Cell | None) -> Any:
@@ -135,6 +142,52 @@ def test_equal_steps_lose_their_order() -> None:
 def test_the_crystals_mass_alone_is_seen_by_a_thousandth() -> None:
     """With S, omega0 and zeta kept, M changes the trace by 1.2e-3 of the peak per ln M."""
     assert numbers.mass_alone_shifts_trace_by(0.01) == pytest.approx(1.20e-3, abs=2e-5)
+
+
+TIMES_S = np.arange(-5, 400) * 1e-6
+
+
+def test_a_rigid_cells_trace_is_its_force_over_s() -> None:
+    """HSD's volts are Eq. 2's force over S, nothing before touch-down and after lift-off."""
+    history = contact_history(FIG2_DROP, 0.8)
+    volts = hsd_volts(FIG2_DROP, 0.8, 1.78, TIMES_S)
+    force = FIG2_DROP.stiffness * history.indentation_at(TIMES_S) ** 1.5
+    assert np.abs(1.78 * volts - force).max() <= 1e-6 * force.max()
+    assert not volts[TIMES_S < 0].any()
+    assert not volts[history.contact_time_s + 1e-6 < TIMES_S].any()
+
+
+def test_kv_and_the_closed_model_agree_with_an_independent_integration(impact: Any) -> None:
+    """Volts by kv and, with a coupon, by kv2 are DOP853's compressions over c, to 1e-6."""
+    at = TIMES_S[TIMES_S >= 0]
+    crystal = _independent(impact, 0.8, TABLE3_CELL).solve(at)[1]
+    found = kv_volts(FIG2_DROP, 0.8, TABLE3_CELL, 5.6e-9, TIMES_S)[TIMES_S >= 0]
+    assert np.abs(5.6e-9 * found - crystal).max() <= 1e-6 * crystal.max()
+    closed = ClosedImpact(
+        FIG2_DROP.stiffness,
+        FIG2_DROP.mass_kg,
+        FIG2_DROP.speed_m_per_s,
+        closed_damping_coefficient(0.8),
+        TABLE3_CELL.mass_kg,
+        TABLE3_CELL.stiffness_n_per_m,
+        TABLE3_CELL.damping_n_s_per_m,
+        coupon_mass=6.5e-3,
+    )
+    crystal = closed.solve(at)[0]
+    found = kv_volts(FIG2_DROP, 0.8, TABLE3_CELL, 5.6e-9, TIMES_S, coupon_kg=6.5e-3)[TIMES_S >= 0]
+    assert np.abs(5.6e-9 * found - crystal).max() <= 1e-6 * crystal.max()
+
+
+def test_maxima_and_widths_are_read_off_a_trace() -> None:
+    """A damped cosine has its maxima a period apart; a parabola is half as high at 1/sqrt(2)."""
+    times = np.arange(0.0, 1.0, 1e-4)
+    found = maxima(times, np.exp(-times) * np.sin(20 * np.pi * times), 0.5)
+    assert [at for at, _ in found] == pytest.approx(
+        [0.0247 + 0.1 * n for n in range(len(found))], abs=5e-4
+    )
+    assert len(found) == 7
+    pulse = np.maximum(1 - (times / 0.25 - 1) ** 2, 0.0)
+    assert width_at_half(times, pulse) == pytest.approx(0.25 * math.sqrt(2), abs=2e-4)
 
 
 @pytest.fixture(scope="module")

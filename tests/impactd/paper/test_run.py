@@ -30,16 +30,50 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, A
 
 
 def test_everything_is_left_in_the_folder(written: tuple[Path, dict[str, Any]]) -> None:
-    """Page, JSON and five pictures, with the command that makes them again."""
+    """Page, JSON and eight pictures, with the command that makes them again."""
     out, found = written
     page = (out / "paper.md").read_text()
     assert f"impactd paper --out {out} --rigs 2 --seed 1" in page
     assert "{" not in page
     pictures = sorted(path.name for path in (out / "pictures").iterdir())
-    assert len(pictures) == 5
+    assert len(pictures) == 8
     assert all(f"pictures/{name}" in page for name in pictures)
     assert found["format"] == "impactd-paper/1"
-    assert (len(found["claims"]), found["rigs"], len(found["tables_4_5"])) == (24, 2, 19)
+    assert (len(found["claims"]), found["rigs"], len(found["tables_4_5"])) == (32, 2, 19)
+    assert (len(found["tables_4_5_as_printed"]), len(found["closed_model"])) == (33, 19)
+
+
+def test_the_tables_as_wholes_stand_beside_ours(written: tuple[Path, dict[str, Any]]) -> None:
+    """KV fits better and is nearer to the literature; no R2 of KV's is ours; reasons are given."""
+    out, found = written
+    claims = {claim["key"]: claim for claim in found["table_claims"]}
+    verdicts = {key: claim["verdict"] for key, claim in claims.items()}
+    assert verdicts == {
+        "table3_s": "holds",
+        "table3_r2_hsd": "holds",
+        "table3_r2_kv": "does not hold",
+        "table4_r2": "does not hold",
+        "table5_r2": "does not hold",
+        "kv_fits_better": "holds",
+        "nearer_to_literature": "holds",
+    }
+    assert claims["nearer_to_literature"]["values"]["nearer"] == 18
+    page = (out / "paper.md").read_text()
+    for claim in claims.values():
+        assert claim["ours"] in page
+        assert claim["note"] or claim["verdict"] == "holds"
+
+
+def test_the_rows_of_tables_4_and_5_are_judged(written: tuple[Path, dict[str, Any]]) -> None:
+    """Each printed row has its verdict; those far from any reading of Tables 1-2 do not hold."""
+    out, found = written
+    rows = {(r["table"], *r["pair"]): r for r in found["tables_4_5_as_printed"]}
+    assert rows["table5_kv", "acetal", "pvc"]["verdict"] == "holds"
+    assert rows["table5_kv", "polypropylene", "aluminium"]["verdict"] == "does not hold"
+    assert rows["table4_hsd", "acetal", "aluminium"]["verdict"] == "holds"
+    page = (out / "paper.md").read_text()
+    assert "| acetal / aluminium | 69.43 ± 1.15 | 66.2-71.8 | 3.17 ± 0.04 | 3-3.3 |" in page
+    assert all(row["remark"] in page for row in rows.values())
 
 
 def test_calibrations_find_what_the_drops_identify(written: tuple[Path, dict[str, Any]]) -> None:
