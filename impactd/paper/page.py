@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from importlib import resources
 from typing import Any
 
-from impactd.paper.claim import FAILS, Claim
+from impactd.paper.claim import FAILS, HOLDS, Claim
 from impactd.paper.compute import PaperResult
-from impactd.paper.printed_rows import ROW_HEADINGS, row_texts
+from impactd.paper.printed_rows import ROW_HEADINGS, TABLES, PrintedRow, row_texts
 from impactd.paper.trace_page import CLOSED_HEADINGS, closed_rows
 from impactd.paper.turn_page import (
     LADDER_HEADINGS,
@@ -155,6 +155,16 @@ def spread_rows(found: Json) -> list[list[str]]:
     ]
 
 
+def _held(printed: Sequence[PrintedRow]) -> dict[str, int]:
+    """Return how many rows of Tables 4 and 5 there are, and how many hold."""
+    counts = {}
+    for table in TABLES:
+        verdicts = [row.verdict for row in printed if row.table == table]
+        counts[f"all_{table[5]}"] = len(verdicts)
+        counts[f"held_{table[5]}"] = verdicts.count(HOLDS)
+    return counts
+
+
 def page(result: PaperResult, command: str) -> str:
     """Return the whole page.
 
@@ -197,6 +207,7 @@ def page(result: PaperResult, command: str) -> str:
         pairs=markdown_table(PAIR_HEADINGS, pair_rows(found["tables_4_5"])),
         correlation=found["hsd_over_kv_correlation"],
         table_claims=claims_table(result.table_claims()),
+        **_held(result.printed),
         rows_4=markdown_table(ROW_HEADINGS, row_texts(result.printed, "table4_hsd")),
         rows_5=markdown_table(ROW_HEADINGS, row_texts(result.printed, "table5_kv")),
         closed=markdown_table(CLOSED_HEADINGS, closed_rows(found["closed_model"])),

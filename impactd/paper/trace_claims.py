@@ -167,7 +167,7 @@ def _second_peak() -> Claim:
             "highest": max(shares),
         },
         "the crystal's first swing after the sphere has left; E* of Table 5 and of Tables 1-2, "
-        "eps 0.7 to 0.9",
+        "eps 0.7 to 0.9, h 4.7 cm",
     )
 
 
