@@ -1,4 +1,4 @@
-"""Building blocks of the chain from crystal to converter: linear filters that survive gaps.
+"""Building blocks of the chain from crystal to converter: stages that survive gaps.
 
 A flight is a few milliseconds of impact on a fine grid, then a tenth of a second of nothing. The
 filters keep their state as a continuous system does, so the step may change between stretches.
@@ -6,6 +6,7 @@ filters keep their state as a continuous system does, so the step may change bet
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -178,59 +179,37 @@ class StateSpaceStage:
         return bool(np.all(np.abs(self._C * self._x) < threshold_v))
 
 
-def highpass(time_constant_s: float) -> StateSpaceStage:
-    """Return a first-order high-pass, ``y' + y/tau = u'``.
+class Chain:
+    """Stages one behind the other.
 
     Parameters
     ----------
-    time_constant_s : float
-        tau. [s]
-
-    Returns
-    -------
-    StateSpaceStage
-        The filter, at rest.
+    stages : sequence of Stage
+        In the order of the signal.
     """
-    a = 1.0 / time_constant_s
-    return StateSpaceStage(np.array([[-a]]), np.array([1.0]), np.array([-a]), 1.0)
 
+    def __init__(self, stages: Sequence[Stage]) -> None:
+        self._stages = list(stages)
 
-def lowpass_first(cutoff_hz: float) -> StateSpaceStage:
-    """Return a first-order low-pass.
+    def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
+        """Return what comes out of the last one.
 
-    Parameters
-    ----------
-    cutoff_hz : float
-        -3 dB frequency. [Hz]
+        Parameters
+        ----------
+        volts : ndarray, shape (n,)
+            Input. [V]
+        step_s : float
+            Its step. [s]
 
-    Returns
-    -------
-    StateSpaceStage
-        The filter, at rest.
-    """
-    w = 2.0 * np.pi * cutoff_hz
-    return StateSpaceStage(np.array([[-w]]), np.array([1.0]), np.array([w]), 0.0)
+        Returns
+        -------
+        ndarray, shape (n,)
+            Output. [V]
+        """
+        for stage in self._stages:
+            volts = stage.process(volts, step_s)
+        return volts
 
-
-def resonance(
-    frequency_hz: float, damping_ratio: float, gain: float, direct: float
-) -> StateSpaceStage:
-    """Return ``direct + gain w^2 / (s^2 + 2 zeta w s + w^2)``.
-
-    Parameters
-    ----------
-    frequency_hz : float
-        Undamped frequency. [Hz]
-    damping_ratio : float
-        zeta, not exactly 1. [1]
-    gain, direct : float
-        Static gain of the resonance, and what passes beside it. [1]
-
-    Returns
-    -------
-    StateSpaceStage
-        The filter, at rest.
-    """
-    w = 2.0 * np.pi * frequency_hz
-    system = np.array([[0.0, 1.0], [-w * w, -2.0 * damping_ratio * w]])
-    return StateSpaceStage(system, np.array([0.0, 1.0]), np.array([gain * w * w, 0.0]), direct)
+    def is_quiet(self, threshold_v: float) -> bool:
+        """Return whether every one has forgotten what it heard."""
+        return all(stage.is_quiet(threshold_v) for stage in self._stages)

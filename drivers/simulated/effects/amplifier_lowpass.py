@@ -13,7 +13,7 @@ import numpy as np
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
 from drivers.simulated.electronics import Stage
-from drivers.simulated.lowpass import bessel, butterworth, rc_sections
+from drivers.simulated.filters import bessel, butterworth, rc_sections
 
 _FORMS = {"butterworth": butterworth, "bessel": bessel, "rc": rc_sections}
 

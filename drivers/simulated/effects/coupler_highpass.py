@@ -9,7 +9,8 @@ from __future__ import annotations
 import math
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
-from drivers.simulated.electronics import StateSpaceStage, highpass
+from drivers.simulated.electronics import StateSpaceStage
+from drivers.simulated.filters import highpass
 
 
 class CouplerHighpass(Effect):

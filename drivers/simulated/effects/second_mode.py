@@ -7,7 +7,8 @@ two second-order systems in series. Tell-tale: beat on the ring (tested).
 from __future__ import annotations
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
-from drivers.simulated.electronics import StateSpaceStage, resonance
+from drivers.simulated.electronics import StateSpaceStage
+from drivers.simulated.filters import resonance
 
 
 class SecondMode(Effect):

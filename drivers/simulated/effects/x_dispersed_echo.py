@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
-from drivers.simulated.electronics import DelayLine, StateSpaceStage, resonance
+from drivers.simulated.electronics import DelayLine, StateSpaceStage
+from drivers.simulated.filters import resonance
 
 DAMPING_RATIO = 0.9
 

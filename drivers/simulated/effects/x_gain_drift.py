@@ -1,6 +1,7 @@
 """Invented: the amplifier warms up and its gain drifts from shot to shot.
 
-Gain ``1 + a (1 - exp(-n/n0))`` at the n-th shot. Outside the library on purpose.
+Gain ``1 + a (1 - exp(-n/n0))`` at the n-th shot. The library has a straight drift only, which the
+search for effects does not try.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drivers.simulated.effects.effect import Effect, Parameter, Shot
-from drivers.simulated.electronics import resonance
+from drivers.simulated.filters import resonance
 
 DAMPING_RATIO = 0.01
 

@@ -1,7 +1,7 @@
 """Invented: a coupler with two poles, whose undershoot swings back through zero.
 
 High-pass ``s^2/(s^2 + 2 zeta w s + w^2)``. Source: own; an IEPE coupler before an AC-coupled input
-and a transformer. Outside the library on purpose.
+and a transformer. The library has it under a name that the search for effects does not try.
 """
 
 from __future__ import annotations

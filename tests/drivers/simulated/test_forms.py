@@ -12,7 +12,7 @@ from scipy import signal
 from drivers.simulated.draw import draw_effect
 from drivers.simulated.effects import EFFECTS, make_effect
 from drivers.simulated.effects.stress_relaxation import arms
-from drivers.simulated.lowpass import bessel, butterworth, rc_sections
+from drivers.simulated.filters import bessel, butterworth, rc_sections
 
 if TYPE_CHECKING:
     from tests.drivers.simulated.conftest import Lab

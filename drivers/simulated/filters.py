@@ -1,50 +1,73 @@
-"""Low-pass filters of any order in three published forms, in sections of order 1 and 2."""
+"""Filters of the chain: a high-pass, a resonance, and low-passes of any order in published forms.
+
+A low-pass is a chain of sections of order 1 and 2.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from drivers.simulated.electronics import Stage, lowpass_first, resonance
+from drivers.simulated.electronics import Chain, Stage, StateSpaceStage
 
 
-class Chain:
-    """Stages one behind the other.
+def highpass(time_constant_s: float) -> StateSpaceStage:
+    """Return a first-order high-pass, ``y' + y/tau = u'``.
 
     Parameters
     ----------
-    stages : sequence of Stage
-        In the order of the signal.
+    time_constant_s : float
+        tau. [s]
+
+    Returns
+    -------
+    StateSpaceStage
+        The filter, at rest.
     """
+    a = 1.0 / time_constant_s
+    return StateSpaceStage(np.array([[-a]]), np.array([1.0]), np.array([-a]), 1.0)
 
-    def __init__(self, stages: Sequence[Stage]) -> None:
-        self._stages = list(stages)
 
-    def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        """Return what comes out of the last one.
+def lowpass_first(cutoff_hz: float) -> StateSpaceStage:
+    """Return a first-order low-pass.
 
-        Parameters
-        ----------
-        volts : ndarray, shape (n,)
-            Input. [V]
-        step_s : float
-            Its step. [s]
+    Parameters
+    ----------
+    cutoff_hz : float
+        -3 dB frequency. [Hz]
 
-        Returns
-        -------
-        ndarray, shape (n,)
-            Output. [V]
-        """
-        for stage in self._stages:
-            volts = stage.process(volts, step_s)
-        return volts
+    Returns
+    -------
+    StateSpaceStage
+        The filter, at rest.
+    """
+    w = 2.0 * np.pi * cutoff_hz
+    return StateSpaceStage(np.array([[-w]]), np.array([1.0]), np.array([w]), 0.0)
 
-    def is_quiet(self, threshold_v: float) -> bool:
-        """Return whether every one has forgotten what it heard."""
-        return all(stage.is_quiet(threshold_v) for stage in self._stages)
+
+def resonance(
+    frequency_hz: float, damping_ratio: float, gain: float, direct: float
+) -> StateSpaceStage:
+    """Return ``direct + gain w^2 / (s^2 + 2 zeta w s + w^2)``.
+
+    Parameters
+    ----------
+    frequency_hz : float
+        Undamped frequency. [Hz]
+    damping_ratio : float
+        zeta, not exactly 1. [1]
+    gain, direct : float
+        Static gain of the resonance, and what passes beside it. [1]
+
+    Returns
+    -------
+    StateSpaceStage
+        The filter, at rest.
+    """
+    w = 2.0 * np.pi * frequency_hz
+    system = np.array([[0.0, 1.0], [-w * w, -2.0 * damping_ratio * w]])
+    return StateSpaceStage(system, np.array([0.0, 1.0]), np.array([gain * w * w, 0.0]), direct)
 
 
 def butterworth(cutoff_hz: float, order: int) -> Stage:
