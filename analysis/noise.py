@@ -8,6 +8,9 @@ so that filtering a residual with :math:`1 - \sum_j a_j z^{-j}` makes it white. 
 by BIC over all quiet stretches of a campaign together, after what is slow enough to be mains hum
 has been taken off. Where a part that rises like 1/f describes the stretches better, it is said so,
 and the filter is the long one that such noise obeys. How large it may be unseen is told too.
+
+Where the converter's step is larger than the noise, the quiet stretches say next to nothing, and
+the error of rounding is the noise: ``analysis.quantisation``, ``analysis.hidden_noise``.
 """
 
 from __future__ import annotations
@@ -22,7 +25,9 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from analysis import noise_slow
+from analysis.hidden_noise import hidden_noise
 from analysis.noise_slow import Slow
+from analysis.quantisation import Coarse
 from analysis.quiet_spectrum import (
     SHORTEST,
     Spectrum,
@@ -76,6 +81,8 @@ class NoiseModel:
         [unit of the signal]
     drift_expected_rms : float
         What the noise itself would leave there. [unit of the signal]
+    coarse : Coarse or None
+        What a converter's step hides; None where rounding is as good as white noise.
     """
 
     coefficients: NDArray[np.float64]
@@ -89,6 +96,7 @@ class NoiseModel:
     corner_below: float | None = None
     drift_rms: float | None = None
     drift_expected_rms: float = 0.0
+    coarse: Coarse | None = None
 
     @property
     def order(self) -> int:
@@ -178,7 +186,8 @@ def estimate_noise(
     segments : sequence of ndarray, shape (n_i,)
         Samples before anything happened, one array per record. [unit of the signal]
     quantum : float, optional
-        Converter step; the level is never taken below its rounding noise, quantum / sqrt(12).
+        Converter step; the level is never taken below its rounding noise, quantum / sqrt(12), and
+        where the noise is smaller than half of it, `hidden_noise` tells it.
     sample_rate_hz : float, optional
         Of the records. With it, what is slow enough to be mains hum is not taken for noise, and a
         1/f part is looked for; without it, only means are taken off.
@@ -198,6 +207,9 @@ def estimate_noise(
     samples = sum(s.size for s in usable)
     if samples < MIN_QUIET_SAMPLES:
         return None
+    hidden = None if quantum is None else hidden_noise(usable, quantum)
+    if hidden is not None:
+        return _coarse_model(*hidden, samples)
     floor = 0.0 if quantum is None else quantum / math.sqrt(12)
     gamma = _autocovariance(usable, MAX_ORDER, sample_rate_hz)
     if gamma[0] <= floor**2 or gamma[0] == 0.0:
@@ -223,6 +235,14 @@ def estimate_noise(
         drift_rms=math.sqrt(seen.drift / seen.samples),
         drift_expected_rms=math.sqrt(expected / seen.samples),
     )
+
+
+def _coarse_model(coarse: Coarse, covariance: NDArray[np.float64], samples: int) -> NoiseModel:
+    """Return the noise of a converter whose step hides it."""
+    short, variance = _by_bic(covariance, samples)
+    level = coarse.step * math.sqrt(covariance[0])
+    innovation = coarse.step * math.sqrt(variance)
+    return NoiseModel(short, innovation, level, samples, "pre-trigger", coarse=coarse)
 
 
 def _rising_model(found: Slow, piece: int, samples: int) -> NoiseModel:

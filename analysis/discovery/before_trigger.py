@@ -51,7 +51,7 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
         basis, _ = np.linalg.qr(item.noise.whiten(columns))
         found = basis[:, 1:].T @ item.noise.whiten(quiet - quiet.mean())
         seen.append(float(found @ found) / size.size)
-        inside = item.noise.whiten(effect.basis(samples, context) @ size)
+        inside = item.whiten(effect.basis(samples, context) @ size)
         share = min(1.0, quiet.size / samples) ** 3  # of what is slow, a slope is left
         promised.append(share * float(inside @ inside) / size.size)
     if not seen:

@@ -444,8 +444,8 @@ def _shot_evidence(
     q = signal.shape[1]
     speed = np.concatenate([p[4] if p[4] is not None else np.zeros(len(p[1])) for p in parts])
     residual = item.window.signal - found.signal
-    white = item.noise.whiten(residual)
-    design = item.noise.whiten(np.column_stack([jacobian[:, :s], signal, jacobian[:, s:]]))
+    white = item.whiten(residual)
+    design = item.whiten(np.column_stack([jacobian[:, :s], signal, jacobian[:, s:]]))
     extra, rows = prior_rows(model, item, local, found.rebound_ratio, gradient)
     wide = []
     for row in rows:

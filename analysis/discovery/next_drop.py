@@ -254,8 +254,8 @@ def _predict(side: _Side, drop: _Drop) -> _Prediction | None:
     _, known = prior_rows(model, item, local, found.rebound_ratio, gradient)
     return _Prediction(
         found.signal,
-        item.noise.whiten(found.signal),
-        item.noise.whiten(jacobian),
+        item.whiten(found.signal),
+        item.whiten(jacobian),
         np.array(known),
         chain,
     )

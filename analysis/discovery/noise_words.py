@@ -133,6 +133,7 @@ def _entry(noise: NoiseModel, rate_hz: float) -> Json:
         "autoregressive_order": int(short.size),
         "corner_Hz": noise.corner * rate_hz if noise.corner else None,
         "filter_samples": noise.order,
+        "converter_step": None if noise.coarse is None else noise.coarse.step,
         "drift_rms": noise.drift_rms,
         "drift_expected_rms": None if noise.drift_rms is None else noise.drift_expected_rms,
         "quiet_samples": noise.samples,
@@ -141,9 +142,11 @@ def _entry(noise: NoiseModel, rate_hz: float) -> Json:
 
 
 def kind_of(noise: NoiseModel) -> str:
-    """Return ``white``, ``autoregressive``, ``1/f`` or ``unknown colour``."""
+    """Return ``white``, ``autoregressive``, ``1/f``, ``quantisation`` or ``unknown colour``."""
     if noise.source == "differences":
         return "unknown colour"
+    if noise.coarse is not None:
+        return "quantisation"
     if noise.corner > 0.0:
         return "1/f"
     return "autoregressive" if noise.order else "white"
@@ -169,6 +172,12 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
         return [
             "No record has a quiet stretch: the level of the noise is a guess from differences of "
             "neighbouring samples, its colour is not known, and structure may be colour."
+        ]
+    if noise.coarse is not None:
+        return [
+            f"Quantisation limits: the converter's step is {two_digits(1.0 / noise.coarse.noise)} "
+            "times the noise before the trigger, or more. Its rounding error, step over sqrt(12), "
+            "is taken for noise, and samples within a step of one another count as one value."
         ]
     if kind == "1/f":
         said = [

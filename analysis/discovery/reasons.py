@@ -137,7 +137,7 @@ def _taken(diagnosis: Diagnosis, step: Step) -> Refit | None:
 def _chi2_per_dof(refit: Refit) -> float:
     """Return the whitened squares left per degree of freedom."""
     shots = refit.problem.shots
-    used = sum(s.frame.samples - s.noise.history - 4 for s in shots) - len(refit.problem.names)
+    used = sum(s.data - 4 for s in shots) - len(refit.problem.names)
     return sum(b.chi2 for b in refit.fitted.blocks) / max(used, 1)
 
 

@@ -10,6 +10,10 @@ from analysis.fit.result import FitResult
 
 SEEN_FOLD = 1.2
 """Fall of the error on held-out shots from which a closure says what something looks like."""
+COARSE_NOISE = (
+    "what the converter's rounding leaves; its step is larger than the noise, so that quantisation "
+    "limits what these data can show"
+)
 
 
 def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
@@ -35,8 +39,8 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     fall = f"the residual falls from {had} to {left} {unit} rms"
     noise = f"the noise is {floor} {unit}"
     if diagnosis.verdict == "adequate":
-        rising = _rising(before)
-        return f"The model {before.model} explains the data: its residual is noise{rising}."
+        noise = f"noise{_rising(before)}" if not _coarse(before) else COARSE_NOISE
+        return f"The model {before.model} explains the data: its residual is {noise}."
     if diagnosis.verdict == "identified":
         ends = f", which is noise ({noise})."
         if _structured(diagnosis):
@@ -93,6 +97,10 @@ def _structured(diagnosis: Diagnosis) -> bool:
 def _background(diagnosis: Diagnosis) -> str:
     assert diagnosis.background is not None
     return background_said(diagnosis.background)
+
+
+def _coarse(result: FitResult) -> bool:
+    return any(s.item.noise.coarse is not None for s in result.shots)
 
 
 def _rising(result: FitResult) -> str:

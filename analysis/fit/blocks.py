@@ -260,7 +260,7 @@ def whitened_squares(
         The squares. All None for a step so hopeless that they have no number.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        white, slope = item.noise.whiten(residual), item.noise.whiten(slopes)
+        white, slope = item.whiten(residual), item.whiten(slopes)
         matrix, vector = slope.T @ slope, slope.T @ white
         chi2 = float(white @ white)
     if math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all():
@@ -283,6 +283,6 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
         return math.inf
     extra, _ = prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
     with np.errstate(over="ignore", invalid="ignore"):
-        r = item.noise.whiten(found.signal - item.window.signal)
+        r = item.whiten(found.signal - item.window.signal)
         squares = float(r @ r)
     return squares + sum(x * x for x in extra) if math.isfinite(squares) else math.inf

@@ -29,7 +29,7 @@ Array = NDArray[np.float64]
 
 
 def _chi2_per_dof(problem: JointProblem, fitted: joint.Fitted) -> float:
-    used = sum(s.frame.samples - s.noise.history - 4 for s in problem.shots) - len(problem.names)
+    used = sum(s.data - 4 for s in problem.shots) - len(problem.names)
     return sum(b.chi2 for b in fitted.blocks) / max(used, 1)
 
 

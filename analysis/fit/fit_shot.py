@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
 
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Campaign, Rejected, Shot, Surface
 from analysis.errors import ShotRejectedError
@@ -12,6 +16,7 @@ from analysis.fit.window import Window, campaign_noise, cut, rail
 from analysis.model.free_fall import speed_in_air
 from analysis.model.impact_model import ShotFrame
 from analysis.noise import NoiseModel
+from analysis.quantisation import combined, stretches
 
 ASSUMED_REPEATABILITY = 0.02
 """Where a height is given without a repeatability; listed under ``assumptions`` when used."""
@@ -59,6 +64,41 @@ class FitShot:
     def pair(self) -> str:
         """Return the pair's key."""
         return f"{self.shot.sphere or '?'}/{self.shot.surface or '?'}"
+
+    @property
+    def data(self) -> int:
+        """Return how many independent values its window holds: rows of `whiten`."""
+        if self._stretches is not None:
+            return int(self._stretches.size)
+        return self.frame.samples - self.noise.history
+
+    def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return values over the window as independent ones, in units of their deviation.
+
+        Parameters
+        ----------
+        values : ndarray, shape (n,) or (n, k)
+            Residuals, or columns of a Jacobian.
+
+        Returns
+        -------
+        ndarray, shape (m,) or (m, k)
+            As `NoiseModel.whiten` does; of a coarse converter's record one row for each stretch
+            that stays within a step. [1]
+        """
+        white = self.noise.whiten(values)
+        if self._stretches is None:
+            return white
+        noise = self.noise
+        assert noise.coarse is not None
+        memory = float(1.0 - noise.coefficients.sum()) * noise.rms / noise.innovation_rms
+        return combined(white, self._stretches, kept=noise.coarse.kept, memory=memory)
+
+    @cached_property
+    def _stretches(self) -> NDArray[np.int64] | None:
+        if self.noise.coarse is None:
+            return None
+        return stretches(self.window.signal[self.noise.history :], self.noise.coarse)
 
 
 def poissons_ratio(surface: Surface | None) -> float:

@@ -121,8 +121,9 @@ class FitResult:
     @property
     def degrees_of_freedom(self) -> int:
         """Return samples less fitted parameters."""
-        used = sum(s.item.frame.samples - s.item.noise.history - 4 for s in self.shots)
-        return used - len(self.problem.names) + len(self.problem.inputs)
+        used = sum(s.item.data - 4 for s in self.shots)
+        # a coarse record may hold next to nothing
+        return max(used - len(self.problem.names) + len(self.problem.inputs), 1)
 
     @property
     def chi2_per_dof(self) -> float:
@@ -333,6 +334,7 @@ def _noise_json(item: FitShot) -> Json:
         "innovation_rms": noise.innovation_rms,
         "ar_coefficients": (noise.coefficients if noise.short is None else noise.short).tolist(),
         "one_over_f_below_Hz": noise.corner * item.frame.sample_rate_hz if noise.corner else None,
+        "converter_step": None if noise.coarse is None else noise.coarse.step,
         "samples": noise.samples,
         "source": noise.source,
     }

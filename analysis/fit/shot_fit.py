@@ -97,7 +97,7 @@ class ShotFit:
     @property
     def chi2_per_dof(self) -> float:
         """Return chi2 over samples less the four nuisances."""
-        return self.chi2 / (self.item.frame.samples - self.item.noise.history - 4)
+        return self.chi2 / max(self.item.data - 4, 1)
 
     def flags(self) -> list[str]:
         """Return what a user must know before trusting this shot."""

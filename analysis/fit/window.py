@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Shot
 from analysis.errors import ShotRejectedError
+from analysis.hidden_noise import CODES_OF_COARSE
 from analysis.noise import NoiseModel, estimate_noise, noise_from_differences
+from analysis.quantisation import step_of
 
 PRE_PULSES = 4.0
 POST_PULSES = 12.0
@@ -231,6 +233,18 @@ def quiet_part(shot: Shot) -> NDArray[np.float64]:
     return shot.signal[: max(0, min(pulse.rise, shot.trigger_index) - margin)]
 
 
+def _step(shots: list[Shot], quiet: list[NDArray[np.float64]]) -> float | None:
+    """Return the largest step of the converters that made these records, as far as it is known.
+
+    Where the quiet stretches rest on few values, the step may be larger than is stated, and is
+    looked for: 8 bits are often kept as 16.
+    """
+    steps = [s.quantum for s in shots]
+    few = [q.size > 0 and np.unique(q).size <= CODES_OF_COARSE for q in quiet]
+    steps += [step_of(s.signal, s.quantum) for s, rests in zip(shots, few, strict=True) if rests]
+    return max((step for step in steps if step is not None), default=None)
+
+
 def campaign_noise(shots: list[Shot]) -> NoiseModel:
     """Return one noise model for shots of one instrument.
 
@@ -244,10 +258,10 @@ def campaign_noise(shots: list[Shot]) -> NoiseModel:
     NoiseModel
         From the pre-trigger parts, else from differences (and then it says so).
     """
-    quanta = [s.quantum for s in shots if s.quantum is not None]
+    quiet = [quiet_part(s) for s in shots]
     found = estimate_noise(
-        [quiet_part(s) for s in shots],
-        quantum=max(quanta, default=None),
+        quiet,
+        quantum=_step(shots, quiet),
         sample_rate_hz=shots[0].sample_rate_hz,
     )
     return found or noise_from_differences([s.signal for s in shots])

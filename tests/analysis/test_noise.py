@@ -52,10 +52,13 @@ def test_means_of_records_do_not_count_as_noise() -> None:
 
 
 def test_level_never_falls_below_rounding() -> None:
-    """A record quieter than one converter step has the step's rounding noise."""
+    """A record quieter than one converter step has the step's rounding noise, or a little more.
+
+    What a step hides in a thousand samples is at most a fifth of it.
+    """
     found = estimate_noise([np.zeros(1000)], quantum=3e-4)
     assert found is not None
-    assert found.rms == pytest.approx(3e-4 / np.sqrt(12))
+    assert 3e-4 / np.sqrt(12) <= found.rms < 3e-4 * np.hypot(1 / np.sqrt(12), 1 / 5)
 
 
 def test_too_few_quiet_samples_say_nothing() -> None:

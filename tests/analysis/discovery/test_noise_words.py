@@ -16,6 +16,7 @@ from analysis.discovery.noise_words import (
 )
 from analysis.discovery.quality import quality
 from analysis.noise import NoiseModel
+from analysis.quantisation import Coarse
 
 PLAIN = NoiseModel(np.zeros(0), 1e-3, 1e-3, 5000, "pre-trigger")
 
@@ -31,6 +32,7 @@ def _changed(**changes: object) -> NoiseModel:
         (_changed(coefficients=np.array([0.3])), "order 1"),
         (_changed(coefficients=np.full(99, 1e-3), corner=4.6e-3), "1/f below 4.6 kHz"),
         (_changed(source="differences"), "colour is not known"),
+        (_changed(coarse=Coarse(3e-3, 0.125, 0.02)), "step is 8 times the noise"),
     ],
 )
 def test_each_kind_of_noise_is_called_by_its_name(noise: NoiseModel, said: str) -> None:

@@ -1,0 +1,47 @@
+"""Whole campaigns through converters of few bits, drawn again and again."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from analysis.discovery.trail import look
+from analysis.fit import joint
+from analysis.fit.problem import build
+from analysis.fit.start import prepare
+from analysis.model.impact_model import model_named
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from impactd.storage.campaign_folder import read_campaign
+
+SEEDS = range(1, 21)
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("bits", [8, 10, 12])
+@pytest.mark.parametrize(("rig", "base"), [("paper", "kv"), ("closed", "kv2")])
+def test_no_draw_of_a_right_rig_has_structure(
+    tmp_path: Path, bits: int, rig: str, base: str
+) -> None:
+    """Of twenty campaigns none has a p-value below 1e-3, and at most six one below 0.1."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
+        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
+        drop_heights_m=(0.0115, 0.0465),
+        repeats=1,
+        bits=bits,
+        rig=rig,
+    )
+    found = []
+    for seed in SEEDS:
+        folder = write_campaign_folder(tmp_path / str(seed), simulate_campaign(settings, seed))
+        problem = build(read_campaign(folder), model_named(base))
+        nuisances = prepare(problem)
+        found.append(look(problem, joint.fit(problem, nuisances)).omnibus.p_value)
+    assert min(found) > 1e-3
+    # chance leaves 2 of them, and 7 or more once in 400 times
+    assert sum(p < 0.1 for p in found) < 7
