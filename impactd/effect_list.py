@@ -38,8 +38,8 @@ def _described(effect: Effect) -> dict[str, Any]:
         "needs": list(effect.needs),
         "bases": list(effect.bases),
         "replaces_base": effect.replaces_base or None,
+        "by_name": effect.by_name,
         "variants": [_described(one) for one in effect.variants],
-        "by_name": [_described(one) for one in effect.by_name],
     }
 
 

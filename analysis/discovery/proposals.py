@@ -120,14 +120,14 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
     present = {e.id.partition(":")[0] for e in problem.model.effects}
     found, refused = [], {}
     for listed in library().values():
-        if listed.id in present:
+        if listed.id in present or listed.by_name:
             continue
         why = can_be_tried(listed, problem)
         if why is not None:
             refused[listed.id] = why
             continue
         for effect in (listed, *listed.variants):
-            if problem.model.base not in effect.bases:
+            if effect.by_name or problem.model.base not in effect.bases:
                 continue
             amplitude = amplitude_of(effect)
             lists = [

@@ -52,7 +52,7 @@ def reformed(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: f
     best = found
     for form in (entry, *entry.variants):
         other_place = form.id != found.effect.id or any(p.valleys for p in form.parameters)
-        if problem.model.base not in form.bases:
+        if form.by_name or problem.model.base not in form.bases:
             continue
         if other_place and form.basis is None and form.parameters:
             other = _in_form(_owned(form, found.effect), problem, base, found)

@@ -11,19 +11,39 @@ Two forms, not a blend: the first order is the effect; Butterworth's second orde
 order would be a second number that no first-order amplifier can fix, and would end on its bound.
 Try both, keep the better; they differ by how sharply the ring is cut, not by the delay.
 
-Source: textbook filters. Validity: one stage dominates. Validation: ``scipy.signal.lsim`` in the
-tests. The neutral value is an infinite frequency.
+What stands in front of converters against aliases has more poles: the variants ``butterworth_3``
+to ``butterworth_8`` and ``bessel_3`` to ``bessel_8``, again with the -3 dB frequency as their only
+number, sections of order 1 and 2 one behind the other. They are fitted where a model names them
+(``kv2+amplifier_lowpass:bessel_6``); the search for effects tries orders 1 and 2, because an order
+more is little but a delay.
+
+.. math::
+
+    |G_{Butterworth}|^2 = \frac{1}{1 + (f/f_c)^{2n}}, \qquad
+    G_{Bessel} = \frac{\theta_n(0)}{\theta_n(s/\omega_0)}
+
+with theta_n the reverse Bessel polynomial. Order 1 of either is the effect itself.
+
+Source: Butterworth, Wireless Engineer 7 (1930) 536; Thomson, Proc. IEE 96 III (1949) 487; poles by
+``scipy.signal.besselap``. Validity: a linear filter, settled before the record; a pulse that is
+smooth over a sample. Validation: ``scipy.signal.lsim``, and the section tables that designers use,
+in the tests. The neutral value is an infinite frequency.
 
 Scope: the rig's.
 """
 
 import math
+from collections.abc import Callable
+from functools import cache
 
 import numpy as np
 from numba import njit
+from scipy.signal import besselap
 
 from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
 from analysis.effects.resonance import curvature, resonance
+
+Hook = Callable[[Array, Values, ShotContext], Array]
 
 
 @njit(cache=True, nogil=True)
@@ -59,6 +79,41 @@ def _bessel(signal: Array, values: Values, context: ShotContext) -> Array:
     return found
 
 
+Section = tuple[float, float | None]
+"""Natural over -3 dB frequency, and damping ratio; None for a section of order 1."""
+HIGHEST_ORDER = 8
+
+
+@cache
+def butterworth_sections(order: int) -> tuple[Section, ...]:
+    """Return sections whose poles lie evenly on a half circle."""
+    pairs = [(1.0, math.sin(math.pi * (2 * i + 1) / (2 * order))) for i in range(order // 2)]
+    return (*pairs, *([(1.0, None)] if order % 2 else []))
+
+
+@cache
+def bessel_sections(order: int) -> tuple[Section, ...]:
+    """Return sections with the flattest delay."""
+    poles = besselap(order, norm="mag")[1]
+    upper = poles[poles.imag > 1e-9]
+    pairs = [(float(abs(p)), float(-p.real / abs(p))) for p in upper]
+    real = [(float(-p.real), None) for p in poles if abs(p.imag) <= 1e-9]
+    return (*pairs, *real)
+
+
+def _cascade(sections: Callable[[int], tuple[Section, ...]], order: int) -> Hook:
+    def output(signal: Array, values: Values, context: ShotContext) -> Array:
+        angle = 2 * math.pi * values["cutoff_hz"] / context.sample_rate_hz
+        for ratio, zeta in sections(order):
+            if zeta is None:
+                signal = _lag(signal, 1.0 / (ratio * angle))
+            else:
+                signal = resonance(signal, ratio * angle, zeta)
+        return signal
+
+    return output
+
+
 _BESSEL_RATIO = math.sqrt((1 + math.sqrt(5)) / 2)
 """Natural over -3 dB frequency of Bessel's second order: x^4 + x^2 = 1 there."""
 
@@ -67,6 +122,22 @@ _PARAMETERS = (
         "cutoff_hz", "Hz", "rig", "inverse", 2e4, 2e3, 2e6, (6e4, 2e5, 2e4), "frequency at -3 dB"
     ),
 )
+
+
+def _of_order(form: str, order: int) -> Effect:
+    sections = {"butterworth": butterworth_sections, "bessel": bessel_sections}[form]
+    return Effect(
+        id=f"amplifier_lowpass:{form}_{order}",
+        slot="electronics",
+        title=f"the amplifier is slow, {form.capitalize()} of order {order}",
+        tell_tale="delay, ring cut more sharply",
+        source=form.capitalize(),
+        validation="lsim; designers' tables",
+        parameters=_PARAMETERS,
+        order=60,
+        output=_cascade(sections, order),
+        by_name=True,
+    )
 
 
 EFFECT = Effect(
@@ -101,6 +172,11 @@ EFFECT = Effect(
             parameters=_PARAMETERS,
             order=60,
             output=_bessel,
+        ),
+        *(
+            _of_order(form, order)
+            for form in ("butterworth", "bessel")
+            for order in range(3, HIGHEST_ORDER + 1)
         ),
     ),
 )

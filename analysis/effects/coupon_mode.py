@@ -106,7 +106,7 @@ EFFECT = Effect(
     structure=_structure,
     steps=_steps,
     bases=("kv", "kv2"),
-    by_name=(
+    variants=(
         Effect(
             id="coupon_mode:off_centre",
             slot="mounting",
@@ -129,6 +129,7 @@ EFFECT = Effect(
             ),
             structure=_rocks,
             bases=("kv", "kv2"),
+            by_name=True,
         ),
     ),
 )

@@ -84,6 +84,8 @@ class ShotContext:
         effects that do not ask for it. [1]
     coupon_poissons_ratio : float
         nu of the coupon, 0.35 where unknown. [1]
+    place : float
+        Of the shot in the order of its campaign: -0.5 the first, 0.5 the last. [1]
     """
 
     sample_rate_hz: float
@@ -101,6 +103,7 @@ class ShotContext:
     coupon_on_crystal_kg: float = 0.0
     coupon_share: float | None = None
     coupon_poissons_ratio: float = UNKNOWN_POISSONS_RATIO.value
+    place: float = 0.0
 
     @property
     def alpha(self) -> float:
@@ -286,8 +289,8 @@ class Effect:
     parts_by_force : bool
         Its force could pull: on the paper's base models, which otherwise end a contact where the
         indentation ends, the contact then ends where the elastic force does.
-    by_name : tuple of Effect
-        Further forms, under ids ``<id>:<form>``, that a model may name and no diagnosis tries.
+    by_name : bool
+        Fitted only in a model that names it; the search for effects does not try it.
     """
 
     id: str
@@ -318,10 +321,10 @@ class Effect:
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
     lookalikes: tuple[Effect, ...] = ()
-    by_name: tuple[Effect, ...] = ()
     only: tuple[str, str] | None = None
     rides: bool = False
     by_coupon_share: bool = False
+    by_name: bool = False
 
     def acts_on(self, sphere: str | None, surface: str | None) -> bool:
         """Tell whether a shot of this sphere on this surface feels it."""

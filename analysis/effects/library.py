@@ -53,7 +53,7 @@ def effect_named(name: str) -> Effect:
     known = {
         e.id: e
         for listed in library().values()
-        for e in (listed, *listed.variants, *listed.by_name, *listed.lookalikes)
+        for e in (listed, *listed.variants, *listed.lookalikes)
     }
     try:
         return known[name]
@@ -70,7 +70,7 @@ def library_table() -> str:
         "|---|---|---|---|---|",
     ]
     for listed in library().values():
-        for effect in (listed, *listed.variants, *listed.by_name):
+        for effect in (listed, *listed.variants):
             numbers = ", ".join(f"`{p.name}` ({p.unit}; {p.scope})" for p in effect.parameters)
             if effect.basis_size:
                 numbers = f"{effect.basis_size} free sizes per shot"
@@ -83,7 +83,7 @@ def library_table() -> str:
 def term_addresses() -> dict[str, int]:
     """Return where the compiled contact term of each effect that has one is, by effect id."""
     every = [
-        e for listed in library().values() for e in (listed, *listed.variants, *listed.by_name)
+        e for listed in library().values() for e in (listed, *listed.variants)
     ]
     found = {e.id: address_of(e.contact) for e in every if e.contact is not None}
     return found | {PROBE_ID: address_of(probe_term)}

@@ -146,7 +146,7 @@ EFFECT = Effect(
     pack=lambda v, c: (v["strength"], v["relaxation_time_s"], 0.0, 0.0),
     steps=_steps,
     parts_by_force=True,
-    by_name=(
+    variants=(
         Effect(
             id="stress_relaxation:maxwell",
             slot="contact",
@@ -164,6 +164,7 @@ EFFECT = Effect(
             memories=2,
             steps=_steps,
             parts_by_force=True,
+            by_name=True,
         ),
         Effect(
             id="stress_relaxation:power_law",
@@ -190,6 +191,7 @@ EFFECT = Effect(
             memories=_ARMS,
             steps=lambda v, c: resolving_steps(1.0 / _FASTEST_S, c),
             parts_by_force=True,
+            by_name=True,
         ),
     ),
 )

@@ -157,6 +157,7 @@ def fit_shot(
     known_gain: bool,
     kv: bool,
     closed: bool = False,
+    place: float = 0.0,
 ) -> FitShot:
     """Return a shot with everything about it that the fit does not vary.
 
@@ -174,6 +175,8 @@ def fit_shot(
         Whether the model has a crystal.
     closed : bool
         Whether the sphere falls in air and the coupon rides on the crystal (``kv2``).
+    place : float
+        In the order of the campaign, from `places`. [1]
 
     Returns
     -------
@@ -182,7 +185,7 @@ def fit_shot(
     """
     sphere = campaign.spheres.get(shot.sphere or "")
     window = cut(shot)
-    frame = _frame_of(shot, window, campaign)
+    frame = replace(_frame_of(shot, window, campaign), place=place)
     physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
     speed, in_air = None, False
     if shot.impact_speed_m_per_s is not None:
@@ -233,6 +236,16 @@ def noise_by_instrument(shots: tuple[Shot, ...]) -> dict[tuple[str, float], Nois
     for shot in shots:
         groups.setdefault((shot.quantity, shot.sample_rate_hz), []).append(shot)
     return {key: campaign_noise(group) for key, group in groups.items()}
+
+
+def places(campaign: Campaign) -> dict[int, float]:
+    """Return where each shot stands in the order of time, by ``id``: -0.5 the first, 0.5 the last.
+
+    What a campaign lost on the way in still took its time, but nobody knows when.
+    """
+    last = max(len(campaign.shots) - 1, 1)
+    middle = 0.5 if len(campaign.shots) > 1 else 0.0
+    return {id(shot): i / last - middle for i, shot in enumerate(campaign.shots)}
 
 
 def usable_shots(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:

@@ -31,6 +31,7 @@ from analysis.fit.fit_shot import (
     fit_shot,
     gain_is_observable,
     noise_by_instrument,
+    places,
     usable_shots,
 )
 from analysis.fit.inputs import Input, exact_sentence, stated_numbers
@@ -354,6 +355,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         raise AnalysisError(f"No shot of this campaign can be used ({reasons or 'it has none'}).")
     noise = noise_by_instrument(tuple(usable))
     gain = gain_is_observable(campaign, kv=kv)
+    at = places(campaign)
     shots = [
         fit_shot(
             s,
@@ -362,6 +364,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
             known_gain=gain,
             kv=kv,
             closed=model.closed,
+            place=at[id(s)],
         )
         for s in usable
     ]

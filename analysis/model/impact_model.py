@@ -86,6 +86,8 @@ class ShotFrame:
         no parameter. [kg]
     coupon_poissons_ratio : float
         nu of the coupon. [1]
+    place : float
+        Of the shot in the order of its campaign: -0.5 the first, 0.5 the last. [1]
     """
 
     sample_rate_hz: float
@@ -101,6 +103,7 @@ class ShotFrame:
     surface: str | None = None
     coupon_on_crystal_kg: float = 0.0
     coupon_poissons_ratio: float = UNKNOWN_POISSONS_RATIO.value
+    place: float = 0.0
 
     def cut(self, signal: Array, jacobian: Array | None = None) -> None:
         """Hold a signal within the converter's range; beyond it nothing moves it.
@@ -357,6 +360,7 @@ class ImpactModel:
             gravity_m_per_s2=frame.gravity_m_per_s2,
             coupon_share=None if share is None else float(local[share]),
             coupon_poissons_ratio=frame.coupon_poissons_ratio,
+            place=frame.place,
         )
 
     def speed_shift(self, local: Array, frame: ShotFrame) -> float:

@@ -44,6 +44,7 @@ class Rig:
     compliance_m_per_v: float = 1.2e-8
     coupon_share: float = 0.5
     poissons_ratio: float = 0.33
+    place: float = 0.25
 
     @property
     def times(self) -> Array:
@@ -72,6 +73,7 @@ class Rig:
             coupon_mass_kg=self.coupon_mass,
             coupon_on_crystal_kg=self.coupon_mass,
             coupon_poissons_ratio=self.poissons_ratio,
+            place=self.place,
         )
 
     def context(self) -> ShotContext:
@@ -88,6 +90,7 @@ class Rig:
             coupon_mass_kg=self.coupon_mass,
             gravity_m_per_s2=9.80665,
             restitution=self.restitution,
+            place=self.place,
         )
 
     def local(self, model: ImpactModel, values: Mapping[str, float] | None = None) -> Array:

@@ -7,8 +7,9 @@ import math
 
 import numpy as np
 import pytest
-from scipy.signal import bessel, lsim
+from scipy.signal import bessel, butter, lsim
 
+from analysis.effects.amplifier_lowpass import bessel_sections, butterworth_sections
 from analysis.effects.effect import Array
 from analysis.effects.library import effect_named
 from analysis.model.impact_model import model_named
@@ -102,6 +103,103 @@ def test_the_amplifier_is_smooth_across_neutral(name: str) -> None:
     down = output(name, SIGNAL, cutoff_hz=p.value(-1e-7)) - SIGNAL
     assert np.abs(up).max() > 0
     assert np.allclose(up, -down, atol=1e-12 * PEAK)
+
+
+@pytest.mark.parametrize("order", range(3, 9))
+@pytest.mark.parametrize("form", ["butterworth", "bessel"])
+def test_a_filter_of_any_order_agrees_with_scipy(form: str, order: int) -> None:
+    """Sections one behind the other are scipy's whole filter, in one matrix exponential."""
+    for cutoff in (2e4, 1e5, 4e5):
+        omega = 2 * math.pi * cutoff
+        whole = (
+            butter(order, omega, analog=True)
+            if form == "butterworth"
+            else bessel(order, omega, analog=True, norm="mag")
+        )
+        found = output(f"amplifier_lowpass:{form}_{order}", SIGNAL, cutoff_hz=cutoff)
+        assert apart(found, simulated(whole, SIGNAL)) < 2e-5
+
+
+def test_sections_are_those_of_the_designers_tables() -> None:
+    """Frequency over cut-off and Q = 1 / 2 zeta, as tables for active filters print them."""
+    quality = [1 / (2 * z) for _, z in butterworth_sections(4) if z is not None]
+    assert sorted(quality) == pytest.approx([0.541, 1.307], abs=5e-4)
+    printed = {
+        3: [(1.32, None), (1.45, 0.69)],
+        4: [(1.43, 0.52), (1.60, 0.81)],
+        5: [(1.50, None), (1.56, 0.56), (1.76, 0.92)],
+        6: [(1.60, 0.51), (1.69, 0.61), (1.90, 1.02)],
+    }
+    for order, table in printed.items():
+        found = sorted(bessel_sections(order), key=lambda section: section[0])
+        for (ratio, zeta), (frequency, q) in zip(found, table, strict=True):
+            # tables that are printed to two digits, and not all of them rounded well
+            assert ratio == pytest.approx(frequency, abs=0.012)
+            assert (zeta is None) == (q is None)
+            assert zeta is None or 1 / (2 * zeta) == pytest.approx(q, abs=0.006)
+
+
+@pytest.mark.parametrize("form", ["butterworth", "bessel"])
+def test_orders_one_and_two_are_the_effect_and_its_variant(form: str) -> None:
+    """The sections of order 1 are the RC, those of order 2 the forms of old."""
+    sections = {"butterworth": butterworth_sections, "bessel": bessel_sections}[form]
+    ((alone, none),) = sections(1)
+    ((ratio, zeta),) = sections(2)
+    assert none is None
+    assert alone == pytest.approx(1.0, rel=1e-9)
+    wanted = {
+        "butterworth": (1.0, math.sqrt(0.5)),
+        "bessel": (math.sqrt((1 + math.sqrt(5)) / 2), math.sqrt(0.75)),
+    }[form]
+    assert (ratio, zeta) == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("ratio", [0.05, 0.9, 4.0, 4.1, 30.0])
+@pytest.mark.parametrize("tau", [2e-4, 5e-3])
+def test_a_coupler_of_two_poles_agrees_with_scipy(tau: float, ratio: float) -> None:
+    """It is scipy's exact simulation, whether it swings, creeps, or is just between."""
+    back = ratio * tau
+    wanted = lsim(([1.0, 0.0, 0.0], [1.0, 1 / tau, 1 / (tau * back)]), SIGNAL, TIMES, interp=True)[
+        1
+    ]
+    found = output("coupler_highpass:two_pole", SIGNAL, time_constant_s=tau, return_time_s=back)
+    assert apart(found, wanted) < 1e-8
+
+
+def test_two_couplers_in_a_row_have_two_poles() -> None:
+    """Two RC stages are the form whose rates add and whose return is the sum of both times."""
+    one, other = 4e-4, 3e-3
+    twice = output("coupler_highpass", SIGNAL, time_constant_s=one)
+    twice = output("coupler_highpass", twice, time_constant_s=other)
+    found = output(
+        "coupler_highpass:two_pole",
+        SIGNAL,
+        time_constant_s=1 / (1 / one + 1 / other),
+        return_time_s=one + other,
+    )
+    assert apart(found, twice) < 1e-5
+
+
+def test_a_coupler_without_return_has_one_pole() -> None:
+    """The limit of an infinite return is the coupler of the library, and is passed smoothly."""
+    first = output("coupler_highpass", SIGNAL, time_constant_s=1e-3)
+    name = "coupler_highpass:two_pole"
+    limit = output(name, SIGNAL, time_constant_s=1e-3, return_time_s=math.inf)
+    assert apart(limit, first) < 1e-12
+    p = effect_named(name).parameters[1]
+    up, down = (
+        output(name, SIGNAL, time_constant_s=1e-3, return_time_s=p.value(step)) - limit
+        for step in (1e-5, -1e-5)
+    )
+    assert np.abs(up).max() > 0
+    assert np.allclose(up, -down, rtol=1e-3, atol=1e-9 * PEAK)
+
+
+def test_a_gain_drifts_with_the_place_in_the_campaign() -> None:
+    """A shot's gain is one plus the change times its place; the middle has the base model's."""
+    rig = RIG.but(place=-0.5)
+    found = rig.predict("kv+gain_drift", {"gain_drift.relative_change": 0.04}).signal
+    assert np.allclose(found, 0.98 * SIGNAL, rtol=1e-12)
 
 
 def test_the_amplifier_delays_and_lowers_the_ring() -> None:
