@@ -13,6 +13,7 @@ from analysis.errors import ShotRejectedError
 from analysis.hidden_noise import CODES_OF_COARSE
 from analysis.noise import NoiseModel, estimate_noise, noise_from_differences
 from analysis.quantisation import step_of
+from analysis.quiet_spectrum import LONGEST
 
 PRE_PULSES = 4.0
 POST_PULSES = 12.0
@@ -241,7 +242,10 @@ def _step(shots: list[Shot], quiet: list[NDArray[np.float64]]) -> float | None:
     """
     steps = [s.quantum for s in shots]
     few = [q.size > 0 and np.unique(q).size <= CODES_OF_COARSE for q in quiet]
-    steps += [step_of(s.signal, s.quantum) for s, rests in zip(shots, few, strict=True) if rests]
+    for shot, rests in zip(shots, few, strict=True):
+        if rests:
+            pulse = shot.signal[max(0, shot.trigger_index - LONGEST) :]
+            steps.append(step_of(pulse, shot.quantum))
     return max((step for step in steps if step is not None), default=None)
 
 
