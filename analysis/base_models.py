@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 BASE_MODELS = {
     "hsd": "Hertz contact on a rigid load cell: force is volts times a constant",
     "kv": "Hertz contact on a Kelvin-Voigt load cell: crystal mass, stiffness and damping",
     "kv2": "kv, physically closed: third law, the coupon's mass, no tension, a fall in air",
 }
-DEFAULT_BASE = "kv2"
+DEFAULT_BASE: Final = "kv2"
 """The base of a real rig: fits, calibrations and diagnoses start from it unless told otherwise."""

@@ -82,8 +82,6 @@ def library_table() -> str:
 @cache
 def term_addresses() -> dict[str, int]:
     """Return where the compiled contact term of each effect that has one is, by effect id."""
-    every = [
-        e for listed in library().values() for e in (listed, *listed.variants)
-    ]
+    every = [e for listed in library().values() for e in (listed, *listed.variants)]
     found = {e.id: address_of(e.contact) for e in every if e.contact is not None}
     return found | {PROBE_ID: address_of(probe_term)}

@@ -64,9 +64,7 @@ def stacked(
     """
     drawn_in = Shown(unit.label, unit.label, unit.factor)
     with styled():
-        return svg(
-            plot_stack(stacks, noise_rms, title=title, unit=drawn_in, wide=WIDE, span=span)
-        )
+        return svg(plot_stack(stacks, noise_rms, title=title, unit=drawn_in, wide=WIDE, span=span))
 
 
 def in_time(stacks: Json, unit: Unit) -> str | None:
