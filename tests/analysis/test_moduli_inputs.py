@@ -138,7 +138,7 @@ def _by_hand(campaign: Campaign, mass_factor: float = 1.0) -> tuple[Campaign, Ca
 
 
 def _reduced(shot: Campaign, cell: Sensor) -> tuple[FitResult, float, float]:
-    fit = fit_campaign(dataclasses.replace(shot, sensor=cell), by_pair=True, heldout=False)
+    fit = fit_campaign(dataclasses.replace(shot, sensor=cell), "kv", by_pair=True, heldout=False)
     found = fit.pair_modulus(fit.shots[0].item)
     assert found is not None
     return fit, found[0], found[1]
@@ -149,12 +149,12 @@ def test_a_shot_shares_its_calibrations_errors(made: tuple[Any, Campaign]) -> No
     fit would, and as it does when the mass is written down wrong in both.
     """
     references, shot = _by_hand(made[1])
-    cell = calibrate(references).sensor
+    cell = calibrate(references, "kv").sensor
     assert "input.mass.acetal" in cell.inputs
     fit, log, u = _reduced(shot, cell)
     _, _, blind_u = _reduced(shot, dataclasses.replace(cell, inputs={}))
     whole = dataclasses.replace(references, shots=(*references.shots, *shot.shots))
-    joint = fit_campaign(whole, heldout=False)
+    joint = fit_campaign(whole, "kv", heldout=False)
     together = joint.pair_modulus(joint.shots[-1].item)
     assert together is not None
     assert u == pytest.approx(together[1], rel=0.15)
@@ -162,7 +162,7 @@ def test_a_shot_shares_its_calibrations_errors(made: tuple[Any, Campaign]) -> No
     (pair,) = fit.pairs().values()
     mass = pair["inputs"]["input.mass.acetal"]
     heavier, again = _by_hand(made[1], 1.01)
-    shift = _reduced(again, calibrate(heavier).sensor)[1] - log
+    shift = _reduced(again, calibrate(heavier, "kv").sensor)[1] - log
     told = mass["d_ln_reduced_modulus_d_input"] * math.log(1.01)
     assert shift == pytest.approx(told, rel=0.02)
     # the network is told the shot's own part, and adds what the calibration did
@@ -177,7 +177,7 @@ def test_a_shot_shares_its_calibrations_errors(made: tuple[Any, Campaign]) -> No
 def test_the_cell_is_as_uncertain_as_its_calibration_left_it(made: tuple[Any, Campaign]) -> None:
     """Taking the shared errors apart does not change what is said of the cell before a shot."""
     references, shot = _by_hand(made[1])
-    cell = calibrate(references).sensor
+    cell = calibrate(references, "kv").sensor
     fit, _, _ = _reduced(shot, cell)
     logs = fit.sensor_logs()
     assert logs is not None

@@ -85,7 +85,7 @@ def test_the_fit_starts_from_the_moved_modulus(made: tuple[Any, Campaign]) -> No
     sheet = Quantity(cold.value / softened, cold.u / softened)
     acetal = dataclasses.replace(campaign.spheres["acetal"], youngs_modulus_pa=sheet)
     stated = dataclasses.replace(campaign, spheres=campaign.spheres | {"acetal": acetal})
-    warm = fit_campaign(_with_coefficient(stated, Quantity(63.0, 0.5)), heldout=False)
+    warm = fit_campaign(_with_coefficient(stated, Quantity(63.0, 0.5)), "kv", heldout=False)
     low, high = warm.moduli()["acetal"]["youngs_modulus_Pa"]["interval95"]
     assert low <= rig.moduli["acetal"][0] <= high
     assert warm.conflicts == []

@@ -43,13 +43,13 @@ def _misstated(made: tuple[Any, Campaign], relative_u: float) -> Campaign:
 @pytest.fixture(scope="module")
 def contradicted(made: tuple[Any, Campaign]) -> FitResult:
     """A sound model of records that contradict one statement; the others are far better known."""
-    return fit_campaign(_misstated(made, 1e-4))
+    return fit_campaign(_misstated(made, 1e-4), "kv")
 
 
 @pytest.fixture(scope="module")
 def resting(made: tuple[Any, Campaign]) -> FitResult:
     """The same with spheres that are known no better than usual: moduli lean on the culprit."""
-    return fit_campaign(_misstated(made, 2e-2), heldout=False)
+    return fit_campaign(_misstated(made, 2e-2), "kv", heldout=False)
 
 
 def test_a_modulus_that_does_not_rest_on_the_culprit_is_stated(
@@ -96,6 +96,6 @@ def test_where_more_than_the_statement_is_wrong_moduli_are_withheld(
     shots = tuple(
         dataclasses.replace(s, signal=s.signal + 0.05 * np.roll(s.signal, 12)) for s in wrong.shots
     )
-    found = fit_campaign(dataclasses.replace(wrong, shots=shots), heldout=False)
+    found = fit_campaign(dataclasses.replace(wrong, shots=shots), "kv", heldout=False)
     assert not found.explained_by_a_statement
     assert with_closure(found, NOWHERE)["moduli"]["specimen"]["status"] == "withheld"

@@ -54,7 +54,7 @@ def test_an_anti_alias_filter_is_found_by_its_name(
         "amplifier_lowpass", {"cutoff_hz": cutoff_hz, "filter_order": order}, form=form
     )
     name = f"amplifier_lowpass:{form}_{order}"
-    found = fitted(tmp_path, acting, f"kv+{name}")
+    found = fitted(tmp_path, acting, f"kv2+{name}")
     value, u = parameter(found, f"{name}.cutoff_hz")
     assert value == pytest.approx(cutoff_hz, abs=4 * u)
     assert u < 0.05 * cutoff_hz
@@ -65,29 +65,29 @@ def test_a_coupler_of_two_poles_is_found_by_its_name(tmp_path: Path) -> None:
     """Both of its times come out, where one pole leaves most of it."""
     acting = make_effect("x_two_pole_coupler", {"frequency_hz": 200.0, "damping_ratio": 0.4})
     turn = 2 * 3.141592653589793 * 200.0
-    found = fitted(tmp_path / "two", acting, "kv+coupler_highpass:two_pole")
+    found = fitted(tmp_path / "two", acting, "kv2+coupler_highpass:two_pole")
     for name, wanted in (("time_constant_s", 1 / (0.8 * turn)), ("return_time_s", 0.8 / turn)):
         value, u = parameter(found, f"coupler_highpass:two_pole.{name}")
         assert value == pytest.approx(wanted, abs=4 * u)
         assert u < 0.01 * wanted
     assert found.chi2_per_dof < 1.05
-    assert fitted(tmp_path / "one", acting, "kv+coupler_highpass").chi2_per_dof > 10.0
+    assert fitted(tmp_path / "one", acting, "kv2+coupler_highpass").chi2_per_dof > 10.0
 
 
 def test_a_gain_that_drifts_is_found_by_its_name(tmp_path: Path) -> None:
     """A gain that grows by 6.6 % over the drops is stated so, and the modulus is right again."""
     acting = make_effect("x_gain_drift", {"final_change": 1.0, "shots_to_settle": 100.0})
-    found = fitted(tmp_path / "with", acting, "kv+gain_drift")
+    found = fitted(tmp_path / "with", acting, "kv2+gain_drift")
     value, u = parameter(found, "gain_drift.relative_change")
     # the eight gains are 1 to 1.0676, nearly straight, their middle 1.035
     assert value == pytest.approx(0.0676 / 1.035, abs=4 * u)
     assert found.chi2_per_dof < 1.05
-    assert fitted(tmp_path / "without", acting, "kv").chi2_per_dof > 1.1
+    assert fitted(tmp_path / "without", acting, "kv2").chi2_per_dof > 1.1
 
 
 def test_what_is_fitted_by_name_is_not_tried(made) -> None:
     """The search for effects neither proposes nor refuses it; everything else is as it was."""
-    problem = build(made[1], model_named("kv"))
+    problem = build(made[1], model_named("kv2"))
     found, refused = proposals(problem)
     named = {e.id for listed in library().values() for e in (listed, *listed.variants) if e.by_name}
     assert {"gain_drift", "coupler_highpass:two_pole", "amplifier_lowpass:bessel_6"} <= named

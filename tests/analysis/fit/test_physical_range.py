@@ -29,7 +29,7 @@ from analysis.model.impact_model import model_named
 @pytest.fixture(scope="module")
 def fit(made: tuple[Any, Campaign]) -> FitResult:
     """A sound fit."""
-    return fit_campaign(made[1], heldout=False)
+    return fit_campaign(made[1], "kv", heldout=False)
 
 
 def _moved(fit: FitResult, **logs: float) -> joint.Fitted:
