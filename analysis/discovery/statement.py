@@ -93,8 +93,13 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
 
 
 def _provisos(result: FitResult) -> list[str]:
-    """Return what must be said beside a verdict: impossible numbers, contradicted statements."""
-    said = result.contradictions() if result.shots else []
+    """Return what must be said beside a verdict: impossible numbers, contradicted statements.
+
+    A model that misses something bends every number, so it contradicts statements that are right:
+    nobody is sent to check a label unless noise is left, or would be without the statement.
+    """
+    blames = bool(result.shots) and (result.misfit <= 1 or result.explained_by_a_statement)
+    said = result.contradictions() if blames else []
     return [advice(result.out_of_range), *said] if result.out_of_range else said
 
 
