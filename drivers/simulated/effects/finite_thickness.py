@@ -1,9 +1,10 @@
 """A coupon of finite thickness on a firm ground is stiffer than a half-space.
 
-``whole``: K times ``1 + 1.133X + 1.283X^2 + 0.769X^3 + 0.0975X^4``, X = sqrt(R delta)/h, as it is
-often quoted from Dimitriadis et al. 2002; it stiffens the sphere too. The others stiffen the coupon
-alone, ``1/E* = 1/E1' + 1/(E2' f(X))``, see `bonded_layer`: ``dimitriadis`` 2002 for any nu,
-``garcia`` 2018 for nu = 0.5, ``layer`` a numerical solution of sphere and bonded layer.
+Three stiffen the coupon alone, ``1/E* = 1/E1' + 1/(E2' f(X))``, X = sqrt(R delta)/h, see
+`bonded_layer`: ``layer`` a numerical solution of sphere and bonded layer, ``dimitriadis`` 2002 for
+any nu, ``garcia`` 2018 for nu = 0.5. ``whole``: K times
+``1 + 1.133X + 1.283X^2 + 0.769X^3 + 0.0975X^4``, as it is often quoted from Dimitriadis; it
+stiffens the sphere too, which no layer does, and is drawn on no rig.
 Tell-tale: hardens with amplitude, shorter contact (tested).
 """
 
@@ -23,8 +24,8 @@ class FiniteThickness(Effect):
     id = "finite_thickness"
     slot = "contact"
     per_material = True
-    forms = ("whole", "dimitriadis", "garcia", "layer")
-    sound_forms = ("dimitriadis", "garcia", "layer")
+    forms = ("layer", "dimitriadis", "garcia", "whole")
+    sound_forms = ("layer", "dimitriadis", "garcia")
     parameters = (
         Parameter("thickness_m", "m", 1e-3, 5e-2, math.inf, "h, thickness of the coupon"),
     )

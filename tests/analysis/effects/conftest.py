@@ -142,7 +142,7 @@ class Rig:
 def neutral(effect: Effect) -> dict[str, float]:
     """Return the effect's neutral values: 0, infinity, or the limit where it is one."""
     limits = {
-        "surface_roughness.roughness_m": 1e-15,
+        "surface_roughness.roughness_m": 1e-16,
         "recontact.speed_ratio": 1e-9,
         "recontact:ringing.speed_ratio": 1e-9,
     }
