@@ -1,6 +1,8 @@
 """Asperities soften the first touch: force times ``1 - exp(-delta/s)``.
 
-Source: own form with the limits of Greenwood & Tripp 1967 (full contact recovers Hertz). Not
+Source: own form, Hertz from the plane of the first touch once the asperities are flat. Greenwood &
+Tripp 1967, whose bulk is met some heights below that plane, is another law, and its opposite in
+sign: against the Hertz curve of the heavy loads it presses more at first, this form less. Not
 validated against measured roughness. Tell-tale: soft toe, worse at low speed (tested).
 """
 
