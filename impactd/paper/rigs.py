@@ -145,7 +145,8 @@ def _one_rig(found: RigFigures, settings: CampaignSettings, seed: int) -> None:
     calibration = calibrate(
         replace(
             campaign, shots=tuple(s for s in campaign.shots if (s.sphere, s.surface) in REFERENCES)
-        )
+        ),
+        "kv",
     )
     kept = tuple(s for s in campaign.shots if (s.sphere, s.surface) in found.pairs)
     campaign = replace(campaign, shots=kept, sensor=calibration.sensor)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 from collections.abc import Iterator
@@ -22,12 +23,19 @@ class Disk:
     def leave(self, free_bytes: int) -> None:
         """Let so much be free, to the page. [B]"""
         with self._ballast.open("ab") as ballast:
-            at = ballast.tell()
-            more = self.free() - free_bytes
-            if more > 0:
-                os.posix_fallocate(ballast.fileno(), at, more)
-            else:
-                ballast.truncate(max(at + more, 0))
+            while True:
+                at = ballast.tell()
+                more = self.free() - free_bytes
+                if more <= 0:
+                    ballast.truncate(max(at + more, 0))
+                    return
+                try:
+                    os.posix_fallocate(ballast.fileno(), at, more)
+                except OSError as error:
+                    if error.errno != errno.ENOSPC:  # else somebody wrote meanwhile
+                        raise
+                else:
+                    return
 
     def free(self) -> int:
         """Return what is free. [B]"""

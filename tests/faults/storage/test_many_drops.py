@@ -124,4 +124,5 @@ def _at_rest(first: Held | None) -> Held:
 
 
 def _p99_ms(told: list[float], done: int, drops: int) -> float:
-    return 1e3 * float(np.percentile(told[max(done - drops // 10, 0) : done], 99))
+    last = told[max(done - drops // 10, 0) : done]
+    return 1e3 * float(np.percentile(last, 99)) if last else float("nan")
