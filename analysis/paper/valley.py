@@ -15,6 +15,8 @@ from analysis.paper.fits import Known, predict
 Array = NDArray[np.float64]
 
 
+SOLIDS_PA = 1e6, 1.3e12
+"""Young's moduli that solids have, from soft rubber to diamond. [Pa]"""
 SAME_COST = 1e-3
 """Squares by which fits that ended at the valley's bottom may differ."""
 
@@ -103,7 +105,14 @@ def valley(
     ends = []
     for start in starts_pa:
         found = least_squares(
-            residual, np.log(start), x_scale=1.0, xtol=1e-13, ftol=1e-13, gtol=1e-8, max_nfev=200
+            residual,
+            np.log(start),
+            bounds=np.log(SOLIDS_PA),  # a wild first step otherwise ends where no slope is left
+            x_scale=1.0,
+            xtol=1e-13,
+            ftol=1e-13,
+            gtol=1e-8,
+            max_nfev=200,
         )
         ends.append((start, found.x, 2 * float(found.cost)))
     least = min(cost for _, _, cost in ends)
