@@ -107,7 +107,8 @@ def valley(
         found = least_squares(
             residual,
             np.log(start),
-            bounds=np.log(SOLIDS_PA),  # a wild first step otherwise ends where no slope is left
+            # a wild first step otherwise ends where no slope is left
+            bounds=(math.log(SOLIDS_PA[0]), math.log(SOLIDS_PA[1])),
             x_scale=1.0,
             xtol=1e-13,
             ftol=1e-13,
