@@ -28,7 +28,7 @@ NEARLY, LOWERED = 0.99, 0.6
 """Share of the range from which a clipped shot hit the converter; what its height is lowered to."""
 _POLL_S = 0.03
 _DROP_LIMIT_S = 60.0
-_FIT_LIMIT_S = 180.0
+_FIT_LIMIT_S = 600.0
 _ENDED = ("analysed", "failed", "aborted", "interrupted")
 
 
