@@ -15,6 +15,7 @@ from .conftest import small_campaign
 PENALTY = 12.0
 
 
+@pytest.mark.slow
 def test_a_mode_hit_elsewhere_each_time_belongs_to_the_shots(tmp_path: Path) -> None:
     """A coupon's mode whose size scatters is named, with a size for every shot."""
     campaign = small_campaign(

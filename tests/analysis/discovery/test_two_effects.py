@@ -33,6 +33,7 @@ def test_a_name_found_beside_nothing_is_held_against_others_beside_the_rest(tmp_
     assert len(found.steps) == len(found.chosen) + 1
 
 
+@pytest.mark.slow
 def test_hum_beside_a_large_effect_does_not_pass_for_what_its_form_leaves(tmp_path):
     """A second touch is forgiven a little structure; hum is no part of that."""
     effects = (

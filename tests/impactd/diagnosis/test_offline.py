@@ -6,6 +6,8 @@ import json
 import subprocess
 import sys
 
+import pytest
+
 from impactd.console.diagnoses import summary
 
 
@@ -55,6 +57,7 @@ def test_a_record_in_other_units_is_not_told_in_volts(document):
     assert " V rms" not in told.partition("noise before the trigger")[2]
 
 
+@pytest.mark.slow
 def test_from_a_rigid_cell_the_crystal_is_found_first(papers_leaky_campaign):
     """`--base hsd` names the crystal, then what else is undeclared beside the paper's KV."""
     command = [sys.executable, "-m", "impactd", "diagnose", papers_leaky_campaign, "--base", "hsd"]
