@@ -32,6 +32,7 @@ CODES_OF_COARSE = 6
 LEAST_CHANGES = 100
 """Samples off the level's own code from which colour is told: correlations are then good to 0.1."""
 LAGS = 8
+"""Samples over which colour is followed: the order of the whitening that it is for."""
 SMALLEST_NOISE = 0.02
 """In steps; smaller noise is none beside a rounding error of 0.29."""
 _SIGMAS = np.geomspace(SMALLEST_NOISE, 0.6, 81)

@@ -82,6 +82,7 @@ def _bessel(signal: Array, values: Values, context: ShotContext) -> Array:
 Section = tuple[float, float | None]
 """Natural over -3 dB frequency, and damping ratio; None for a section of order 1."""
 HIGHEST_ORDER = 8
+"""Poles of the steepest anti-alias filters that are made as one part."""
 
 
 @cache

@@ -40,6 +40,7 @@ SLACK_U = 2.0
 HARDLY = 0.05
 """Share of the largest owner's amplitude below which another's is as good as neutral."""
 DECADE = 10.0
+"""Either side of what is made or stated: a cell of another make, not another kind of thing."""
 
 _RING = {p.name: p for p in crystal_dynamics.EFFECT.parameters}
 _GAIN_N_PER_V = (1e-2, 1e5)
