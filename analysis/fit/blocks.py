@@ -260,7 +260,10 @@ def whitened_squares(
         The squares. All None for a step so hopeless that they have no number.
     """
     with np.errstate(over="ignore", invalid="ignore"):
-        white, slope = item.whiten(residual), item.whiten(slopes)
+        columns = np.empty((slopes.shape[1] + 1, residual.size))  # one transform for all is quicker
+        columns[:-1], columns[-1] = slopes.T, residual
+        whole = item.whiten(columns.T)
+        slope, white = whole[:, :-1], whole[:, -1]
         matrix, vector = slope.T @ slope, slope.T @ white
         chi2 = float(white @ white)
     if math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all():

@@ -153,7 +153,13 @@ def inputs_freed(result: FitResult) -> FitResult:
         return result
     more = problem.start[len(result.problem.names) :]
     theta = np.concatenate([result.fitted.theta, more])
-    fitted = joint.fit(problem, result.fitted.nuisances, theta=theta, damping=joint.LEAST_DAMPING)
+    fitted = joint.fit(
+        problem,
+        result.fitted.nuisances,
+        theta=theta,
+        damping=joint.LEAST_DAMPING,
+        tolerance=joint.STEP_TOLERANCE if result.misfit == 1.0 else joint.ROUGH_TOLERANCE,
+    )
     if not fitted.blocks:
         return result
     shots = collect(problem, fitted, scale=result.misfit)

@@ -20,12 +20,20 @@ from analysis.fit.shots_at_once import at_once
 from analysis.fit.steps import along
 
 MAX_ITERATIONS = 120
-STEP_TOLERANCE = 2e-3
-"""Converged when no parameter moves by more than this share of its standard uncertainty."""
+STEP_TOLERANCE = 5e-3
+"""Converged when the next step would move nothing, nor any sum of parameters, by more than this
+share of its standard uncertainty: the fall of chi2 that a step promises is its squared length in
+units of the covariance, and no linear combination is moved by more of its own uncertainties.
+Where the residual has r times the noise's variance, the uncertainty is wider by the root of r, and
+so is the share: the minimum of a model that is wrong means less."""
+ROUGH_TOLERANCE = 0.1
+"""For uncertainties that come from a misfit: they are good to some tens of per cent themselves."""
 COST_TOLERANCE = 1e-9
 GOOD_STEP, POOR_STEP = 0.7, 0.25
 """Shares of the promised fall above which damping falls, below which it grows."""
 START_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
+NEARLY_FREE = 1e-2
+"""Damping below which a step is as long as the linear model has it."""
 SUM_ROUNDING = 1e-12
 """Sums in different orders differ by less."""
 STALLED_DAMPING = 1e10
@@ -162,6 +170,24 @@ def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_abov
     return cost if len(costs) == len(problem.shots) and cost <= stop_above else math.inf
 
 
+def _try_step(
+    problem: JointProblem, theta: Array, nuisances: Array, cost: float, *, likely: bool
+) -> tuple[list[ShotBlock] | None, float]:
+    """Return the blocks and the cost where a step ends; None where it is no better.
+
+    A step that is likely to be one is linearised at once, another is first looked at, which costs a
+    third.
+    """
+    if not likely and not _total_cost(problem, theta, nuisances, cost) <= cost:
+        return None, math.inf
+    # at the edge of what can be evaluated a trace may exist and its neighbours not
+    blocks = _linearise_all(problem, theta, nuisances)
+    if blocks is None:
+        return None, math.inf
+    reached = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
+    return (blocks, reached) if reached <= cost else (None, reached)
+
+
 def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
     """Return the whitened squares with all priors; infinite where there is no trace.
 
@@ -225,6 +251,8 @@ def fit(
     theta: Array | None = None,
     max_iterations: int = MAX_ITERATIONS,
     damping: float = START_DAMPING,
+    tolerance: float = STEP_TOLERANCE,
+    blocks: list[ShotBlock] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Fitted:
     """Return the most probable parameters of a campaign.
@@ -241,6 +269,10 @@ def fit(
         Steps before giving up; giving up is an outcome, not an error.
     damping : float
         Of the first step; next to none where the start is known to be near.
+    tolerance : float
+        Share of a standard uncertainty below which a step is not worth making.
+    blocks : list of ShotBlock, optional
+        At the start, where a fit has ended there.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 
@@ -251,11 +283,13 @@ def fit(
     """
     theta = (problem.start if theta is None else theta).copy()
     nuisances = nuisances.copy()
-    blocks = _linearise_all(problem, theta, nuisances)
-    converged, iteration = blocks is None, 0
+    if blocks is None:
+        blocks = _linearise_all(problem, theta, nuisances)
     if blocks is None:
         return _nowhere(theta, nuisances)
+    converged, iteration, likely = False, 0, damping <= LEAST_DAMPING
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
+    samples = sum(item.data for item in problem.shots)
     while not converged and iteration < max_iterations:
         iteration += 1
         try:
@@ -267,20 +301,24 @@ def fit(
             return _nowhere(theta, nuisances)  # a shot that says nothing of its own parameters
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
+        enough = (tolerance * max(1.0, cost / samples)) ** 2
+        if promised < enough and (
+            damping < NEARLY_FREE
+            or _promised_gain(problem, blocks, theta) < max(enough, STALLED_GAIN)
+        ):
+            converged = True
+            break
         moved_to = along(problem, theta, step)
-        new_cost = _total_cost(problem, moved_to, nuisances + own, cost)
-        next_blocks = None
-        if new_cost <= cost:
-            # at the edge of what can be evaluated a trace may exist and its neighbours not
-            next_blocks = _linearise_all(problem, moved_to, nuisances + own)
+        next_blocks, new_cost = _try_step(problem, moved_to, nuisances + own, cost, likely=likely)
         if next_blocks is not None:
-            moved = np.abs(step) * np.sqrt(np.diag(matrix))
             theta, nuisances, blocks = moved_to, nuisances + own, next_blocks
             small = cost - new_cost <= COST_TOLERANCE * max(cost, 1.0)
-            converged = bool(moved.max() < STEP_TOLERANCE) or (small and damping < 1e-2)
-            damping = _next_damping(damping, (cost - new_cost) / max(promised, 1e-300))
+            converged = small and damping < NEARLY_FREE
+            kept = (cost - new_cost) / max(promised, 1e-300)
+            damping, likely = _next_damping(damping, kept), kept > GOOD_STEP
             cost = new_cost
         else:
+            likely = False
             damping = max(damping * 10, 1e-6)
             if damping > STALLED_DAMPING:
                 # no step of any length helps: the minimum to rounding, or an edge
