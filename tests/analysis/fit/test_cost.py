@@ -26,7 +26,7 @@ CALLS = 8000
 """Of functions, Python's and numpy's; 6300 as measured, and 41 000 when a search for 1/f noise took
 most of a fit."""
 JOINT_TRACES_A_SHOT = 200
-"""Of a dozen linearisations of some ten parameters each; 156 as measured, and 246 before a fit ended
+"""A dozen linearisations of some ten parameters each; 156 as measured, and 246 before a fit ended
 where a step promises less than a two-hundredth of an uncertainty."""
 
 
