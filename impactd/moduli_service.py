@@ -222,7 +222,7 @@ class ModuliService:
                 "network": None,
                 "covariance": None,
                 "calibrations": [],
-                "warnings": [f"No stored shot has a usable {model} fit for this choice."],
+                "warnings": [_no_fit(model)],
             }
         found = adjusted(self._archive, materials, seen, model).result.to_json()
         others = calibrations_of_other_bases(self._archive, seen, model)
@@ -303,6 +303,13 @@ def _budgets(archive: Archive, network: _Network, model: str) -> Json:
     found = network_budgets_json(adjusted(archive, network.materials, network.seen, model))
     moduli: Json = found["moduli"]
     return moduli
+
+
+def _no_fit(model: str) -> str:
+    return (
+        f"No stored shot has a usable {model} fit for this choice. Shots that were stored before "
+        f"{model} was chosen get one by `impactd refit`."
+    )
 
 
 def _is_surface(key: str, entry: Json, specimen: str) -> bool:

@@ -25,7 +25,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from impactd.jobs.errors import WorkerLostError
-from impactd.jobs.orders import SHOT_MODELS, order_without_shots, shot_places
+from impactd.jobs.orders import order_without_shots, shot_models, shot_places
 from impactd.jobs.refit_task import fit_chunk
 from impactd.materials import Materials
 from impactd.settings import Settings
@@ -93,7 +93,7 @@ def refit(
     executor: Executor,
     *,
     workers: int,
-    models: Sequence[str] = SHOT_MODELS,
+    models: Sequence[str] | None = None,
     label: str = "",
     progress: Callable[[int, int], None] | None = None,
 ) -> RefitReport:
@@ -111,8 +111,8 @@ def refit(
         Where the fits run.
     workers : int
         How many it has.
-    models : sequence of str
-        Which to fit.
+    models : sequence of str, optional
+        Which to fit; by default those that every new shot is fitted with.
     label : str
         See `run_name`.
     progress : callable, optional
@@ -128,7 +128,8 @@ def refit(
     ArchiveError
         If another re-fit of this archive is under way.
     """
-    order = order_without_shots(archive, settings, materials, models)
+    wanted = models or shot_models(archive)
+    order = order_without_shots(archive, settings, materials, wanted)
     run = run_name(order, label)
     started_s = time.monotonic()
     with _alone(archive):

@@ -10,7 +10,6 @@ from typing import Annotated
 
 import typer
 
-from analysis.base_models import BASE_MODELS
 from impactd.console.options import Config, Data, Json
 
 
@@ -95,7 +94,8 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
         typer.Option("--scheduler", metavar="ADDRESS", help="A Dask cluster that runs already."),
     ] = None,
     model: Annotated[
-        list[str] | None, typer.Option("--model", help="Repeatable; hsd and kv without it.")
+        list[str] | None,
+        typer.Option("--model", help="Repeatable; those of every new shot without it."),
     ] = None,
     label: Annotated[
         str, typer.Option("--label", help="Another label fits again what is done already.")
@@ -114,7 +114,7 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
         executor.value,
         workers=workers,
         scheduler=scheduler,
-        models=model or list(BASE_MODELS),
+        models=model,
         label=label,
         config=config,
         data=data,

@@ -53,7 +53,7 @@ def plot(  # noqa: PLR0917 - the framework fills them by name
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option("--model", help="Repeatable; a trace shows hsd and kv without it."),
+        typer.Option("--model", help="Repeatable; a trace shows the base models without it."),
     ] = None,
     shot: Annotated[
         str | None,

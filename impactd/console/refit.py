@@ -28,7 +28,7 @@ def run(
     *,
     workers: int,
     scheduler: str | None,
-    models: list[str],
+    models: list[str] | None,
     label: str,
     config: Path | None,
     data: Path | None,
@@ -44,8 +44,8 @@ def run(
         Processes.
     scheduler : str or None
         Address of a running Dask cluster.
-    models : list of str
-        Which to fit.
+    models : list of str, optional
+        Which to fit; by default those that every new shot is fitted with.
     label : str
         See `impactd.refit.run_name`.
     config, data : Path or None

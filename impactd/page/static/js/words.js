@@ -27,9 +27,10 @@ export function stateBadge(state) {
 
 export const materials = (sphere, surface) => `${words(sphere ?? "unknown sphere")} on ${words(surface ?? "unknown surface")}`;
 export const material = (name) => words(name ?? "unknown");
+const BASES = { kv2: "closed KV" };
 export const modelName = (name) => {
   const [base, ...effects] = String(name).split("+");
-  return [base.toUpperCase(), ...effects.map(words)].join(" + ");
+  return [BASES[base] ?? base.toUpperCase(), ...effects.map(words)].join(" + ");
 };
 
 const REQUESTS = [

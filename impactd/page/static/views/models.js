@@ -12,7 +12,7 @@ export async function showModels(place, { signal }) {
   const list = h("section", { class: "card", "aria-label": "All models" });
   const history = h("section", { class: "card", "aria-labelledby": "chosen-title" });
   fill(place, h("h1", {}, "Models"),
-    h("p", {}, "Every shot is fitted with HSD, with KV and with the active model; moduli are reported with the active one. Earlier results keep the model they were made with."),
+    h("p", {}, "Every shot is fitted with HSD, KV, the closed KV and the active model; moduli are reported with the active one. Earlier results keep the model they were made with."),
     list, history);
   const show = (page) => {
     if (signal.aborted) return;
