@@ -1,16 +1,34 @@
-"""A small disk of its own, for tests that fill it."""
+"""A small disk of its own, for tests that fill it; and the figures of all, at the end of a run."""
 
 from __future__ import annotations
 
 import errno
 import os
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+import structlog
 
 DISK_BYTES = 64 * 1024 * 1024
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _logs_beside_the_figures() -> None:
+    """Let what a daemon in this process logs go to stderr, as it does in production."""
+    structlog.configure(logger_factory=lambda *_: structlog.PrintLogger(sys.stderr))
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print what the tests measured, also those that ran in processes of their own."""
+    passed = [r for r in terminalreporter.getreports("passed") if r.when == "call" and r.capstdout]
+    if passed:
+        terminalreporter.section("what was measured")
+    for report in passed:
+        terminalreporter.write_line(report.nodeid)
+        terminalreporter.write_line(report.capstdout.rstrip())
 
 
 class Disk:
