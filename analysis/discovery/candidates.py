@@ -17,6 +17,7 @@ from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.settle import settle
 from analysis.fit.stated_effects import effect_prior, stated_effects
 
 Array = NDArray[np.float64]
@@ -223,7 +224,7 @@ def refit(
             start[f"{effect.id}.{parameter.name}{owner}"] = value
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
     if begin is not None:
-        nuisances = joint.settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
+        nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
         theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     result = fitted_below_one(larger, result, max_iterations)
@@ -333,7 +334,7 @@ def refit_elsewhere(
         ]
         if costs[1] < costs[0]:  # an anchor that leads nowhere, as where a top is cut, is none
             nuisances[row] = like
-    nuisances = joint.settle(wide, found.fitted.theta, nuisances)
+    nuisances = settle(wide, found.fitted.theta, nuisances)
     result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
     result = fitted_below_one(wide, result, max_iterations)
     return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)

@@ -19,6 +19,7 @@ from analysis.discovery.ranking import Progress
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
+from analysis.fit.settle import settle
 
 SIMPLER = 0.5
 """What may remain without a material, as a share of what its shots' number alone would leave."""
@@ -94,6 +95,6 @@ def _on_all(ground: Ground, rest: LeftOut, first: Refit) -> tuple[JointProblem, 
     base = ground.fitted.nuisances.copy()
     base[:, : ground.usual.nuisances.shape[1]] = ground.usual.nuisances
     nuisances = carried_over(ground.problem.model, larger.model, base)
-    nuisances = joint.settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
+    nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
     nuisances[rest.others] = first.fitted.nuisances
     return larger, dataclasses.replace(ground.fitted, theta=theta, nuisances=nuisances)

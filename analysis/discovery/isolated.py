@@ -35,6 +35,7 @@ from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
+from analysis.fit.settle import settle
 
 Array = NDArray[np.float64]
 
@@ -162,7 +163,7 @@ def _alone(
     part.prior_mean, part.prior_precision = part.prior_mean.copy(), part.prior_precision.copy()
     part.start[own] = part.prior_mean[own] = known.theta[other]
     part.prior_precision[np.ix_(own, own)] = np.linalg.inv(known.covariance[np.ix_(other, other)])
-    nuisances = joint.settle(part, part.start, begin.nuisances)
+    nuisances = settle(part, part.start, begin.nuisances)
     return joint.fit(part, nuisances, max_iterations=MOST_STEPS)
 
 
@@ -279,7 +280,7 @@ def everywhere(found: Refit, apart: Isolated, problem: JointProblem, fitted: joi
     where |= dict(zip(found.problem.names, found.fitted.theta, strict=True))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
-    nuisances = joint.settle(larger, theta, nuisances)
+    nuisances = settle(larger, theta, nuisances)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
     whole = dataclasses.replace(found, problem=larger, fitted=result, on_all_shots=True)
     return refitted(whole, problem, fitted)

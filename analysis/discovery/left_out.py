@@ -11,6 +11,7 @@ import numpy as np
 from analysis.discovery.parts import FAR, Ground
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
+from analysis.fit.settle import settle
 
 ASKED_ABOVE = 300.0
 """Whitened squares beyond the noise from which the question is worth asking."""
@@ -101,7 +102,7 @@ def left_out(ground: Ground) -> list[LeftOut]:
         others = sorted(every - set(places))
         part, kept = part_of_shots(ground.problem, others)
         theta = begin.theta[kept]
-        nuisances = joint.settle(part, theta, begin.nuisances[others])
+        nuisances = settle(part, theta, begin.nuisances[others])
         fitted = joint.fit(part, nuisances, theta=theta, max_iterations=MOST_STEPS)
         if fitted.blocks:
             left = excess(part, fitted)

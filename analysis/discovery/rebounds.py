@@ -14,6 +14,7 @@ import numpy as np
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.problem import JointProblem
+from analysis.fit.settle import settle
 from analysis.model.impact_model import NUISANCE
 
 SPEED, LOSS = NUISANCE.index("ln_v0"), NUISANCE.index("ln_e")
@@ -53,7 +54,7 @@ def fitted_below_one(
         for at, item in enumerate(some.shots):
             if item.speed_prior is not None:
                 own[at, SPEED] = item.speed_prior.mean
-        own = joint.settle(some, fitted.theta, own)
+        own = settle(some, fitted.theta, own)
         for at, item in enumerate(some.shots):
             cost = shot_cost(problem, item, fitted.theta, own[at])
             if cost < least[at] and own[at, LOSS] <= 0.0:

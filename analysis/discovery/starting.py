@@ -20,6 +20,7 @@ from analysis.discovery.proposals import Proposal, default_starts, rescoped, sco
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.settle import settle
 
 Array = NDArray[np.float64]
 
@@ -183,14 +184,14 @@ def _mildest(
         base = dataclasses.replace(base, nuisances=base.nuisances[some])
     nuisances = base.nuisances
     if settled:
-        nuisances = joint.settle(few, base.theta, nuisances, kept=KNOWN_BEFORE)
+        nuisances = settle(few, base.theta, nuisances, kept=KNOWN_BEFORE)
     without = joint.total_cost(few, base.theta, nuisances)
     found = []
     for at in coordinates:
         names = (f"{own.id}.{p.name}" for p in own.parameters)
         larger, theta, start = extended(few, base, own, dict(zip(names, at, strict=True)))
         if settled:
-            start = joint.settle(larger, theta, start, kept=KNOWN_BEFORE)
+            start = settle(larger, theta, start, kept=KNOWN_BEFORE)
         cost = joint.total_cost(larger, theta, start)
         nothing = not math.isfinite(cost) or abs(cost - without) < NOTHING
         found.append((nothing, cost, at))
@@ -274,7 +275,7 @@ def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
         frame = dataclasses.replace(item.frame, rail=rail)
         shots.append(dataclasses.replace(item, window=window, frame=frame))
     cut = dataclasses.replace(problem, shots=shots)
-    nuisances = joint.settle(cut, begin.theta, begin.nuisances)
+    nuisances = settle(cut, begin.theta, begin.nuisances)
     found = joint.fit(cut, nuisances, theta=begin.theta)
     return found if found.blocks else begin
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,14 +32,16 @@ COST_TOLERANCE = 1e-9
 GOOD_STEP, POOR_STEP = 0.7, 0.25
 """Shares of the promised fall above which damping falls, below which it grows."""
 START_DAMPING, LEAST_DAMPING = 1e-3, 1e-9
+SHORT_STEPS = 10.0
+"""Damping of a second descent, whose first steps are shorter than a tenth of the linear model's."""
+HOPELESS = 10.0
+"""Variance of the residual over the noise's above which a model is too wrong for a shot's own
+parameters to mean anything."""
 NEARLY_FREE = 1e-2
 """Damping below which a step is as long as the linear model has it."""
 SUM_ROUNDING = 1e-12
 """Sums in different orders differ by less."""
 STALLED_DAMPING = 1e10
-SETTLE_STEPS = 8
-SETTLED_SHARE = 1e-3
-"""A shot's own parameters are good enough to start from when a step gains less than this share."""
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
 
@@ -281,16 +283,49 @@ def fit(
     Fitted
         End point, whether converged or not.
     """
-    theta = (problem.start if theta is None else theta).copy()
-    nuisances = nuisances.copy()
+    theta = problem.start if theta is None else theta
     if blocks is None:
         blocks = _linearise_all(problem, theta, nuisances)
     if blocks is None:
-        return _nowhere(theta, nuisances)
+        return _nowhere(theta.copy(), nuisances.copy())
+    steps = _Steps(max_iterations, damping, tolerance, progress)
+    fitted = _descend(problem, theta, nuisances, blocks, steps)
+    wrong = fitted.cost > HOPELESS * sum(item.data for item in problem.shots)
+    if wrong or _gains_energy(problem, nuisances) or not _gains_energy(problem, fitted.nuisances):
+        return fitted
+    shorter = replace(steps, damping=SHORT_STEPS)
+    again = _descend(problem, theta, nuisances, blocks, shorter)
+    return again if again.cost < fitted.cost else fitted
+
+
+def _gains_energy(problem: JointProblem, nuisances: Array) -> bool:
+    """Tell whether a contact gives energy, which none does.
+
+    A pulse is fitted nearly as well by a slower sphere that rebounds faster than it came, and a
+    long first step may carry a shot there.
+    """
+    return bool((nuisances[:, problem.model.nuisances.index("ln_e")] > 0).any())
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """How a descent goes, as `fit` is told."""
+
+    most: int
+    damping: float
+    tolerance: float
+    progress: Callable[[str, float], None] | None
+
+
+def _descend(
+    problem: JointProblem, theta: Array, nuisances: Array, blocks: list[ShotBlock], steps: _Steps
+) -> Fitted:
+    """Return the minimum that lies below a point."""
+    damping = steps.damping
     converged, iteration, likely = False, 0, damping <= LEAST_DAMPING
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
     samples = sum(item.data for item in problem.shots)
-    while not converged and iteration < max_iterations:
+    while not converged and iteration < steps.most:
         iteration += 1
         try:
             matrix, vector, parts = _gather(problem, blocks, theta, damping)
@@ -301,7 +336,7 @@ def fit(
             return _nowhere(theta, nuisances)  # a shot that says nothing of its own parameters
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
-        enough = (tolerance * max(1.0, cost / samples)) ** 2
+        enough = (steps.tolerance * max(1.0, cost / samples)) ** 2
         if promised < enough and (
             damping < NEARLY_FREE
             or _promised_gain(problem, blocks, theta) < max(enough, STALLED_GAIN)
@@ -324,64 +359,14 @@ def fit(
                 # no step of any length helps: the minimum to rounding, or an edge
                 converged = _promised_gain(problem, blocks, theta) < STALLED_GAIN
                 break
-        if progress is not None:
-            progress("joint fit", min(0.95, iteration / 12))
+        if steps.progress is not None:
+            steps.progress("joint fit", min(0.95, iteration / 12))
     try:
         matrix, _, _ = _gather(problem, blocks, theta, 0.0)
         covariance = np.asarray(np.linalg.inv(matrix))
     except np.linalg.LinAlgError:
         return _nowhere(theta, nuisances)  # only damping kept such a shot in place
     return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
-
-
-def settle(
-    problem: JointProblem, theta: Array, nuisances: Array, *, kept: tuple[str, ...] = ()
-) -> Array:
-    """Return the shots' own parameters at their best for given globals, each shot by itself.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem.
-    theta : ndarray, shape (g,)
-        Globals, kept.
-    nuisances : ndarray, shape (shots, p)
-        Where to start.
-    kept : tuple of str
-        Names of those that stay where they are: what is known before a record is a better guide
-        than a model that is far from it.
-
-    Returns
-    -------
-    ndarray, shape (shots, p)
-        Never worse; a shot that starts far off does not hold the others up.
-    """
-    settled = nuisances.copy()
-    free = np.array([name not in kept for name in problem.model.nuisances])
-    for row, item in enumerate(problem.shots):
-        damping = 1e-3
-        block = linearise_shot(problem, item, theta, settled[row])
-        for _ in range(SETTLE_STEPS):
-            if block is None:
-                break
-            s = block.chain.shape[0]
-            inner = block.matrix[s:, s:].copy()
-            inner[np.diag_indices_from(inner)] *= 1 + damping
-            step = np.zeros(free.size)
-            try:
-                step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[s:][free])
-            except np.linalg.LinAlgError:
-                break  # the shot says nothing of its own parameters from here
-            moved = settled[row] + step
-            ahead = linearise_shot(problem, item, theta, moved)
-            if ahead is None or not ahead.cost < block.cost:
-                damping *= 30
-                continue
-            small = block.cost - ahead.cost < SETTLED_SHARE * block.cost
-            settled[row], block, damping = moved, ahead, damping / 10
-            if small:
-                break
-    return settled
 
 
 def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:

@@ -13,6 +13,7 @@ from analysis.discovery.diagnosis import diagnose_campaign
 from analysis.discovery.rebounds import fitted_below_one
 from analysis.effects.library import effect_named
 from analysis.fit import joint
+from analysis.fit.settle import settle
 from analysis.model.impact_model import NUISANCE
 from drivers.simulated.effects import make_effect
 
@@ -53,7 +54,7 @@ def test_a_ceiling_below_every_pulse_is_a_fit_that_leads_nowhere(clean):
     for steps in (0, 3):
         found = joint.fit(problem, nuisances, theta=theta, max_iterations=steps)
         assert not found.blocks
-    kept = joint.settle(problem, theta, nuisances)
+    kept = settle(problem, theta, nuisances)
     np.testing.assert_array_equal(kept, nuisances)
 
 

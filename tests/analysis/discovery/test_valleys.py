@@ -13,6 +13,7 @@ from analysis.discovery.trail import look
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build
+from analysis.fit.settle import settle
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
 
@@ -34,7 +35,7 @@ def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
         "recontact.delay_s": math.log(DELAY_S),
     }
     larger, theta, nuisances = extended(problem, base, effect, begin)
-    astray = joint.fit(larger, joint.settle(larger, theta, nuisances), theta=theta)
+    astray = joint.fit(larger, settle(larger, theta, nuisances), theta=theta)
     gain = base.cost - astray.cost
     found = Refit(effect, "recontact", "rig", larger, astray, gain, 2, False, gain)
     best = reformed(problem, base, found, PENALTY)

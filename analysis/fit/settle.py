@@ -1,0 +1,65 @@
+"""The shots' own parameters by themselves, everything shared kept."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.fit.blocks import linearise_shot
+from analysis.fit.problem import JointProblem
+
+SETTLE_STEPS = 8
+SETTLED_SHARE = 1e-3
+"""A shot's own parameters are good enough to start from when a step gains less than this share."""
+
+Array = NDArray[np.float64]
+
+
+def settle(
+    problem: JointProblem, theta: Array, nuisances: Array, *, kept: tuple[str, ...] = ()
+) -> Array:
+    """Return the shots' own parameters at their best for given globals, each shot by itself.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The problem.
+    theta : ndarray, shape (g,)
+        Globals, kept.
+    nuisances : ndarray, shape (shots, p)
+        Where to start.
+    kept : tuple of str
+        Names of those that stay where they are: what is known before a record is a better guide
+        than a model that is far from it.
+
+    Returns
+    -------
+    ndarray, shape (shots, p)
+        Never worse; a shot that starts far off does not hold the others up.
+    """
+    settled = nuisances.copy()
+    free = np.array([name not in kept for name in problem.model.nuisances])
+    for row, item in enumerate(problem.shots):
+        damping = 1e-3
+        block = linearise_shot(problem, item, theta, settled[row])
+        for _ in range(SETTLE_STEPS):
+            if block is None:
+                break
+            s = block.chain.shape[0]
+            inner = block.matrix[s:, s:].copy()
+            inner[np.diag_indices_from(inner)] *= 1 + damping
+            step = np.zeros(free.size)
+            try:
+                step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[s:][free])
+            except np.linalg.LinAlgError:
+                break  # the shot says nothing of its own parameters from here
+            moved = settled[row] + step
+            ahead = linearise_shot(problem, item, theta, moved)
+            if ahead is None or not ahead.cost < block.cost:
+                damping *= 30
+                continue
+            small = block.cost - ahead.cost < SETTLED_SHARE * block.cost
+            settled[row], block, damping = moved, ahead, damping / 10
+            if small:
+                break
+    return settled
