@@ -16,29 +16,17 @@ from numpy.typing import NDArray
 from scipy.signal import get_window, periodogram
 from scipy.stats import chi2, norm
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
 from analysis.quiet_spectrum import drift_basis, drift_degree, without_drift
 
 Array = NDArray[np.float64]
 
-CLEAR_SPIKES = 6.0
-"""Standard errors of the excess kurtosis: chance brings 1e-9; its law has a longer tail."""
-CLEAR_TONE = 1e-6
-"""Chance of the highest of all lines of a spectrum, if there were only noise."""
-FAR = 5.0
-"""Standard deviations that one sample in two million exceeds."""
-LEAST_QUIET, LEAST_IN_ALL = 200, 2000
-LEAST_STEPS = 0.75
-"""Of the converter, to a standard deviation: rounding then moves the kurtosis by less than 1e-3."""
 FIRST_LINE = 2
 """Below it lies what a record's mean smears."""
-KEPT = 0.75
-"""Lines of which less is left when what may be hum has been taken off say nothing."""
 NEAR, BESIDE = 2, 12
 """Lines to either side that a window smears a tone over, and those that tell the level there."""
-LOUD = 30.0
-"""Times those beside it, that no slope of a 1/f spectrum makes a line; it makes 5 at most."""
 WINDOW = "hann"
 NORMAL_QUARTILES = 1.349
 """Between the quartiles of a normal distribution, in standard deviations."""
@@ -53,7 +41,7 @@ class Spikes:
     samples : int
         Whitened quiet samples that were looked at.
     far : int
-        Of these, beyond `FAR` standard deviations, as the median tells them.
+        Of these, beyond ``CRITERIA.noise.far_deviations``, as the median tells them.
     excess_kurtosis : float
         Fourth moment over the squared second, less 3. [1]
     share : float
@@ -68,12 +56,19 @@ class Spikes:
     @property
     def clear(self) -> bool:
         """Whether no Gaussian noise is like that."""
-        return self.samples >= LEAST_IN_ALL and self._deviation > CLEAR_SPIKES
+        return (
+            self.samples >= CRITERIA.noise.least_pooled_samples
+            and self._deviation > CRITERIA.noise.spike_deviations
+        )
 
     @property
     def p_value(self) -> float:
         """Return the chance of as large a kurtosis in Gaussian noise."""
-        return float(norm.sf(self._deviation)) if self.samples >= LEAST_IN_ALL else 1.0
+        return (
+            float(norm.sf(self._deviation))
+            if self.samples >= CRITERIA.noise.least_pooled_samples
+            else 1.0
+        )
 
     @property
     def _deviation(self) -> float:
@@ -104,7 +99,7 @@ class Tone:
     @property
     def clear(self) -> bool:
         """Whether no noise of smooth spectrum is like that."""
-        return self.p_value < CLEAR_TONE
+        return self.p_value < CRITERIA.noise.tone_p_value
 
 
 @dataclass(frozen=True)
@@ -174,10 +169,10 @@ def _quiet(item: FitShot) -> Array:
     What a step leaves of a smaller noise are rare single steps, which are no spikes.
     """
     quiet = quiet_part(item.shot)
-    if quiet.size < LEAST_QUIET:
+    if quiet.size < CRITERIA.noise.least_quiet_samples:
         return np.zeros(0)
     steps = np.diff(np.unique(quiet))
-    if steps.size == 0 or np.std(quiet) < LEAST_STEPS * steps.min():
+    if steps.size == 0 or np.std(quiet) < CRITERIA.noise.least_deviation_in_steps * steps.min():
         return np.zeros(0)
     return quiet
 
@@ -193,7 +188,12 @@ def _spikes(whole: list[Array]) -> Spikes:
     if not whole:
         return Spikes(0, 0, 0.0, 0.0)
     pooled = np.concatenate(whole)
-    far = np.concatenate([w[np.abs(w) > FAR * np.median(np.abs(w)) / 0.6745] for w in whole])
+    far = np.concatenate(
+        [
+            w[np.abs(w) > CRITERIA.noise.far_deviations * np.median(np.abs(w)) / 0.6745]
+            for w in whole
+        ]
+    )
     share = float(far @ far) / pooled.size
     return Spikes(pooled.size, far.size, float(np.mean(pooled**4)) - 3.0, share)
 
@@ -212,7 +212,7 @@ def _tone(kept: list[tuple[FitShot, Array]]) -> Tone | None:
     found = _highest(white, rate_hz, first)
     loud = _highest([samples / np.std(samples) for samples in calm], rate_hz, first)
     # a loud tone is taken for colour, and whitened away with it
-    return loud if loud.times > LOUD else found
+    return loud if loud.times > CRITERIA.noise.loud_tone_ratio else found
 
 
 def _first_line(size: int, degree: int) -> int:
@@ -223,7 +223,7 @@ def _first_line(size: int, degree: int) -> int:
     window = get_window(WINDOW, size)[:, None]
     taken = np.abs(np.fft.rfft(window * drift_basis(size, degree), axis=0)) ** 2
     left = 1.0 - np.sum(taken, axis=1) / float(np.sum(window**2))
-    short = np.flatnonzero(left[FIRST_LINE : size // 4] < KEPT)
+    short = np.flatnonzero(left[FIRST_LINE : size // 4] < CRITERIA.noise.least_line_left)
     return FIRST_LINE + (int(short[-1]) + 1 if short.size else 0)
 
 

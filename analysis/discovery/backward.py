@@ -9,22 +9,13 @@ import dataclasses
 import math
 
 from analysis.discovery.candidates import Refit, continued
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.ranking import lookalikes_refitted, rivals_refitted
-from analysis.discovery.starting import PENALTY
-from analysis.discovery.trail import MIN_GAIN, Step, Trail, look
+from analysis.discovery.trail import Step, Trail, look
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.model.impact_model import ImpactModel
-
-CONFUSED_WITHIN = 10.0
-"""Candidates whose whitened squares differ by less than this cannot be told apart."""
-UNFINISHED_WITHIN = 100.0
-"""So close behind, a refit that has not ended yet may still draw level."""
-LIKE_STEPS = 3.0
-"""A fit that has not ended may gain so many times more than it last did."""
-SPOKEN_FOR = 0.5
-"""Share of the taken effect's gain, on a part of the shots, that asks for all of them."""
 
 
 def without_needless(trail: Trail) -> Trail:
@@ -40,7 +31,7 @@ def without_needless(trail: Trail) -> Trail:
         shorter = _reduced(trail.last, old.effect)
         if shorter is None or shorter.impossible:
             continue
-        if shorter.fitted.cost - trail.last.fitted.cost < MIN_GAIN:
+        if shorter.fitted.cost - trail.last.fitted.cost < CRITERIA.evidence.least_lead:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
             steps = [*trail.steps[: len(others)], shorter]
             gain = steps[-2].fitted.cost - shorter.fitted.cost
@@ -73,7 +64,7 @@ def held_against_unfinished(trail: Trail) -> Trail:
         for r in step.refits
         if r.effect.slot == taken.effect.slot
         and not (r.on_all_shots or r.at_bound)
-        and r.gain > SPOKEN_FOR * taken.gain
+        and r.gain > CRITERIA.evidence.partly_fitted_share * taken.gain
     }
     return held_against_others(trail, owners - {taken.owner}) if owners else trail
 
@@ -100,8 +91,10 @@ def held_against_others(trail: Trail, owners: set[str] | None = None) -> Trail:
     others = rivals_refitted(step.problem, step.fitted, taken, owners)
     new = {o.owner for o in others}
     step.refits[:] = [*others, *(r for r in step.refits if r.owner not in new)]
-    best = max(others, key=lambda r: r.score(PENALTY), default=taken)
-    if best.at_bound or best.score(PENALTY) <= taken.score(PENALTY):
+    best = max(others, key=lambda r: r.score(CRITERIA.evidence.price_of_number), default=taken)
+    if best.at_bound or best.score(CRITERIA.evidence.price_of_number) <= taken.score(
+        CRITERIA.evidence.price_of_number
+    ):
         return trail
     ahead = Trail(trail.steps[:-1], trail.chosen[:-1]).on(best)
     if not ahead.adequate:
@@ -183,7 +176,11 @@ def _behind(taken: Refit, other: Refit) -> float:
     """Return by how many squares another effect falls short, in gain or with its numbers paid."""
     if other.owner == taken.owner or not other.on_all_shots:
         return math.inf
-    return min(taken.score(PENALTY) - other.score(PENALTY), taken.gain - other.gain)
+    return min(
+        taken.score(CRITERIA.evidence.price_of_number)
+        - other.score(CRITERIA.evidence.price_of_number),
+        taken.gain - other.gain,
+    )
 
 
 def _rivals(trail: Trail) -> dict[str, list[Refit]]:
@@ -196,11 +193,11 @@ def _rivals(trail: Trail) -> dict[str, list[Refit]]:
     step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
     near = []
     for at, one in enumerate(step.refits):
-        within = CONFUSED_WITHIN
-        if _behind(taken, one) < UNFINISHED_WITHIN and not one.fitted.converged:
+        within = CRITERIA.evidence.confusable_within
+        if _behind(taken, one) < CRITERIA.evidence.unfinished_within and not one.fitted.converged:
             step.refits[at] = further = continued(step.fitted, one)
             if not further.fitted.converged:
-                within += LIKE_STEPS * (further.gain - one.gain)
+                within += CRITERIA.evidence.unfinished_growth * (further.gain - one.gain)
         if not step.refits[at].at_bound and _behind(taken, step.refits[at]) < within:
             near.append(step.refits[at])
     return {taken.owner: near} if near else {}

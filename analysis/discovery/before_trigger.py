@@ -7,15 +7,12 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.effects.effect import Effect, ShotContext
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
 
 Array = NDArray[np.float64]
-
-SHARE = 0.2
-"""Of the power that a steady signal would have before the trigger, that is asked for."""
-LEAST_QUIET = 64
 
 
 def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
@@ -44,7 +41,7 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
     seen, promised = [], []
     for item, size in zip(shots, sizes, strict=True):
         quiet, samples = quiet_part(item.shot), item.window.signal.size
-        if quiet.size < LEAST_QUIET:
+        if quiet.size < CRITERIA.noise.least_quiet_samples_of_signal:
             continue
         context = _sampled(item.frame.sample_rate_hz)
         columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
@@ -56,8 +53,9 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
         promised.append(share * float(inside @ inside) / size.size)
     if not seen:
         return True
-    chance = 1.0 - 2.0 * math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
-    return bool(np.mean(seen) - chance > SHARE * np.mean(promised))
+    deviation = math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
+    chance = 1.0 - CRITERIA.noise.steady_power_deviations * deviation
+    return bool(np.mean(seen) - chance > CRITERIA.noise.steady_power_share * np.mean(promised))
 
 
 def _sampled(rate_hz: float) -> ShotContext:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.physical import left_its_range
 from analysis.discovery.proposals import Proposal, rescoped
 from analysis.discovery.rebounds import fitted_below_one
@@ -23,12 +24,8 @@ from analysis.fit.stated_effects import effect_prior, stated_effects
 Array = NDArray[np.float64]
 KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
-PRESENT = 0.3
-"""Share of an effect's start, in the linear look, below which an owner begins without it."""
 HELD = 1e-3
 """How far an effect's coordinates may move from a far start while the rest comes near."""
-LEAST_EACH = 10.0
-"""Whitened squares a number that every shot needs of its own for such numbers to be believed."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
 
@@ -218,8 +215,12 @@ def refit(
             if at == proposal.amplitude:
                 found = coefficients.get(owner.strip("[]"), coordinate)
                 # an outlandish first-order size only says "large": start from the usual one
-                value = found if abs(found) < 30 * abs(coordinate) else coordinate
-            elif parameter.threshold and coefficients.get(owner.strip("[]"), 1.0) < PRESENT:
+                large = CRITERIA.search.outlandish_ratio * abs(coordinate)
+                value = found if abs(found) < large else coordinate
+            elif (
+                parameter.threshold
+                and coefficients.get(owner.strip("[]"), 1.0) < CRITERIA.search.owner_present_share
+            ):
                 value = 0.0
             start[f"{effect.id}.{parameter.name}{owner}"] = value
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
@@ -275,7 +276,10 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
         parameters=len(found.problem.names) - len(problem.names) + own,
         at_bound=not result.blocks
         or left_its_range(found.problem, result, found.effect)
-        or (found.effect.basis is None and base.cost - result.cost < LEAST_EACH * own),
+        or (
+            found.effect.basis is None
+            and base.cost - result.cost < CRITERIA.evidence.least_gain_per_shot * own
+        ),
         own=own,
     )
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.discovery.closure import Learned, learn, learn_force, on_top
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained
 from analysis.discovery.slots import Part, worth
 from analysis.discovery.trail import Progress, Step
@@ -48,18 +49,6 @@ explain, each is learned within seconds, and few things but its own look like it
 LAST: tuple[Part, ...] = (("impulse", "rig"),)
 """Tried where much is left after all others."""
 MOST_LEARNED = 3
-WORTH_LEARNING = 0.15
-"""Share of the best first-order gain from which a closure is learned for real."""
-BROADER = 1.02
-"""A closure with an owner among several must bring so much more than the rig's one."""
-ENOUGH = 1.002
-"""Error on held-out shots over the noise at which nothing is left to repair."""
-MOSTLY = 0.9
-"""Share of the best gain at which speeds alone explain the structure."""
-MUCH = 2.0
-"""Error on held-out shots over the noise that is much."""
-BETTER = 0.9995
-"""Share of the error that one closure more must leave at most."""
 
 
 def best_closure(
@@ -92,9 +81,9 @@ def best_closure(
     """
     level = _noise(evidence)
     lessons = _Lessons(step, evidence)
-    much = before is not None and before > MUCH * level
+    much = before is not None and before > CRITERIA.closure.much_left_ratio * level
     found = _peculiar(lessons, level, progress) if much else []
-    if found and _error(found[-1]) < ENOUGH * level:
+    if found and _error(found[-1]) < CRITERIA.closure.nothing_left_ratio * level:
         return found[-1]
     wanted = candidates(answers)
     coarse: dict[Part, Part] = {}
@@ -107,10 +96,10 @@ def best_closure(
         for one in _refined(lessons, part, level):
             found.append(one)
             coarse[one.parts[0]] = part
-            if _error(one) < ENOUGH * level:
+            if _error(one) < CRITERIA.closure.nothing_left_ratio * level:
                 return one if _repairs(one, before) else None
     for part in LAST:
-        if min(map(_error, found), default=0.0) >= MUCH * level:
+        if min(map(_error, found), default=0.0) >= CRITERIA.closure.much_left_ratio * level:
             progress(f"learning a closure: {part[0]} by {part[1]}", 0.7)
             found += lessons.alone(part)
     found = list({one.parts: one for one in found}.values())
@@ -120,14 +109,14 @@ def best_closure(
     best = found[0]
     seconds = [f.parts[0] for f in found[1:3] if not f.parts[0][0].startswith("force")]
     for place, part in enumerate(dict.fromkeys([*seconds, *spare, ("outline", "pair")])):
-        if part in best.parts or _error(best) < ENOUGH * level:
+        if part in best.parts or _error(best) < CRITERIA.closure.nothing_left_ratio * level:
             continue
         progress(f"learning {part[0]} by {part[1]} beside it", 0.7 + 0.1 * place)
         # beside another one the coarse form of many numbers may hold better on other shots
         forms = dict.fromkeys([part, coarse.get(part, part)])
         tried = [lessons.beside(best, form) for form in forms]
         both = min((t for t in tried if t is not None), key=_error, default=None)
-        if both is not None and _error(both) < BETTER * _error(best):
+        if both is not None and _error(both) < CRITERIA.closure.further_ratio * _error(best):
             best = both
     return best
 
@@ -139,7 +128,7 @@ def _peculiar(lessons: _Lessons, level: float, progress: Progress) -> list[Learn
         progress(f"learning a closure: {part[0]} by {part[1]}", 0.0)
         for one in lessons.alone(part):
             found.append(one)
-            if _error(one) < ENOUGH * level:
+            if _error(one) < CRITERIA.closure.nothing_left_ratio * level:
                 return found
     return found
 
@@ -167,14 +156,18 @@ def candidates(answers: dict[Part, Explained]) -> list[Part]:
     chosen: dict[str, Part] = {}
     for family, scope in ranked:
         kind = "contact" if family in FORCED else family
-        if gains[family, scope] < WORTH_LEARNING * most:
+        if gains[family, scope] < CRITERIA.closure.learned_share * most:
             break
         old = chosen.get(kind)
         room = old is None and len(chosen) < MOST_LEARNED
-        if room or (old and scope == "rig" and gains[old] < BROADER * gains[family, scope]):
+        if room or (
+            old
+            and scope == "rig"
+            and gains[old] < CRITERIA.closure.owned_lead_ratio * gains[family, scope]
+        ):
             chosen[kind] = (family, scope)
     speed = worth(answers["speed", "shot"]) if ("speed", "shot") in answers else 0.0
-    if speed > MOSTLY * most:
+    if speed > CRITERIA.closure.speeds_alone_share * most:
         # every shot has its own speed anyway: what a release does leaves little in the trace
         chosen = dict(list(chosen.items())[:1])
     return [(ALSO.get(kind, family), scope) for kind, (family, scope) in chosen.items()]
@@ -232,7 +225,7 @@ def _refined(lessons: _Lessons, part: Part, level: float) -> list[Learned]:
     family, scope = part
     best = lessons.alone(part)
     for finer in REFINED.get(family, ()):
-        if not best or _error(best[0]) < ENOUGH * level:
+        if not best or _error(best[0]) < CRITERIA.closure.nothing_left_ratio * level:
             break
         fine = lessons.alone((finer, scope if finer in OWNED else "rig"))
         if fine and _error(fine[0]) < _error(best[0]):

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import welch
 from scipy.stats import spearmanr
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.noise_words import frequency, times_noise, two_digits
 from analysis.discovery.stack import (
     by_pair_and_height,
@@ -31,10 +32,6 @@ RING_ENDS = 4.0
 """The ring is looked at until so many contact times after touch-down."""
 SEGMENT = 1024
 SPECTRUM_POINTS = 60
-LEAST_SHOTS = 6
-CLEAR_P = 1e-3
-QUIET = 1.2
-"""Noise variances below which nothing is worth a sentence; the omnibus test is far sharper."""
 
 
 def describe(result: FitResult) -> Json:
@@ -227,7 +224,7 @@ def speed_dependence(shots: Sequence[ShotFit]) -> Json:
             y.extend(kept[:, 1] - kept[:, 1].mean())
     across, up = np.array(x), np.array(y)
     spread = float(across @ across) if across.size else 0.0
-    if across.size < LEAST_SHOTS or spread < 0.05:
+    if across.size < CRITERIA.words.least_shots or spread < CRITERIA.words.least_speed_spread:
         return {"exponent": None, "u": None}
     exponent = float(across @ up) / spread
     left = float(np.sum((up - exponent * across) ** 2))
@@ -261,7 +258,7 @@ def order(shots: Sequence[ShotFit]) -> Json:
         for key, group in groups_of(shots, by_pair_and_height).items()
     }
     relative = [s.chi2_per_dof / means[by_pair_and_height(s)] for s in shots]
-    if len(shots) < LEAST_SHOTS or np.ptp(relative) == 0.0:
+    if len(shots) < CRITERIA.words.least_shots or np.ptp(relative) == 0.0:
         return {"correlation": None, "p_value": None}
     found = spearmanr(np.arange(len(shots)), relative)
     return {"correlation": float(found.statistic), "p_value": float(found.pvalue)}
@@ -316,37 +313,37 @@ def sentences(found: Json) -> list[str]:
         "ring": f"in the ring after lift-off (until {RING_ENDS:g} contact times)",
         "later": "long after the contact: something slow, or a second touch",
     }
-    if ratio[worst] < QUIET:
+    if ratio[worst] < CRITERIA.words.residual_ratio:
         return [f"Before, during and after the contact the residual is noise{_repeats(found)}."]
     said.append(
         f"The residual is largest {where[worst]}: {times_noise(ratio[worst])} times the noise."
     )
     if worst != "before" and "before" in ratio:
         quiet = "noise"
-        if ratio["before"] >= QUIET:
+        if ratio["before"] >= CRITERIA.words.residual_ratio:
             quiet = f"{times_noise(ratio['before'])} times the noise"
         said.append(f"Before touch-down it is {quiet}.")
     peak = found["spectrum"]
-    if peak["peak_ratio"] > 2:
+    if peak["peak_ratio"] > CRITERIA.words.spectrum_ratio:
         said.append(
             f"Its spectrum stands out most at {frequency(peak['peak_Hz'])}, "
             f"{two_digits(peak['peak_ratio'])} times above the noise."
         )
-    if abs(found["lag"]["correlation"]) > 0.25:
+    if abs(found["lag"]["correlation"]) > CRITERIA.words.lag_correlation:
         sign = "upright" if found["lag"]["correlation"] > 0 else "upside down"
         said.append(
             f"It looks like the pulse itself, {sign}, {found['lag']['lag_s'] * 1e6:.3g} us later "
             f"(correlation {found['lag']['correlation']:.2f})."
         )
     power = found["speed"]
-    if power["exponent"] is not None and power["u"] < 0.3:
+    if power["exponent"] is not None and power["u"] < CRITERIA.words.speed_exponent_u:
         said.append(
             f"It grows with impact speed to the power {power['exponent']:.2f} +- {power['u']:.2f} "
             "(the pulse itself: 1.2)."
         )
     said += _contrast(found["by_surface"], "on") + _contrast(found["by_sphere"], "with")
     when = found["order"]
-    if when["p_value"] is not None and when["p_value"] < CLEAR_P:
+    if when["p_value"] is not None and when["p_value"] < CRITERIA.words.trend_p_value:
         way = "grows" if when["correlation"] > 0 else "shrinks"
         said.append(f"It {way} in the course of the campaign (p = {when['p_value']:.1g}).")
     share = found["share_that_repeats"]
@@ -364,7 +361,10 @@ def _contrast(by: Json, word: str) -> list[str]:
     if len(by) < 2:
         return []
     most, least = max(by, key=lambda n: by[n]), min(by, key=lambda n: by[n])
-    if by[most] < 1.5 * by[least] or by[most] < QUIET:
+    if (
+        by[most] < CRITERIA.words.contrast_ratio * by[least]
+        or by[most] < CRITERIA.words.residual_ratio
+    ):
         return []
     return [
         f"It is largest {word} {most} ({times_noise(by[most])} times the noise) and smallest "

@@ -15,10 +15,11 @@ from analysis.discovery.backward import (
     without_needless,
 )
 from analysis.discovery.candidates import Refit
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.localise import Located, locate
 from analysis.discovery.next_drop import NextDrop, propose
-from analysis.discovery.starting import PENALTY, usual_place
-from analysis.discovery.trail import MIN_GAIN, Step, Trail, follow, look
+from analysis.discovery.starting import usual_place
+from analysis.discovery.trail import Step, Trail, follow, look
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -27,12 +28,6 @@ from analysis.fit.start import prepare
 from analysis.model import solver
 from analysis.model.impact_model import model_named
 
-PARTIAL_LEFT = 0.05
-"""Share of what an effect explains that may remain beside a partial finding."""
-PARTIAL_AHEAD, AHEAD_OF_LEFT = 100.0, 2.0
-"""Whitened squares by which it must be ahead of other names, and how often what remains."""
-PARTIALS_LEFT, PARTIALS_AHEAD = 0.01, 2.0
-"""The same share where two or more are named, and how many times any other's gain each brings."""
 AKIN = {
     "release": ("speed",),
     "contact": ("contact", "loss"),
@@ -41,8 +36,6 @@ AKIN = {
     "electronics": ("response", "static", "dynamic"),
 }
 """Families of the omnibus test that an effect of a slot looks like."""
-AKIN_LEFT = 0.005
-"""Share of what was explained that may still look like it: no equation is exact."""
 SLOT = "electronics"
 """Where what is on the line all the time gets in."""
 STEP_SHARE = 0.75
@@ -135,7 +128,10 @@ def diagnose_campaign(
         told("trying crystal_dynamics", 0.1)
         crystal, usual = _crystal(campaign, trail.last)
         trail.last.refits = [crystal]
-        if crystal.usable and crystal.score(PENALTY) > MIN_GAIN:
+        if (
+            crystal.usable
+            and crystal.score(CRITERIA.evidence.price_of_number) > CRITERIA.evidence.least_lead
+        ):
             trail = trail.on(crystal)
     seen = background(problem.shots)
     if _is_all(seen, trail.last):
@@ -238,9 +234,13 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
         looks_like = steps[count].omnibus.strongest.family
         explained = steps[0].fitted.cost - steps[count].fitted.cost
         akin = any(looks_like in AKIN[c.effect.slot] for c in chosen[:count])
-        if akin and left > AKIN_LEFT * explained:
+        if akin and left > CRITERIA.partial.akin_left_share * explained:
             continue  # what remains is of the kind that was named: the name only resembles it
-        share, ahead = (PARTIAL_LEFT, 0.0) if count == 1 else (PARTIALS_LEFT, PARTIALS_AHEAD)
+        share, ahead = (
+            (CRITERIA.partial.one_left_share, 0.0)
+            if count == 1
+            else (CRITERIA.partial.several_left_share, CRITERIA.partial.several_lead_ratio)
+        )
         if all(
             _stands(steps[at], steps[at + 1], chosen[at], left, share=share, ahead=ahead)
             for at in range(count)
@@ -258,5 +258,7 @@ def _stands(
     others = max(
         (r.gain for r in before.refits if r.owner != taken.owner and not r.at_bound), default=0.0
     )
-    clear = explained - others > max(PARTIAL_AHEAD, AHEAD_OF_LEFT * left)
+    clear = explained - others > max(
+        CRITERIA.partial.ahead_squares, CRITERIA.partial.ahead_of_left_ratio * left
+    )
     return left < share * explained and clear and explained > ahead * others

@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from analysis.discovery.candidates import KNOWN_BEFORE, Refit, extended, refitted
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.isolated import apart_from, tried_alone
 from analysis.discovery.left_out import LeftOut, excess
 from analysis.discovery.parts import Ground
@@ -21,8 +22,6 @@ from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
 
-SIMPLER = 0.5
-"""What may remain without a material, as a share of what its shots' number alone would leave."""
 MATERIALS_TRIED = 2
 
 Alone = Callable[[JointProblem, joint.Fitted, joint.Fitted, Progress], Refit | None]
@@ -52,7 +51,7 @@ def divided(
         where nothing is found.
     """
     whole = excess(ground.problem, ground.fitted)
-    simpler = [w for w in without if w.left < SIMPLER * w.share * whole]
+    simpler = [w for w in without if w.left < CRITERIA.grouping.simpler_share * w.share * whole]
     for rest in sorted(simpler, key=lambda w: w.left / w.share)[:MATERIALS_TRIED]:
         progress(f"searching without {rest.only[1]}", 0.5)
         usual = _usual_of(ground, rest)

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
 from analysis.discovery.columns import Scale
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.families import View, family_columns
 from analysis.discovery.owners import owners
 from analysis.discovery.proposals import Proposal, column
@@ -48,8 +49,6 @@ PARTS = {
 RIDGE = 0.5
 """A closure's coefficients are of order one where it changes the signal by its own size."""
 RANK_TOLERANCE = 1e-9
-OWN_SHARE = 0.02
-"""A global is a fold's own when the other shots and its prior hold less than this of its weight."""
 
 
 @dataclass(frozen=True)
@@ -214,7 +213,8 @@ class Evidence:
             gain += float(np.sum(parts**2 / values[keep]))
             dof += int(keep.sum())
         p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
-        return Explained(family, "shot", gain, dof, p, gain - 2.0 * dof, {})
+        held = gain - CRITERIA.closure.price_of_coefficient * dof
+        return Explained(family, "shot", gain, dof, p, held, {})
 
     def _solve(
         self, at: list[int], labels: list[str], family: str, scope: str, *, heldout: bool
@@ -337,7 +337,9 @@ def _heldout_gain(folds: list[list[int]], system: System) -> float:
         covered += len(fold)
         rest, pull = whole - inside, load - own
         alone = [
-            j for j in range(globals_) if inside[j, j] > 0 and rest[j, j] < OWN_SHARE * whole[j, j]
+            j
+            for j in range(globals_)
+            if inside[j, j] > 0 and rest[j, j] < CRITERIA.closure.fold_own_weight * whole[j, j]
         ]
         x = _solved(rest + np.diag(ridge), pull)
         base = np.zeros(size)

@@ -11,13 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import kruskal, spearmanr
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.fit.problem import FitShot
 
 Array = NDArray[np.float64]
-
-CLEAR = 1e-4
-"""Chance from which a dependence is told."""
-LEAST_SHOTS = 8
 
 
 def goes_with(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
@@ -37,12 +34,12 @@ def goes_with(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
 
     Notes
     -----
-    Kruskal-Wallis between materials, with a p-value below `CLEAR`; Spearman's rank correlation with
-    order and height, over all shots and over each coupon's, of which the smallest p-value times
-    their number is.
+    Kruskal-Wallis between materials, with a p-value below ``CRITERIA.words.dependence_p_value``;
+    Spearman's rank correlation with order and height, over all shots and over each coupon's, of
+    which the smallest p-value times their number is.
     """
     found = np.asarray(values, dtype=np.float64)
-    if found.size < LEAST_SHOTS or np.ptp(found) == 0.0:
+    if found.size < CRITERIA.words.dependence_least_shots or np.ptp(found) == 0.0:
         return []
     coupons = np.array([s.shot.surface for s in shots])
     spheres = np.array([s.shot.sphere for s in shots])
@@ -59,7 +56,11 @@ def goes_with(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
 def _between(what: str, values: Array, names: NDArray[np.str_]) -> list[str]:
     """Return how a number differs between materials, by their medians."""
     distinct = sorted(set(names.tolist()))
-    if len(distinct) < 2 or kruskal(*(values[names == n] for n in distinct)).pvalue > CLEAR:
+    if (
+        len(distinct) < 2
+        or kruskal(*(values[names == n] for n in distinct)).pvalue
+        > CRITERIA.words.dependence_p_value
+    ):
         return []
     medians = ", ".join(f"{name} {np.median(values[names == name]):.3g}" for name in distinct)
     return [f"goes with the {what}: {medians}"]
@@ -72,12 +73,16 @@ def _along(
     best: tuple[float, float, str] | None = None
     for where, group in groups.items():
         one, other = values[group], place[group]
-        if one.size < LEAST_SHOTS or np.ptp(one) == 0.0 or np.ptp(other) == 0.0:
+        if (
+            one.size < CRITERIA.words.dependence_least_shots
+            or np.ptp(one) == 0.0
+            or np.ptp(other) == 0.0
+        ):
             continue
         correlation, p = map(float, spearmanr(one, other))
         if best is None or p < best[0]:
             best = p, correlation, where
-    if best is None or best[0] * len(groups) > CLEAR:
+    if best is None or best[0] * len(groups) > CRITERIA.words.dependence_p_value:
         return []
     _, correlation, where = best
     turn = "rises" if correlation > 0.0 else "falls"

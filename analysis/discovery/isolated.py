@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import Refit, extended, refitted
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import gather
 from analysis.discovery.left_out import (
     MOST_STEPS,
@@ -29,7 +30,6 @@ from analysis.discovery.parts import Ground
 from analysis.discovery.proposals import proposals, scopes_of
 from analysis.discovery.ranking import Progress, rank, ranked
 from analysis.discovery.reformed import reformed
-from analysis.discovery.starting import PENALTY
 from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -39,13 +39,7 @@ from analysis.fit.settle import settle
 
 Array = NDArray[np.float64]
 
-SHARE = 0.02
-"""Of what is beyond the noise, that may lie outside the one material's shots."""
-NOTHING_BESIDE = 1e-3
-"""Share below which what lies outside is another matter, whether it is noise or not."""
 MOST_MATERIALS = 2
-CERTAIN = 1e4
-"""Whitened squares by which what acts on one material differs from all that acts on every shot."""
 SLOTS = ("contact", "mounting")
 """Where an effect can belong to one material."""
 
@@ -111,9 +105,9 @@ def isolated(ground: Ground, without: list[LeftOut]) -> Iterator[Isolated]:
     """
     beyond = excess(ground.problem, ground.fitted)
     for rest in without[:MOST_MATERIALS]:
-        if rest.left > SHARE * beyond + chance(ground.problem):
+        if rest.left > CRITERIA.grouping.outside_share * beyond + chance(ground.problem):
             return
-        small = rest.left <= NOTHING_BESIDE * beyond
+        small = rest.left <= CRITERIA.grouping.unrelated_share * beyond
         if not small and ask(gather(rest.problem, rest.fitted)).structured:
             return
         yield apart_from(ground, rest, far_begin(ground))
@@ -192,8 +186,8 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
     already = ground.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not _is_noise(apart.problem, refits[0].fitted):
-        near = reformed(apart.problem, apart.fitted, refits[0], PENALTY)
-        refits[0] = widened(apart.problem, apart.fitted, near, PENALTY)
+        near = reformed(apart.problem, apart.fitted, refits[0], CRITERIA.evidence.price_of_number)
+        refits[0] = widened(apart.problem, apart.fitted, near, CRITERIA.evidence.price_of_number)
     found = []
     for one in refits:
         if one.on_all_shots and one.effect.slot not in SLOTS:
@@ -219,7 +213,7 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
 
 def explains_all(found: Refit, ground: Ground) -> bool:
     """Tell whether so much was explained, down to the noise, that no other slot need be asked."""
-    certain = found.usable and found.gain > CERTAIN
+    certain = found.usable and found.gain > CRITERIA.grouping.certain_squares
     return certain and _is_noise(ground.problem, found.fitted)
 
 

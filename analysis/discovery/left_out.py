@@ -8,15 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.discovery.parts import FAR, Ground
+from analysis.discovery.criteria import CRITERIA
+from analysis.discovery.parts import Ground
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
 
-ASKED_ABOVE = 300.0
-"""Whitened squares beyond the noise from which the question is worth asking."""
-CHANCE = 4.0
-"""Standard deviations of a sum of squares that are no sign of more."""
 MOST_STEPS = 40
 
 
@@ -60,7 +57,7 @@ def excess(problem: JointProblem, fitted: joint.Fitted) -> float:
 
 def chance(problem: JointProblem) -> float:
     """Return the squares beyond the noise that are no sign of more. [1]"""
-    return CHANCE * math.sqrt(2.0 * _samples(problem))
+    return CRITERIA.structure.excess_deviations * math.sqrt(2.0 * _samples(problem))
 
 
 def far_begin(ground: Ground) -> joint.Fitted:
@@ -76,7 +73,10 @@ def far_begin(ground: Ground) -> joint.Fitted:
     Fitted
         On all shots.
     """
-    if ground.fitted.cost > FAR * _samples(ground.problem) and not ground.problem.model.effects:
+    if (
+        ground.fitted.cost > CRITERIA.search.far_squares_per_sample * _samples(ground.problem)
+        and not ground.problem.model.effects
+    ):
         return dataclasses.replace(ground.usual, theta=ground.problem.start)
     return ground.fitted
 
@@ -94,7 +94,7 @@ def left_out(ground: Ground) -> list[LeftOut]:
     list of LeftOut
         Empty where the residual is too small for the question.
     """
-    if not excess(ground.problem, ground.fitted) > ASKED_ABOVE:
+    if not excess(ground.problem, ground.fitted) > CRITERIA.grouping.asked_above:
         return []
     begin, every = far_begin(ground), set(range(len(ground.problem.shots)))
     found = []

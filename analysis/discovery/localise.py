@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.discovery.closure import Learned
-from analysis.discovery.closure_choice import BROADER, best_closure
+from analysis.discovery.closure_choice import best_closure
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained, gather
 from analysis.discovery.omnibus import SLOTS
 from analysis.discovery.quality import heldout_or_none
@@ -24,13 +25,7 @@ from analysis.discovery.slots import (
 )
 from analysis.discovery.trail import Progress, Step
 
-EXPLAINS_LITTLE = 0.3
-CANNOT_TELL = 0.25
-"""A slot at least this likely is named beside the likeliest."""
-PECULIAR = 2.0
-"""Times what any family of the bank explains: then those say nothing about where."""
 FORMULA_TERMS = 2
-FORMULA_SHARE = 0.9
 
 
 @dataclass(frozen=True)
@@ -68,13 +63,15 @@ class Located:
     @property
     def hardly_anywhere(self) -> bool:
         """Whether even the best slot's closure explains little of the structure."""
-        return self.gains[self.slot] < EXPLAINS_LITTLE * self.structure
+        return self.gains[self.slot] < CRITERIA.slot.explained_share * self.structure
 
     @property
     def also(self) -> list[str]:
         """Return the other slots that the data cannot rule out."""
         return [
-            s for s, p in sorted(self.probabilities.items()) if s != self.slot and p >= CANNOT_TELL
+            s
+            for s, p in sorted(self.probabilities.items())
+            if s != self.slot and p >= CRITERIA.slot.named_beside_probability
         ]
 
 
@@ -100,7 +97,7 @@ def locate(step: Step, progress: Progress) -> Located:
     shared = [e for e in answers.values() if e.scope != "shot" and e.family != "speed"]
     closure = max(shared, key=worth)
     common = answers.get((closure.family, "rig"), closure)
-    if BROADER * worth(common) >= worth(closure):
+    if CRITERIA.closure.owned_lead_ratio * worth(common) >= worth(closure):
         closure = common
     closure = evidence.explain(closure.family, closure.scope)
     before = heldout_or_none(step.problem, step.fitted)
@@ -110,7 +107,11 @@ def locate(step: Step, progress: Progress) -> Located:
     if learned is not None and repaired is not None:
         only = _peculiar(learned, repaired, max(map(worth, answers.values())))
         odds = only or odds
-        gains |= {s: max(gains[s], repaired) for s, p in only.items() if p >= CANNOT_TELL}
+        gains |= {
+            s: max(gains[s], repaired)
+            for s, p in only.items()
+            if p >= CRITERIA.slot.named_beside_probability
+        }
     slot = max(odds, key=lambda s: odds[s])
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
@@ -120,7 +121,7 @@ def locate(step: Step, progress: Progress) -> Located:
 def _peculiar(learned: Learned, repaired: float, most: float) -> dict[str, float]:
     """Return how likely each slot is where only a peculiar closure explains much, else nothing."""
     odds = peculiar_odds(learned.parts[0][0])
-    if odds is None or repaired <= PECULIAR * most:
+    if odds is None or repaired <= CRITERIA.slot.peculiar_lead_ratio * most:
         return {}
     return dict(zip(SLOT_NAMES, map(float, odds), strict=True))
 
@@ -175,7 +176,7 @@ def formula(evidence: Evidence, closure: Explained) -> list[tuple[str, float]]:
         if best is None:
             return []
         chosen.append(best)
-        if tried[best].heldout_gain > FORMULA_SHARE * closure.heldout_gain:
+        if tried[best].heldout_gain > CRITERIA.slot.formula_share * closure.heldout_gain:
             return list(tried[best].coefficients.items())
     return []
 

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.candidates import Refit
+from analysis.discovery.criteria import CRITERIA
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
 from analysis.fit.fit_shot import ASSUMED_REPEATABILITY, poissons_ratio
@@ -33,14 +34,11 @@ from analysis.model.impact_model import NUISANCE, SHARED
 Array = NDArray[np.float64]
 Json = dict[str, Any]
 
-WANTED_DISTANCE = 6.0
-"""Noise moves the difference of two costs by twice the distance: 36 +- 12 leaves no doubt."""
 MOST_REPEATS = 20
 HEIGHTS = 7
 BELOW, ABOVE = 1.5, 2.0
 """How far beyond the heights already tried a drop may be."""
 LARGEST_CODE = 32767
-HEADROOM = 0.95
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class NextDrop:
     expected_distance : float
         How far one such drop moves the two apart, as the root of whitened squares. [1]
     repeats : int
-        Drops after which the distance reaches `WANTED_DISTANCE`.
+        Drops after which the distance reaches ``CRITERIA.next_drop.distance``.
     """
 
     sphere: str
@@ -279,7 +277,7 @@ def _separation(one: _Side, other: _Side, drop: _Drop) -> tuple[float, int] | No
     try:
         parts = [_parts(p, side.information, difference) for p, side in yielding]
         for repeats in range(1, MOST_REPEATS + 1):
-            if all(_squared(p, repeats) >= WANTED_DISTANCE**2 for p in parts):
+            if all(_squared(p, repeats) >= CRITERIA.next_drop.distance**2 for p in parts):
                 return math.sqrt(max(min(_squared(p, 1) for p in parts), 0.0)), repeats
     except np.linalg.LinAlgError:  # a number that nothing fixes: such a fit foretells nothing
         return None
@@ -291,9 +289,9 @@ def _largest_signal(shots: Sequence[FitShot]) -> float:
     clipped = [s.window.peak for s in shots if s.shot.clipped]
     steps = [s.shot.quantum for s in shots if s.shot.quantum is not None]
     if clipped:
-        return HEADROOM * min(clipped)
+        return CRITERIA.next_drop.signal_share * min(clipped)
     if len(steps) == len(shots):
-        return HEADROOM * LARGEST_CODE * min(steps)
+        return CRITERIA.next_drop.signal_share * LARGEST_CODE * min(steps)
     return max(s.window.peak for s in shots)
 
 

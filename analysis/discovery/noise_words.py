@@ -6,13 +6,11 @@ import math
 
 from scipy.stats import norm
 
-from analysis.discovery.background import FAR, Background
+from analysis.discovery.background import Background
+from analysis.discovery.criteria import CRITERIA
 from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.noise import NoiseModel
-
-DRIFTS = 1.5
-"""Rms of what is slow in the quiet stretches, over what noise leaves there, worth a sentence."""
 
 
 def times_noise(squares: float) -> str:
@@ -110,10 +108,11 @@ def background_said(seen: Background) -> str:
             "Gaussian noise has 0"
         )
         if spikes.far:
-            chance = 2.0 * float(norm.sf(FAR)) * spikes.samples
+            chance = 2.0 * float(norm.sf(CRITERIA.noise.far_deviations)) * spikes.samples
             told = (
-                f"{spikes.far} of {spikes.samples} quiet samples lie beyond {FAR:g} standard "
-                f"deviations; Gaussian noise leaves {chance:.1g}"
+                f"{spikes.far} of {spikes.samples} quiet samples lie beyond "
+                f"{CRITERIA.noise.far_deviations:g} standard deviations; "
+                f"Gaussian noise leaves {chance:.1g}"
             )
         said.append(f"spikes or jumps come at any time, also before the trigger ({told})")
     if tone is not None and tone.clear:
@@ -192,7 +191,10 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
         ]
     else:
         said = ["The noise before the trigger is white."]
-    if noise.drift_rms is not None and noise.drift_rms > DRIFTS * noise.drift_expected_rms:
+    if (
+        noise.drift_rms is not None
+        and noise.drift_rms > CRITERIA.noise.drift_ratio * noise.drift_expected_rms
+    ):
         times = noise.drift_rms / noise.drift_expected_rms
         said.append(
             f"Before the trigger the records also drift slowly, {times:.3g} times as far as noise "

@@ -9,16 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import norm
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained
 from analysis.discovery.slow_wander import p_of_wander
 
-ALPHA = 2e-3
-"""Chance, all families together, of calling a clean campaign discrepant."""
-SURPLUS = 0.1
-"""Share of the noise's own squares that a residual may have above it for no reason: in 910 clean
-campaigns with noise of four colours 0.0144 was the most."""
-SURPLUS_SIGMAS = 6.0
-"""The same in standard deviations, for campaigns that are short."""
 WANDER = ("baseline", "shot")
 """What slow noise does too, which may be too faint to be seen before the trigger."""
 MEASURED = "pre-trigger"
@@ -96,7 +90,7 @@ class Omnibus:
     @property
     def structured(self) -> bool:
         """Whether the residual is more than noise."""
-        return self.p_value < ALPHA
+        return self.p_value < CRITERIA.structure.false_alarm_rate
 
     @property
     def left(self) -> float:
@@ -124,7 +118,7 @@ def ask(evidence: Evidence) -> Omnibus:
     """
     answers = {part: evidence.explain(*part, heldout=False) for part in ASKED}
     wander = answers[WANDER]
-    if wander.p_value < ALPHA:
+    if wander.p_value < CRITERIA.structure.false_alarm_rate:
         p = max(wander.p_value, p_of_wander(evidence))
         answers[WANDER] = dataclasses.replace(wander, p_value=p)
     surplus, p_of_surplus = _surplus(evidence)
@@ -143,6 +137,8 @@ def _surplus(evidence: Evidence) -> tuple[float, float]:
     seen = sum(shot.white.size for shot in evidence.shots)
     sigma = math.sqrt(2.0 / seen + 2.0 / sum(noise.samples for noise in noises))
     share = evidence.chi2 / seen - 1.0
-    if not share > max(SURPLUS, SURPLUS_SIGMAS * sigma):
+    if not share > max(
+        CRITERIA.structure.surplus_share, CRITERIA.structure.surplus_deviations * sigma
+    ):
         return 0.0, 1.0
     return share * seen, float(norm.sf(share / sigma))

@@ -8,9 +8,6 @@ from dataclasses import dataclass
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 
-FAR = 1.5
-"""Whitened squares a sample from which the present fit is no place to begin."""
-
 
 def thinned(problem: JointProblem, count: int) -> list[int]:
     """Return the places of shots that stand for all.

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.before_trigger import is_there_before
+from analysis.discovery.criteria import CRITERIA
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.physical_range import effect_out_of_range
@@ -15,18 +16,14 @@ from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
 
-ALIKE, FEWEST_PHASES = 0.4, 6
-"""Share of a free signal's power that shots have in common, from which its phase is not free; the
-inverse of their number is what chance leaves."""
-
 
 def _alike(sizes: Array, groups: Sequence[float | None]) -> bool:
     """Tell whether the shots of a group have much of a signal in common."""
     members = [[at for at, g in enumerate(groups) if g == one] for one in set(groups)]
-    if len(sizes) < FEWEST_PHASES * len(members):
+    if len(sizes) < CRITERIA.noise.fewest_phases * len(members):
         return False
     common = sum(len(own) * float((sizes[own].mean(axis=0) ** 2).sum()) for own in members)
-    return common > ALIKE * max(float((sizes**2).sum()), 1e-300)
+    return common > CRITERIA.noise.common_phase_share * max(float((sizes**2).sum()), 1e-300)
 
 
 def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:

@@ -20,18 +20,11 @@ from analysis.discovery.candidates import (
     refit,
     refit_elsewhere,
 )
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import gather
-from analysis.discovery.parts import FAR, Ground, Part, part_of, thinned
+from analysis.discovery.parts import Ground, Part, part_of, thinned
 from analysis.discovery.proposals import Proposal, amplitude_of, proposals
-from analysis.discovery.starting import (
-    BENT,
-    PENALTY,
-    Start,
-    below_a_ceiling,
-    distinct,
-    ends_the_signal,
-    starts,
-)
+from analysis.discovery.starting import Start, below_a_ceiling, distinct, ends_the_signal, starts
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint
@@ -42,8 +35,6 @@ FEW, MORE = 9, 18
 FIRST_STEPS, SECOND_STEPS = 4, 8
 SHORTLIST = 7
 INTO_SECOND, INTO_LAST = 7, 3
-HOPELESS = 0.4
-"""Share of the leader's score below which a candidate is not carried on."""
 AFAR_KEPT, AFAR_STEPS = 4, 14
 ALWAYS_TRIED = 6
 
@@ -85,14 +76,14 @@ def ranked(
     evidence = gather(few, base, tried)
     entries = starts(evidence, tried, alone=alone)
     samples = sum(s.white.size for s in evidence.shots)
-    bent = evidence.chi2 - samples > BENT
-    far = evidence.chi2 > FAR * samples
+    bent = evidence.chi2 - samples > CRITERIA.search.curved_squares
+    far = evidence.chi2 > CRITERIA.search.far_squares_per_sample * samples
     begins = _begins(ground, few, base, places) if far else []
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     for at, owner in enumerate(order):
         least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
-        if at >= ALWAYS_TRIED and least - samples < BENT:
+        if at >= ALWAYS_TRIED and least - samples < CRITERIA.search.curved_squares:
             break  # nothing is left for another to explain
         progress(f"trying {owner}", 0.6 * at / len(order))
         tries = [
@@ -220,13 +211,14 @@ def _short(entries: dict[str, list[Start]]) -> list[str]:
 
 def rank(found: Refit) -> tuple[bool, bool, float]:
     """Return what puts refits in order: physical ones first, then those fitted to all shots."""
-    return not found.on_all_shots, found.at_bound, -found.score(PENALTY)
+    return not found.on_all_shots, found.at_bound, -found.score(CRITERIA.evidence.price_of_number)
 
 
 def _merit(found: Refit, factor: float) -> float:
     """Return the score that all shots would give; what left its range loses half of it."""
-    score = found.score(PENALTY, factor)
-    return 0.5 * score if found.at_bound and score > 0 else score
+    score = found.score(CRITERIA.evidence.price_of_number, factor)
+    weight = CRITERIA.search.out_of_range_weight
+    return weight * score if found.at_bound and score > 0 else score
 
 
 def _anchors(
@@ -277,7 +269,7 @@ def _later_rounds(
     last: list[Refit] = []
     everything = list(range(whole))
     for at, one in enumerate(second):
-        worth = at < INTO_LAST and _merit(one, factor) >= HOPELESS * lead
+        worth = at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
         if not worth:
             behind.append(_scaled(one, factor))
             continue

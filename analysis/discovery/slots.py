@@ -21,6 +21,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained
 from analysis.discovery.slot_physics import physical_score
 from analysis.discovery.slot_table import BIAS, CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
@@ -71,13 +72,10 @@ BANK: tuple[Part, ...] = (
 
 LEAST = 10.0
 """Whitened squares that chance brings."""
-PRICE = 2.0
-"""Of a coefficient, in whitened squares."""
 CALM_TERMS = 16
 """Slowest cosines of the quiet part that are looked at."""
 FAITH_IN_PHYSICS = 2.5
 """How sharply the physical score counts beside what was learned."""
-LEAST_QUIET = 200
 MOST_UNREST = 1.0
 
 
@@ -107,7 +105,7 @@ def ask_bank(evidence: Evidence) -> dict[Part, Explained]:
 
 def worth(found: Explained) -> float:
     """Return a gain with its coefficients paid for. [1]"""
-    return max(found.gain - PRICE * found.dof, 0.0)
+    return max(found.gain - CRITERIA.closure.price_of_coefficient * found.dof, 0.0)
 
 
 def unrest(shots: list[FitShot]) -> float:
@@ -115,7 +113,7 @@ def unrest(shots: list[FitShot]) -> float:
     squares: list[float] = []
     for item in shots:
         quiet = item.window.polarity * quiet_part(item.shot)
-        if quiet.size < LEAST_QUIET:
+        if quiet.size < CRITERIA.noise.least_quiet_samples:
             continue
         place = (np.arange(quiet.size) + 0.5) / quiet.size
         slow = np.cos(np.pi * np.outer(place, np.arange(1, CALM_TERMS + 1)))

@@ -15,6 +15,7 @@ from analysis.discovery.candidates import (
     extended,
     price,
 )
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence
 from analysis.discovery.proposals import Proposal, default_starts, rescoped, scopes_of
 from analysis.effects.effect import Effect
@@ -24,18 +25,10 @@ from analysis.fit.settle import settle
 
 Array = NDArray[np.float64]
 
-PENALTY = 12.0
-"""Price of one number in whitened squares, about ln of the number of samples."""
 STARTS_PER_OWNER = 2
 STRUCTURE_STARTS = 4
-BENT = 300.0
-"""Whitened squares beyond the noise, on the few shots, from which a slope is only a promise."""
-KNOWN_U = 0.3
-"""A global whose prior is narrower than this is known before any record."""
 USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
 """Where an unknown plastic begins when the records themselves mislead."""
-NOTHING = 1.0
-"""Whitened squares by which a start must differ from the model without the effect."""
 USUAL_STARTS, FAR_STARTS = 4, 8
 SETTLED = 3
 """Shots on which far starts are put in order."""
@@ -97,7 +90,9 @@ def starts(
             seen = evidence.explain(proposal.key, scope, heldout=False)
             sizes = {_owner(label): value for label, value in seen.coefficients.items()}
             own = seen.dof if scope == "shot" else 0
-            promised = seen.gain - price(seen.dof - own, own, seen.gain, PENALTY)
+            promised = seen.gain - price(
+                seen.dof - own, own, seen.gain, CRITERIA.evidence.price_of_number
+            )
             found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
     for some in found.values():
         some.sort(key=lambda s: -s.promised)
@@ -193,7 +188,7 @@ def _mildest(
         if settled:
             start = settle(larger, theta, start, kept=KNOWN_BEFORE)
         cost = joint.total_cost(larger, theta, start)
-        nothing = not math.isfinite(cost) or abs(cost - without) < NOTHING
+        nothing = not math.isfinite(cost) or abs(cost - without) < CRITERIA.search.start_difference
         found.append((nothing, cost, at))
     return [at for _, _, at in sorted(found)]
 
@@ -224,7 +219,7 @@ def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
     Fitted
         Not fitted at all: the means of what is known well, the prepared start for the rest.
     """
-    known = np.diag(problem.prior_precision) > KNOWN_U**-2
+    known = np.diag(problem.prior_precision) > CRITERIA.search.known_prior_u**-2
     theta = np.where(known, problem.prior_mean, problem.start)
     for at, name in enumerate(problem.names):
         if not known[at] and name.startswith(("sphere.", "surface.")):

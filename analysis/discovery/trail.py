@@ -11,6 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from analysis.discovery.candidates import Refit
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.divided import divided
 from analysis.discovery.evidence import Evidence, gather
 from analysis.discovery.isolated import (
@@ -25,28 +26,15 @@ from analysis.discovery.parts import Ground
 from analysis.discovery.proposals import Proposal, proposals
 from analysis.discovery.ranking import one_form_each, rank, ranked
 from analysis.discovery.reformed import reformed
-from analysis.discovery.starting import PENALTY
 from analysis.discovery.widened import widened
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
-MIN_GAIN = 15.0
-"""An effect that brings less than this beyond its price is not there."""
 MAX_EFFECTS = 3
 FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
-FIRST_SHARE = 0.15
-"""Share of the best first effect's gain below which another is no first."""
-FORM_ACCURACY = 2e-5
-"""Share of the squares an effect takes up, 0.5 % of its signal, that its equation, read at sampling
-times and solved to 4e-6 of the peak, may leave."""
-HARDLY_SEEN = 400.0
-"""Whitened squares, a residual of 20 in norm, above which something is missing however small its
-share."""
 HUM = "mains_hum"
-THIRD_BELOW = 0.1
-"""What two effects may leave of the whole for a third to be looked for."""
 
 Progress = Callable[[str, float], None]
 
@@ -117,25 +105,33 @@ class Trail:
             return True
         left = self.last.omnibus.left
         explained = self.steps[0].fitted.cost - self.last.fitted.cost
-        return bool(self.chosen) and left < min(FORM_ACCURACY * explained, HARDLY_SEEN)
+        return bool(self.chosen) and left < min(
+            CRITERIA.structure.form_error_share * explained, CRITERIA.structure.form_error_squares
+        )
 
     @property
     def score(self) -> float:
         """Return the whitened squares left, numbers paid for."""
-        paid = sum(r.gain - r.score(PENALTY) for r in self.chosen)
+        paid = sum(r.gain - r.score(CRITERIA.evidence.price_of_number) for r in self.chosen)
         return self.last.fitted.cost + paid
 
     def on(self, found: Refit) -> Trail:
         """Return the trail one effect further, its numbers owned by whom the data ask for."""
         step = look(found.problem, found.fitted)
         if step.omnibus.structured:
-            wide = reformed(self.last.problem, self.last.fitted, found, PENALTY)
-            wide = widened(self.last.problem, self.last.fitted, wide, PENALTY)
-            lead = wide.score(PENALTY) - found.score(PENALTY)
+            wide = reformed(
+                self.last.problem, self.last.fitted, found, CRITERIA.evidence.price_of_number
+            )
+            wide = widened(
+                self.last.problem, self.last.fitted, wide, CRITERIA.evidence.price_of_number
+            )
+            lead = wide.score(CRITERIA.evidence.price_of_number) - found.score(
+                CRITERIA.evidence.price_of_number
+            )
             if lead > 0.0:
                 wider = look(wide.problem, wide.fitted)
                 # where the same effect ends in noise it needs no lead
-                if lead > MIN_GAIN or not wider.omnibus.structured:
+                if lead > CRITERIA.evidence.least_lead or not wider.omnibus.structured:
                     found, step = wide, wider
         return Trail([*self.steps, step], [*self.chosen, found])
 
@@ -184,7 +180,11 @@ def _ends_in_noise(found: Refit) -> bool:
 
 def useful(step: Step) -> list[Refit]:
     """Return the refits of a step that may be taken, best first."""
-    return [r for r in step.refits if r.usable and r.score(PENALTY) >= MIN_GAIN]
+    return [
+        r
+        for r in step.refits
+        if r.usable and r.score(CRITERIA.evidence.price_of_number) >= CRITERIA.evidence.least_lead
+    ]
 
 
 def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
@@ -215,7 +215,7 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     if not found:
         return start
     for place, first in enumerate(firsts[:FIRSTS_TRIED]):
-        if first.gain < FIRST_SHARE * firsts[0].gain:
+        if first.gain < CRITERIA.search.first_effect_share * firsts[0].gain:
             break
         found.append(_with_second(found[0] if place == 0 else start.on(first), usual, progress))
         if found[-1].adequate:
@@ -270,4 +270,4 @@ def _nearly(start: Trail, end: Trail) -> bool:
     """Tell whether a trail has taken up so much that one more effect could be the rest."""
     samples = sum(s.white.size for s in start.last.evidence.shots)
     had, left = start.last.evidence.chi2 - samples, end.last.evidence.chi2 - samples
-    return left < THIRD_BELOW * had
+    return left < CRITERIA.search.third_effect_share * had

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.family_words import FAMILIES
 from analysis.discovery.noise_words import background_said, frequency
 from analysis.effects.library import library
 from analysis.fit.result import FitResult
 
-SEEN_FOLD = 1.2
-"""Fall of the error on held-out shots from which a closure says what something looks like."""
 COARSE_NOISE = (
     "what the converter's rounding leaves; its step is larger than the noise, so that quantisation "
     "limits what these data can show"
@@ -84,7 +83,7 @@ def _looks_like(diagnosis: Diagnosis, before: FitResult) -> str:
     if learned is None or not before.heldout_rms or not learned.heldout_rms:
         return ""
     fold = before.heldout_rms / learned.heldout_rms
-    if fold < SEEN_FOLD:
+    if fold < CRITERIA.words.heldout_fold:
         return ""
     like = ", and beside it ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
     return f" It looks like {like}: with that the error on held-out shots falls {fold:.2g}-fold."

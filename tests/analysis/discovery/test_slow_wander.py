@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.discovery.omnibus import ALPHA, WANDER, Omnibus
+from analysis.discovery.criteria import CRITERIA
+from analysis.discovery.omnibus import WANDER, Omnibus
 from analysis.discovery.slow_wander import _slow_powers, p_of_wander
 from analysis.discovery.trail import look
 from analysis.fit import joint
@@ -52,7 +53,7 @@ def test_noise_too_slow_to_be_seen_is_no_structure(tmp_path: Path) -> None:
 def test_hum_below_the_noise_is_structure(tmp_path: Path) -> None:
     """It moves the first order and hardly the others, which no 1/f does."""
     omnibus, p = _asked(tmp_path, 0.0, hum_v=1e-3)
-    assert p < 1e-3 * ALPHA
+    assert p < 1e-3 * CRITERIA.structure.false_alarm_rate
     assert omnibus.structured
     assert omnibus.strongest.family == WANDER[0]
 
