@@ -31,7 +31,7 @@ def without_needless(trail: Trail) -> Trail:
         shorter = _reduced(trail.last, old.effect)
         if shorter is None or shorter.impossible:
             continue
-        if shorter.fitted.cost - trail.last.fitted.cost < CRITERIA.evidence.least_lead:
+        if shorter.fitted.cost - trail.last.fitted.cost < CRITERIA.comparison.least_lead:
             others = [c for at, c in enumerate(trail.chosen) if at != place]
             steps = [*trail.steps[: len(others)], shorter]
             gain = steps[-2].fitted.cost - shorter.fitted.cost
@@ -64,7 +64,7 @@ def held_against_unfinished(trail: Trail) -> Trail:
         for r in step.refits
         if r.effect.slot == taken.effect.slot
         and not (r.on_all_shots or r.at_bound)
-        and r.gain > CRITERIA.evidence.partly_fitted_share * taken.gain
+        and r.gain > CRITERIA.stepwise.partly_fitted_share * taken.gain
     }
     return held_against_others(trail, owners - {taken.owner}) if owners else trail
 
@@ -91,9 +91,9 @@ def held_against_others(trail: Trail, owners: set[str] | None = None) -> Trail:
     others = rivals_refitted(step.problem, step.fitted, taken, owners)
     new = {o.owner for o in others}
     step.refits[:] = [*others, *(r for r in step.refits if r.owner not in new)]
-    best = max(others, key=lambda r: r.score(CRITERIA.evidence.price_of_number), default=taken)
-    if best.at_bound or best.score(CRITERIA.evidence.price_of_number) <= taken.score(
-        CRITERIA.evidence.price_of_number
+    best = max(others, key=lambda r: r.score(CRITERIA.comparison.price_of_number), default=taken)
+    if best.at_bound or best.score(CRITERIA.comparison.price_of_number) <= taken.score(
+        CRITERIA.comparison.price_of_number
     ):
         return trail
     ahead = Trail(trail.steps[:-1], trail.chosen[:-1]).on(best)
@@ -177,8 +177,8 @@ def _behind(taken: Refit, other: Refit) -> float:
     if other.owner == taken.owner or not other.on_all_shots:
         return math.inf
     return min(
-        taken.score(CRITERIA.evidence.price_of_number)
-        - other.score(CRITERIA.evidence.price_of_number),
+        taken.score(CRITERIA.comparison.price_of_number)
+        - other.score(CRITERIA.comparison.price_of_number),
         taken.gain - other.gain,
     )
 
@@ -193,11 +193,11 @@ def _rivals(trail: Trail) -> dict[str, list[Refit]]:
     step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
     near = []
     for at, one in enumerate(step.refits):
-        within = CRITERIA.evidence.confusable_within
-        if _behind(taken, one) < CRITERIA.evidence.unfinished_within and not one.fitted.converged:
+        within = CRITERIA.stepwise.confusable_within
+        if _behind(taken, one) < CRITERIA.stepwise.unfinished_within and not one.fitted.converged:
             step.refits[at] = further = continued(step.fitted, one)
             if not further.fitted.converged:
-                within += CRITERIA.evidence.unfinished_growth * (further.gain - one.gain)
+                within += CRITERIA.stepwise.unfinished_growth * (further.gain - one.gain)
         if not step.refits[at].at_bound and _behind(taken, step.refits[at]) < within:
             near.append(step.refits[at])
     return {taken.owner: near} if near else {}

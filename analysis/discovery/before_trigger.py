@@ -41,7 +41,7 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
     seen, promised = [], []
     for item, size in zip(shots, sizes, strict=True):
         quiet, samples = quiet_part(item.shot), item.window.signal.size
-        if quiet.size < CRITERIA.noise.least_quiet_samples_of_signal:
+        if quiet.size < CRITERIA.free_signal.least_quiet_samples:
             continue
         context = _sampled(item.frame.sample_rate_hz)
         columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
@@ -54,8 +54,8 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
     if not seen:
         return True
     deviation = math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
-    chance = 1.0 - CRITERIA.noise.steady_power_deviations * deviation
-    return bool(np.mean(seen) - chance > CRITERIA.noise.steady_power_share * np.mean(promised))
+    chance = 1.0 - CRITERIA.free_signal.quiet_power_deviations * deviation
+    return bool(np.mean(seen) - chance > CRITERIA.free_signal.quiet_power_share * np.mean(promised))
 
 
 def _sampled(rate_hz: float) -> ShotContext:

@@ -278,7 +278,7 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
         or left_its_range(found.problem, result, found.effect)
         or (
             found.effect.basis is None
-            and base.cost - result.cost < CRITERIA.evidence.least_gain_per_shot * own
+            and base.cost - result.cost < CRITERIA.comparison.least_gain_per_shot * own
         ),
         own=own,
     )

@@ -22,7 +22,7 @@ from dataclasses import dataclass, field
 
 @dataclass(frozen=True)
 class Noise:
-    """Is what comes before the trigger noise, and is a free signal there too?"""
+    """Is what comes before the trigger noise?"""
 
     spike_deviations: float = 6.0
     """Standard errors of the excess kurtosis that are no chance. Derived: the normal tail is 1e-9;
@@ -42,19 +42,6 @@ class Noise:
     """Share of a line that must be left where drift has been taken off. Chosen by trial."""
     loud_tone_ratio: float = 30.0
     """Of a line to those beside it, that no 1/f slope makes. Measured: a slope makes 5 at most."""
-    steady_power_share: float = 0.2
-    """Of a steady signal's power, to be found before the trigger. Chosen by trial."""
-    steady_power_deviations: float = 2.0
-    """Standard deviations by which chance may lower that power. Derived: once in 44 times."""
-    least_quiet_samples_of_signal: int = 64
-    """Of a record, for a free signal to be looked for in it. Chosen by trial."""
-    common_phase_share: float = 0.4
-    """Power that shots have in common, from which a phase is not free. Chosen by trial; chance
-    leaves one over the number of shots, 0.17 of the fewest."""
-    fewest_phases: int = 6
-    """Shots for that to be asked. Chosen by trial."""
-    drift_ratio: float = 1.5
-    """Rms of what is slow before the trigger over what noise leaves there. Chosen by trial."""
 
 
 @dataclass(frozen=True)
@@ -79,31 +66,6 @@ class Structure:
 
 
 @dataclass(frozen=True)
-class Evidence:
-    """How much better must a model be? All in squares beyond the price of its numbers."""
-
-    price_of_number: float = 12.0
-    """Of one number that more than one shot determines. Derived: BIC's ln n for n = 163 000
-    samples, the same for campaigns of every size."""
-    least_lead: float = 15.0
-    """An effect, a form or a grouping that brings less is not taken. Chosen by trial: 1800 to 1 by
-    BIC."""
-    confusable_within: float = 10.0
-    """Effects that differ by less cannot be told apart. Chosen by trial: 148 to 1."""
-    unfinished_within: float = 100.0
-    """So close behind, a fit that has not ended is carried on. Chosen by trial."""
-    unfinished_growth: float = 3.0
-    """Times its last gain that a fit which has not ended may still gain. Chosen by trial."""
-    partly_fitted_share: float = 0.5
-    """Of the taken effect's gain, on a part of the shots, that asks for all. Chosen by trial."""
-    least_gain_per_shot: float = 10.0
-    """Of a number that every shot has for itself. Chosen by trial; chance brings as much to one
-    number in 640."""
-    nested_shortfall: float = 1.0
-    """By so much priors and unfinished steps may leave a larger model behind. Chosen by trial."""
-
-
-@dataclass(frozen=True)
 class Search:
     """Where a fit begins, and which is carried on. None of these is a name's evidence."""
 
@@ -123,10 +85,6 @@ class Search:
     """Of the score of a candidate outside its physical range, in early rounds. Chosen by trial."""
     contender_share: float = 0.4
     """Of the leader's score, below which a candidate is not carried on. Chosen by trial."""
-    first_effect_share: float = 0.15
-    """Of the best first effect's gain, below which another is no first. Chosen by trial."""
-    third_effect_share: float = 0.1
-    """Of the squares, that two effects may leave for a third to be tried. Chosen by trial."""
 
 
 @dataclass(frozen=True)
@@ -143,6 +101,56 @@ class Grouping:
     """By which one material's effect is told from all that act on every shot. Chosen by trial."""
     simpler_share: float = 0.5
     """What may remain without a material, over its share of the shots. Chosen by trial."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """How much better must a model be? All in squares."""
+
+    price_of_number: float = 12.0
+    """Of one number that more than one shot determines. Derived: BIC's ln n for n = 163 000
+    samples, the same for campaigns of every size."""
+    least_lead: float = 15.0
+    """An effect, a form or a grouping that brings less is not taken. Chosen by trial: 1800 to 1 by
+    BIC."""
+    least_gain_per_shot: float = 10.0
+    """Of a number that every shot has for itself. Chosen by trial; chance brings as much to one
+    number in 640."""
+
+
+@dataclass(frozen=True)
+class FreeSignal:
+    """Is a signal of free size and phase in every shot there whether a sphere falls or not?"""
+
+    quiet_power_share: float = 0.2
+    """Of a steady signal's power, to be found before the trigger. Chosen by trial."""
+    quiet_power_deviations: float = 2.0
+    """Standard deviations by which chance may lower that power. Derived: once in 44 times."""
+    least_quiet_samples: int = 64
+    """Of a record, for a free signal to be looked for in it. Chosen by trial."""
+    common_phase_share: float = 0.4
+    """Power that shots have in common, from which a phase is not free. Chosen by trial; chance
+    leaves one over the number of shots, 0.17 of the fewest."""
+    fewest_phases: int = 6
+    """Shots of a group for that to be asked. Chosen by trial."""
+
+
+@dataclass(frozen=True)
+class Stepwise:
+    """Which effects are tried on top of one another, and which names remain open?"""
+
+    first_effect_share: float = 0.15
+    """Of the best first effect's gain, below which another is no first. Chosen by trial."""
+    third_effect_share: float = 0.1
+    """Of the squares, that two effects may leave for a third to be tried. Chosen by trial."""
+    confusable_within: float = 10.0
+    """Effects that differ by less cannot be told apart. Chosen by trial: 148 to 1."""
+    unfinished_within: float = 100.0
+    """So close behind, a fit that has not ended is carried on. Chosen by trial."""
+    unfinished_growth: float = 3.0
+    """Times its last gain that a fit which has not ended may still gain. Chosen by trial."""
+    partly_fitted_share: float = 0.5
+    """Of the taken effect's gain, on a part of the shots, that asks for all. Chosen by trial."""
 
 
 @dataclass(frozen=True)
@@ -214,6 +222,10 @@ class NextDrop:
 class Words:
     """When is something worth a sentence? No verdict depends on these."""
 
+    drift_ratio: float = 1.5
+    """Rms of what is slow before the trigger over what noise leaves there. Chosen by trial."""
+    nested_shortfall: float = 1.0
+    """By so much priors and unfinished steps may leave a larger model behind. Chosen by trial."""
     residual_ratio: float = 1.2
     """Squares a sample in a phase of the record. Chosen by trial."""
     spectrum_ratio: float = 2.0
@@ -240,13 +252,15 @@ class Words:
 
 @dataclass(frozen=True)
 class Criteria:
-    """All thresholds, by the question that they answer."""
+    """All thresholds, by the question that they answer, in the order in which it is asked."""
 
     noise: Noise = field(default_factory=Noise)
     structure: Structure = field(default_factory=Structure)
-    evidence: Evidence = field(default_factory=Evidence)
     search: Search = field(default_factory=Search)
     grouping: Grouping = field(default_factory=Grouping)
+    comparison: Comparison = field(default_factory=Comparison)
+    free_signal: FreeSignal = field(default_factory=FreeSignal)
+    stepwise: Stepwise = field(default_factory=Stepwise)
     partial: Partial = field(default_factory=Partial)
     closure: Closure = field(default_factory=Closure)
     slot: Slot = field(default_factory=Slot)

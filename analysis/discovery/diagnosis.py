@@ -130,7 +130,7 @@ def diagnose_campaign(
         trail.last.refits = [crystal]
         if (
             crystal.usable
-            and crystal.score(CRITERIA.evidence.price_of_number) > CRITERIA.evidence.least_lead
+            and crystal.score(CRITERIA.comparison.price_of_number) > CRITERIA.comparison.least_lead
         ):
             trail = trail.on(crystal)
     seen = background(problem.shots)

@@ -193,7 +193,7 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
         said = ["The noise before the trigger is white."]
     if (
         noise.drift_rms is not None
-        and noise.drift_rms > CRITERIA.noise.drift_ratio * noise.drift_expected_rms
+        and noise.drift_rms > CRITERIA.words.drift_ratio * noise.drift_expected_rms
     ):
         times = noise.drift_rms / noise.drift_expected_rms
         said.append(

@@ -20,10 +20,10 @@ Array = NDArray[np.float64]
 def _alike(sizes: Array, groups: Sequence[float | None]) -> bool:
     """Tell whether the shots of a group have much of a signal in common."""
     members = [[at for at, g in enumerate(groups) if g == one] for one in set(groups)]
-    if len(sizes) < CRITERIA.noise.fewest_phases * len(members):
+    if len(sizes) < CRITERIA.free_signal.fewest_phases * len(members):
         return False
     common = sum(len(own) * float((sizes[own].mean(axis=0) ** 2).sum()) for own in members)
-    return common > CRITERIA.noise.common_phase_share * max(float((sizes**2).sum()), 1e-300)
+    return common > CRITERIA.free_signal.common_phase_share * max(float((sizes**2).sum()), 1e-300)
 
 
 def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:

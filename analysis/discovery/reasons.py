@@ -36,7 +36,7 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
         return "not fitted to the end: its search was far behind the others when they were taken on"
     if refit.at_bound:
         return _not_physical(refit)
-    if refit.score(CRITERIA.evidence.price_of_number) < CRITERIA.evidence.least_lead:
+    if refit.score(CRITERIA.comparison.price_of_number) < CRITERIA.comparison.least_lead:
         return (
             f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its "
             f"{'number costs' if refit.parameters == 1 else f'{refit.parameters} numbers cost'} "
@@ -52,7 +52,7 @@ def _not_physical(refit: Refit) -> str:
             "it is not there before the trigger, or its sizes and phases are alike in all shots, "
             "and the mains do not know of a drop"
         )
-    if refit.gain < CRITERIA.evidence.least_gain_per_shot * refit.own:
+    if refit.gain < CRITERIA.comparison.least_gain_per_shot * refit.own:
         return "every shot needs a number of its own, and they bring too little to be believed"
     outside = out_of_range(refit.problem, refit.fitted)
     if outside:
@@ -78,7 +78,7 @@ def to_the_end(refit: Refit) -> bool:
         With its effect at nothing it would fit as well as the model without; one that fits worse
         is still on its way from afar.
     """
-    return refit.gain > -CRITERIA.evidence.nested_shortfall
+    return refit.gain > -CRITERIA.words.nested_shortfall
 
 
 def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None) -> str:

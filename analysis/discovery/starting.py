@@ -91,7 +91,7 @@ def starts(
             sizes = {_owner(label): value for label, value in seen.coefficients.items()}
             own = seen.dof if scope == "shot" else 0
             promised = seen.gain - price(
-                seen.dof - own, own, seen.gain, CRITERIA.evidence.price_of_number
+                seen.dof - own, own, seen.gain, CRITERIA.comparison.price_of_number
             )
             found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
     for some in found.values():

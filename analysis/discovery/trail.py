@@ -112,7 +112,7 @@ class Trail:
     @property
     def score(self) -> float:
         """Return the whitened squares left, numbers paid for."""
-        paid = sum(r.gain - r.score(CRITERIA.evidence.price_of_number) for r in self.chosen)
+        paid = sum(r.gain - r.score(CRITERIA.comparison.price_of_number) for r in self.chosen)
         return self.last.fitted.cost + paid
 
     def on(self, found: Refit) -> Trail:
@@ -120,18 +120,18 @@ class Trail:
         step = look(found.problem, found.fitted)
         if step.omnibus.structured:
             wide = reformed(
-                self.last.problem, self.last.fitted, found, CRITERIA.evidence.price_of_number
+                self.last.problem, self.last.fitted, found, CRITERIA.comparison.price_of_number
             )
             wide = widened(
-                self.last.problem, self.last.fitted, wide, CRITERIA.evidence.price_of_number
+                self.last.problem, self.last.fitted, wide, CRITERIA.comparison.price_of_number
             )
-            lead = wide.score(CRITERIA.evidence.price_of_number) - found.score(
-                CRITERIA.evidence.price_of_number
+            lead = wide.score(CRITERIA.comparison.price_of_number) - found.score(
+                CRITERIA.comparison.price_of_number
             )
             if lead > 0.0:
                 wider = look(wide.problem, wide.fitted)
                 # where the same effect ends in noise it needs no lead
-                if lead > CRITERIA.evidence.least_lead or not wider.omnibus.structured:
+                if lead > CRITERIA.comparison.least_lead or not wider.omnibus.structured:
                     found, step = wide, wider
         return Trail([*self.steps, step], [*self.chosen, found])
 
@@ -183,7 +183,8 @@ def useful(step: Step) -> list[Refit]:
     return [
         r
         for r in step.refits
-        if r.usable and r.score(CRITERIA.evidence.price_of_number) >= CRITERIA.evidence.least_lead
+        if r.usable
+        and r.score(CRITERIA.comparison.price_of_number) >= CRITERIA.comparison.least_lead
     ]
 
 
@@ -215,7 +216,7 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
     if not found:
         return start
     for place, first in enumerate(firsts[:FIRSTS_TRIED]):
-        if first.gain < CRITERIA.search.first_effect_share * firsts[0].gain:
+        if first.gain < CRITERIA.stepwise.first_effect_share * firsts[0].gain:
             break
         found.append(_with_second(found[0] if place == 0 else start.on(first), usual, progress))
         if found[-1].adequate:
@@ -270,4 +271,4 @@ def _nearly(start: Trail, end: Trail) -> bool:
     """Tell whether a trail has taken up so much that one more effect could be the rest."""
     samples = sum(s.white.size for s in start.last.evidence.shots)
     had, left = start.last.evidence.chi2 - samples, end.last.evidence.chi2 - samples
-    return left < CRITERIA.search.third_effect_share * had
+    return left < CRITERIA.stepwise.third_effect_share * had
