@@ -136,6 +136,15 @@ class Environment:
     temperature_c: Quantity | None = None
     relative_humidity: Quantity | None = None
 
+    def completed_by(self, other: Environment | None) -> Environment:
+        """Return the same, with the other's reading wherever this has none."""
+        if other is None:
+            return self
+        return Environment(
+            self.temperature_c or other.temperature_c,
+            self.relative_humidity or other.relative_humidity,
+        )
+
 
 @dataclass(frozen=True)
 class Shot:

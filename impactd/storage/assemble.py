@@ -115,6 +115,7 @@ def campaign_shot(stored: StoredShot) -> Shot:
         quantum=recording.quantum,
         clipped=recording.clipped,
         code_zero=recording.offset,
+        environment=about.environment,
         u_sample_rate_hz=Uncertainty(recording.sample_rate_u_hz)
         if recording.sample_rate_u_hz > 0
         else None,

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import hashlib
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
-# As of the migration that brought them. Who adds a column writes a migration that makes the
-# triggers of its table anew; a test compares this list with the tables.
+# Who adds a column puts it last, names it in `_ADDED` too, and writes a migration with
+# `schema.added_column`; a test compares this list with the tables.
 COLUMNS: dict[str, str] = {
     "sequence": "name last",
     "calibrations": "number slot plan owner state result problem requested_utc finished_utc "
     "valid_until_utc",
     "drops": "number state sphere surface drop_height_m operator owner idempotency_key calibration "
-    "problem requested_utc updated_utc rebound_height_m u_rebound_height_m",
+    "problem requested_utc updated_utc rebound_height_m u_rebound_height_m environment",
     "shots": "number file sha256 size_bytes source origin started_utc stored_utc sphere surface "
-    "drop_height_m operator quantity sample_rate_hz samples trigger_index peak clipped",
+    "drop_height_m operator quantity sample_rate_hz samples trigger_index peak clipped "
+    "environment",
     "jobs": "id kind subject payload key state attempts runner result reason created_utc "
     "started_utc finished_utc",
     "fits": "id shot model calibration job result created_utc run",
@@ -33,6 +34,13 @@ COLUMNS: dict[str, str] = {
 """Tables and their columns."""
 _LATER = frozenset({"alarms", "journal_position"})
 """Tables that came after the checksums, each with `statements_of` in its own migration."""
+_ADDED = {"drops": {"environment"}, "shots": {"environment"}}
+"""Columns that came after checksums and journal."""
+
+
+def first_columns(table: str) -> list[str]:
+    """Return the columns that a table had when it got its checksums and its journal."""
+    return [name for name in COLUMNS[table].split() if name not in _ADDED.get(table, ())]
 
 
 def install(connection: sqlite3.Connection) -> None:
@@ -83,16 +91,34 @@ def statements_of(table: str) -> Iterator[str]:
         For a migration.
     """
     # ruff: noqa: S608 - nothing here but the names of our own tables and columns
-    yield (f"INSERT INTO row_digests SELECT '{table}', rowid, {_call(table, '')} FROM {table}")
+    columns = first_columns(table)
+    yield (f"INSERT INTO row_digests SELECT '{table}', rowid, {_call(columns, '')} FROM {table}")
+    yield from triggers_of(table, columns)
+    yield (
+        f"CREATE TRIGGER {table}_delete_digest AFTER DELETE ON {table} BEGIN "
+        f"DELETE FROM row_digests WHERE kind='{table}' AND row=old.rowid; END"
+    )
+
+
+def triggers_of(table: str, columns: Sequence[str]) -> Iterator[str]:
+    """Yield the statements that keep the checksums of a table with these columns."""
     for event in ("INSERT", "UPDATE"):
         yield (
             f"CREATE TRIGGER {table}_{event.lower()}_digest AFTER {event} ON {table} BEGIN "
             f"INSERT OR REPLACE INTO row_digests VALUES ('{table}', new.rowid, "
-            f"{_call(table, 'new.')}); END"
+            f"{_call(columns, 'new.')}); END"
         )
-    yield (
-        f"CREATE TRIGGER {table}_delete_digest AFTER DELETE ON {table} BEGIN "
-        f"DELETE FROM row_digests WHERE kind='{table}' AND row=old.rowid; END"
+
+
+def renewal(table: str, before: Sequence[str], after: Sequence[str]) -> str:
+    """Return the statement that lets the checksums of a table cover more columns.
+
+    A row that is not what was written keeps its checksum, and goes on being found.
+    """
+    row = f"FROM {table} t WHERE t.rowid=row_digests.row"
+    return (
+        f"UPDATE row_digests SET digest=(SELECT {_call(after, 't.')} {row}) "
+        f"WHERE kind='{table}' AND digest=(SELECT {_call(before, 't.')} {row})"
     )
 
 
@@ -112,9 +138,12 @@ def changed_rows(connection: sqlite3.Connection, table: str) -> Iterator[int]:
         Row id.
     """
     install(connection)
+    # An index of an older version lacks what was added since.
+    present = {name for _, name, *_ in connection.execute(f"PRAGMA table_info({table})")}
+    columns = [name for name in COLUMNS[table].split() if name in present]
     rows = connection.execute(
         f"SELECT t.rowid FROM {table} t LEFT JOIN row_digests d ON d.kind=? AND d.row=t.rowid "
-        f"WHERE d.digest IS NULL OR d.digest <> {_call(table, 't.')} UNION ALL "
+        f"WHERE d.digest IS NULL OR d.digest <> {_call(columns, 't.')} UNION ALL "
         f"SELECT row FROM row_digests WHERE kind=? AND row NOT IN (SELECT rowid FROM {table})",
         (table, table),
     )
@@ -122,5 +151,5 @@ def changed_rows(connection: sqlite3.Connection, table: str) -> Iterator[int]:
         yield int(row[0])
 
 
-def _call(table: str, prefix: str) -> str:
-    return f"row_digest({', '.join(prefix + name for name in COLUMNS[table].split())})"
+def _call(columns: Sequence[str], prefix: str) -> str:
+    return f"row_digest({', '.join(prefix + name for name in columns)})"

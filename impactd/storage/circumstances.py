@@ -7,13 +7,16 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from analysis.campaign import Quantity
+from analysis.campaign import Environment, Quantity
 from drivers.digitizer import DigitizerIdentity, TriggerSettings
 from impactd.storage import ranges
 from impactd.storage.drops import Drop, DropRequest
 from impactd.storage.errors import CorruptShotError
 from impactd.storage.json_fields import Fields
 from impactd.storage.materials_json import (
+    ENVIRONMENT_KEYS,
+    environment_from_json,
+    environment_to_json,
     quantity_to_json,
     sensor_from_json,
     sensor_to_json,
@@ -43,6 +46,7 @@ def circumstances(
     if about.trigger is not None:
         named["trigger"] = asdict(about.trigger)
     named["restitution"] = quantity_to_json(about.restitution)
+    named["environment"] = environment_to_json(about.environment)
     kept = {
         key: getattr(recording, key) for key in Recording.__dataclass_fields__ if key != "samples"
     }
@@ -51,8 +55,14 @@ def circumstances(
         "number": number,
         "recording": kept,
         "about": named,
-        "drop": None if drop is None else {**asdict(drop), "problem": None},
+        "drop": None if drop is None else _of_drop(drop),
     }
+
+
+def _of_drop(drop: Drop) -> dict[str, Any]:
+    found = {**asdict(drop), "problem": None}
+    found["request"]["environment"] = environment_to_json(drop.request.environment)
+    return found
 
 
 def decoded(
@@ -72,7 +82,9 @@ def decoded(
     recording["status_words"] = tuple(recording["status_words"])
     drop = facts["drop"]
     if drop is not None:
-        drop["request"] = DropRequest(**drop["request"])
+        request = drop["request"]
+        request["environment"] = _environment_of(request, path, "$.drop.request")
+        drop["request"] = DropRequest(**request)
         drop = Drop(**drop)
     return Recording(samples=samples, **recording), _about_of(facts["about"], path), drop
 
@@ -100,6 +112,12 @@ def _refuse_impossible(
     around.quantity("restitution", ranges.RESTITUTION)
 
 
+def _environment_of(within: dict[str, Any], path: str, at: str) -> Environment | None:
+    """Return an environment; files of earlier versions have none."""
+    around = Fields(within, file=path, path=at).child("environment", known=ENVIRONMENT_KEYS)
+    return environment_from_json(around)
+
+
 def _about_of(about: dict[str, Any], path: str) -> ShotAbout:
     def fields(key: str) -> Fields:
         return Fields(about[key], file=path, path=f"$.about.{key}")
@@ -116,5 +134,6 @@ def _about_of(about: dict[str, Any], path: str) -> ShotAbout:
         about["trigger"] = TriggerSettings(**about["trigger"])
     if about["restitution"] is not None:
         about["restitution"] = Quantity(**about["restitution"])
+    about["environment"] = _environment_of(about, path, "$.about")
     about["notes"] = tuple(about["notes"])
     return ShotAbout(**about)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import sqlite3
 from dataclasses import dataclass
 
+from analysis.campaign import Environment
 from impactd.storage.errors import DropStateError, IdempotencyConflictError, NotFoundError
 from impactd.storage.index import Index
+from impactd.storage.materials_json import environment_from_text, environment_to_text
 from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
 from impactd.storage.request_key import bare_key, client_part
@@ -31,12 +33,15 @@ class DropRequest:
         Fall height of the sphere's lowest point. [m]
     operator : str
         Who hangs the sphere.
+    environment : Environment or None
+        As the technician read it; it counts instead of the settings' way.
     """
 
     sphere: str
     surface: str
     drop_height_m: float
     operator: str
+    environment: Environment | None = None
 
 
 @dataclass(frozen=True)
@@ -111,8 +116,8 @@ class DropTable:
         now = utc_now()
         self._index.write(
             "INSERT INTO drops (number, state, sphere, surface, drop_height_m, operator, owner, "
-            "idempotency_key, calibration, requested_utc, updated_utc) "
-            "VALUES (?, 'requested', ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            "idempotency_key, calibration, requested_utc, updated_utc, environment) "
+            "VALUES (?, 'requested', ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 number,
                 request.sphere,
@@ -124,6 +129,7 @@ class DropTable:
                 calibration,
                 now,
                 now,
+                environment_to_text(request.environment),
             ),
         )
         return self.get(number)
@@ -133,8 +139,8 @@ class DropTable:
         self._index.write(
             "INSERT OR REPLACE INTO drops (number, state, sphere, surface, drop_height_m, "
             "operator, owner, idempotency_key, calibration, problem, requested_utc, updated_utc, "
-            "rebound_height_m, u_rebound_height_m) "
-            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            "rebound_height_m, u_rebound_height_m, environment) "
+            "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
             (
                 drop.number,
                 drop.state,
@@ -150,6 +156,7 @@ class DropTable:
                 drop.updated_utc,
                 drop.rebound_height_m,
                 drop.u_rebound_height_m,
+                environment_to_text(drop.request.environment),
             ),
         )
 
@@ -265,7 +272,13 @@ def _drop_of(row: sqlite3.Row) -> Drop:
     return Drop(
         number=row["number"],
         state=row["state"],
-        request=DropRequest(row["sphere"], row["surface"], row["drop_height_m"], row["operator"]),
+        request=DropRequest(
+            row["sphere"],
+            row["surface"],
+            row["drop_height_m"],
+            row["operator"],
+            environment_from_text(row["environment"]),
+        ),
         owner=row["owner"],
         shot=row["shot"],
         problem=Problem.from_text(row["problem"]),

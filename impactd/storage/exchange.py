@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from analysis.campaign import Campaign, Rejected, Sensor
+from analysis.campaign import Campaign, Environment, Rejected, Sensor
+from analysis.campaign import Shot as Recorded
 from impactd.storage.assemble import assemble_campaign
 from impactd.storage.campaign_folder import (
     CampaignFolder,
@@ -112,11 +113,19 @@ def _about(one: CampaignShot, folder: CampaignFolder, place: str) -> ShotAbout:
         speed_repeatability=campaign.speed_repeatability,
         sensor=campaign.sensor,
         restitution=shot.restitution,
+        environment=_around(shot, campaign),
         source="import",
         origin=f"{place}/{shot.name} sha256:{content}",
         software=software(),
         notes=("Imported; the start time is the time of the import.",),
     )
+
+
+def _around(shot: Recorded, campaign: Campaign) -> Environment | None:
+    """Return what the shot says, completed by what is said of the whole campaign."""
+    if shot.environment is None:
+        return campaign.environment
+    return shot.environment.completed_by(campaign.environment)
 
 
 def export_shots(shots: Sequence[StoredShot], form: str, out: Path) -> list[Path]:

@@ -83,17 +83,22 @@ def statements_of(table: str) -> Iterator[str]:
     str
         For a migration.
     """
-    columns = ", ".join(f"new.{name}" for name in checksums.COLUMNS[table].split())
-    for event in ("INSERT", "UPDATE"):
-        yield (
-            f"CREATE TRIGGER {table}_{event.lower()}_journal AFTER {event} ON {table} BEGIN "
-            f"SELECT journal_row('{table}', {columns}); END"
-        )
+    yield from triggers_of(table, checksums.first_columns(table))
     key = ", ".join(f"old.{name}" for name in key_of(table))
     yield (
         f"CREATE TRIGGER {table}_delete_journal AFTER DELETE ON {table} BEGIN "
         f"SELECT journal_deletion('{table}', {key}); END"
     )
+
+
+def triggers_of(table: str, columns: Sequence[str]) -> Iterator[str]:
+    """Yield the statements that journal what is written into a table with these columns."""
+    values = ", ".join(f"new.{name}" for name in columns)
+    for event in ("INSERT", "UPDATE"):
+        yield (
+            f"CREATE TRIGGER {table}_{event.lower()}_journal AFTER {event} ON {table} BEGIN "
+            f"SELECT journal_row('{table}', {values}); END"
+        )
 
 
 class Collected:

@@ -63,30 +63,57 @@ def read_json(path: Path) -> Any:
         If it cannot be read or is no such JSON.
     """
 
+    try:
+        content = read_regular_file(path, JSON_LIMIT_BYTES)
+    except OSError as error:
+        raise CampaignError(str(path), "$", f"cannot be read: {error.strerror}.") from error
+    return parse_json(content, str(path))
+
+
+def parse_json(content: bytes, file: str) -> Any:
+    """Return the JSON of some bytes; NaN, Infinity and repeated keys are refused.
+
+    Parameters
+    ----------
+    content : bytes
+        UTF-8.
+    file : str
+        Named in messages.
+
+    Returns
+    -------
+    object
+        What it says.
+
+    Raises
+    ------
+    CampaignError
+        If it is no such JSON.
+    """
+
     def refuse_constant(text: str) -> NoReturn:
         """Refuse NaN and infinity, which JSON does not have."""
-        raise CampaignError(str(path), "$", f"{text} is no JSON number.")
+        raise CampaignError(file, "$", f"{text} is no JSON number.")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         """Return an object, or refuse one that says a thing twice."""
         found: dict[str, Any] = {}
         for key, value in pairs:
             if key in found:
-                raise CampaignError(str(path), "$", f"The key {key!r} stands twice in one object.")
+                raise CampaignError(file, "$", f"The key {key!r} stands twice in one object.")
             found[key] = value
         return found
 
     try:
-        text = read_regular_file(path, JSON_LIMIT_BYTES).decode("utf-8")
-        return json.loads(text, parse_constant=refuse_constant, object_pairs_hook=once)
-    except OSError as error:
-        raise CampaignError(str(path), "$", f"cannot be read: {error.strerror}.") from error
+        return json.loads(
+            content.decode("utf-8"), parse_constant=refuse_constant, object_pairs_hook=once
+        )
     except UnicodeDecodeError as error:
-        raise CampaignError(str(path), "$", "is not UTF-8 text.") from error
+        raise CampaignError(file, "$", "is not UTF-8 text.") from error
     except RecursionError as error:
-        raise CampaignError(str(path), "$", "is nested too deeply.") from error
+        raise CampaignError(file, "$", "is nested too deeply.") from error
     except ValueError as error:  # also a number of more digits than Python reads
-        raise CampaignError(str(path), "$", f"is not JSON: {error}.") from error
+        raise CampaignError(file, "$", f"is not JSON: {error}.") from error
 
 
 _OF_UNCERTAINTY = ("distribution", "degrees_of_freedom", "traceable_to")

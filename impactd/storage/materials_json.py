@@ -6,6 +6,7 @@ into a campaign.
 
 from __future__ import annotations
 
+import json
 import math
 from typing import Any
 
@@ -84,6 +85,19 @@ def environment_to_json(environment: Environment | None) -> Json | None:
         "relative_humidity": quantity_to_json(environment.relative_humidity),
     }
     return {key: value for key, value in found.items() if value is not None}
+
+
+def environment_from_text(text: str | None) -> Environment | None:
+    """Return what a column of the index says, ``None`` for ``None``."""
+    if text is None:
+        return None
+    return environment_from_json(Fields(json.loads(text), file="index", known=ENVIRONMENT_KEYS))
+
+
+def environment_to_text(environment: Environment | None) -> str | None:
+    """Return it for a column of the index, ``None`` for ``None``."""
+    found = environment_to_json(environment)
+    return None if found is None else json.dumps(found, allow_nan=False)
 
 
 def sphere_to_json(sphere: Sphere) -> dict[str, Any]:

@@ -8,6 +8,33 @@ from functools import cache
 
 from impactd.storage import checksums, journal_rows
 
+def added_column(table: str, name: str) -> tuple[str, ...]:
+    """Return the statements that add a column of text to a table that has checksums and a journal.
+
+    Parameters
+    ----------
+    table : str
+        One of `checksums.COLUMNS`.
+    name : str
+        The column; the last of those that the table has by then.
+
+    Returns
+    -------
+    tuple of str
+        For a migration.
+    """
+    columns = checksums.COLUMNS[table].split()
+    after = columns[: columns.index(name) + 1]
+    events = [f"{table}_{event}" for event in ("insert", "update")]
+    return (
+        f"ALTER TABLE {table} ADD COLUMN {name} TEXT",
+        checksums.renewal(table, after[:-1], after),
+        *(f"DROP TRIGGER {event}_{what}" for event in events for what in ("digest", "journal")),
+        *checksums.triggers_of(table, after),
+        *journal_rows.triggers_of(table, after),
+    )
+
+
 MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
     """
     CREATE TABLE sequence (name TEXT PRIMARY KEY, last INTEGER NOT NULL) STRICT;
@@ -91,6 +118,8 @@ MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
     ),
     # What the index holds and no file does is kept in a journal beside it.
     journal_rows.migration(),
+    # Temperature and humidity: as the technician read them, and as they were at the shot.
+    (*added_column("drops", "environment"), *added_column("shots", "environment")),
 )
 """One step per version of the index; a step is never changed once it was released."""
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Quantity, Sensor, Sphere, Surface
+from analysis.campaign import Environment, Quantity, Sensor, Sphere, Surface
 from drivers.digitizer import DigitizerIdentity, Record, TriggerSettings
 from impactd.storage.drops import Drop
 from impactd.storage.errors import ArchiveError
@@ -63,6 +63,8 @@ class ShotAbout:
         The calibration in force, by number.
     restitution : Quantity or None
         As somebody else measured it (imports). [1]
+    environment : Environment or None
+        At the shot: as the technician read it, or a sensor.
     source : str
         ``drop`` or ``import``.
     origin : str
@@ -94,6 +96,7 @@ class ShotAbout:
     sensor: Sensor | None = None
     calibration: int | None = None
     restitution: Quantity | None = None
+    environment: Environment | None = None
     source: str = "drop"
     origin: str = ""
     configuration: dict[str, Any] = field(default_factory=dict)

@@ -7,6 +7,7 @@ Layout (``@`` = attribute)::
       sample              NXsample      the coupon: name, mass, thickness
       sphere              NXcollection  the sphere: name, radius, mass
       release             NXcollection  height, gravity, speed of a free fall, valve
+      environment         NXcollection  temperature and relative humidity, where they are known
       instrument          NXinstrument
         digitizer         NXdetector    data = raw codes, never corrected; identity
         acquisition       NXcollection  all that turns codes into volts and samples into seconds
@@ -29,6 +30,7 @@ from dataclasses import asdict
 import h5py
 import numpy as np
 
+from analysis.campaign import Environment
 from drivers.digitizer import Record
 from impactd.storage.circumstances import circumstances, decoded
 from impactd.storage.clipping import is_clipped
@@ -90,6 +92,7 @@ def build_shot_file(
         _write_entry(entry, number, about)
         _write_people_and_things(entry, about)
         _write_release(entry, recording, about)
+        _write_environment(entry, about.environment)
         _write_instrument(entry, recording, about)
         write_views(entry, _title(number, about), recording)
         _write_process(entry, recording, about, drop)
@@ -172,6 +175,19 @@ def _write_release(entry: h5py.Group, recording: Recording, about: ShotAbout) ->
     put(release, "started_host_clock", about.started_monotonic_ns, "ns")
     put(release, "valve_host_clock", about.valve_monotonic_ns, "ns")
     put(release, "trigger_host_clock", recording.trigger_monotonic_ns, "ns")
+
+
+def _write_environment(entry: h5py.Group, environment: Environment | None) -> None:
+    if environment is None:
+        return
+    around = group(entry, "environment", "NXcollection")
+    for name, unit, known in (
+        ("temperature", "degC", environment.temperature_c),
+        ("relative_humidity", "", environment.relative_humidity),
+    ):
+        if known is not None:
+            put(around, name, known.value, unit)
+            put(around, f"{name}_uncertainty", known.u, unit)
 
 
 def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout) -> None:

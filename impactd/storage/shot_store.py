@@ -216,6 +216,7 @@ def _row(number: int, content: bytes, recording: Recording, about: ShotAbout) ->
         trigger_index=recording.trigger_index,
         peak=_peak(recording),
         clipped=recording.clipped,
+        environment=about.environment,
     )
 
 

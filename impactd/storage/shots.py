@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
+from analysis.campaign import Environment
 from impactd.storage.errors import NotFoundError
 from impactd.storage.index import Index
+from impactd.storage.materials_json import environment_from_text, environment_to_text
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,8 @@ class Shot:
         Sample farthest from the baseline, baseline removed. [V, N or m/s^2]
     clipped : bool
         The record sits on a limit.
+    environment : Environment or None
+        At the shot, as its file has it.
     """
 
     number: int
@@ -67,6 +71,7 @@ class Shot:
     trigger_index: int
     peak: float
     clipped: bool
+    environment: Environment | None = None
 
 
 _SEARCH = (
@@ -89,7 +94,8 @@ class ShotTable:
 
     def add(self, shot: Shot) -> None:
         """Write a row."""
-        values = astuple(shot)
+        *named, _ = (getattr(shot, field.name) for field in fields(shot))
+        values = (*named, environment_to_text(shot.environment))
         marks = ", ".join("?" * len(values))
         self._index.write(f"INSERT INTO shots VALUES ({marks})", values)  # noqa: S608 - only marks
 
@@ -161,5 +167,5 @@ class ShotTable:
 
 
 def _shot_of(values: tuple[Any, ...]) -> Shot:
-    *known, clipped = values
-    return Shot(*(*known, bool(clipped)))
+    *known, clipped, environment = values
+    return Shot(*(*known, bool(clipped), environment_from_text(environment)))
