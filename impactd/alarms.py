@@ -151,6 +151,14 @@ def _job_lost(data: Json) -> Words:
     )
 
 
+def _environment_unknown(data: Json) -> Words:
+    # Without the drop's number: a sensor that is away is one alarm, counted with each drop.
+    return (
+        f"Shots are stored without temperature and humidity: {data['detail']}",
+        str(data.get("remedy") or ""),
+    )
+
+
 _WORDS: dict[str, Callable[[Json], Words | None]] = {
     "rig.fault": _rig_fault,
     "drop.interrupted": _drop_interrupted,
@@ -158,4 +166,5 @@ _WORDS: dict[str, Callable[[Json], Words | None]] = {
     "calibration.failed": _calibration_failed,
     "job.failed": _job_failed,
     "job.lost": _job_lost,
+    "environment.unknown": _environment_unknown,
 }

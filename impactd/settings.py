@@ -29,6 +29,7 @@ from impactd.settings_instrument import (
 from impactd.settings_keys import Section
 from impactd.settings_sections import (
     CalibrationSection,
+    EnvironmentSection,
     JobsSection,
     MaterialsSection,
     PreflightSection,
@@ -68,6 +69,7 @@ class Settings(Section):
     jobs: JobsSection = Field(default_factory=JobsSection)
     calibration: CalibrationSection = Field(default_factory=CalibrationSection)
     materials: MaterialsSection = Field(default_factory=MaterialsSection)
+    environment: EnvironmentSection | None = None
     simulation: SimulationSection | None = None
 
     @property
@@ -82,6 +84,9 @@ class Settings(Section):
         """
         kept = self.model_dump(mode="json", exclude={"simulation"})
         kept["simulated"] = self.simulated
+        if self.environment is not None and self.environment.command is not None:
+            # The program alone: its arguments may hold a password of the sensor.
+            kept["environment"]["command"] = [self.environment.command[0]]
         return kept
 
     @model_validator(mode="after")
@@ -234,7 +239,11 @@ def _with_absolute_files(settings: Settings, folder: Path) -> Settings:
         }
     )
     materials = settings.materials.model_copy(update={"file": folder / settings.materials.file})
-    return settings.model_copy(update={"digitizer": digitizer, "materials": materials})
+    found = {"digitizer": digitizer, "materials": materials}
+    around = settings.environment
+    if around is not None and around.file is not None:
+        found["environment"] = around.model_copy(update={"file": folder / around.file})
+    return settings.model_copy(update=found)
 
 
 def _check_plan(settings: Settings, file: Path) -> None:

@@ -6,11 +6,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from impactd.settings_keys import Section, choice, key
+from impactd.settings_keys import MeasuredValue, Section, choice, key
+from impactd.storage.ranges import RELATIVE_HUMIDITY, RELATIVE_RESOLUTION, TEMPERATURE_C
+
+if TYPE_CHECKING:
+    from analysis.campaign import Environment
 
 
 class ServerSection(Section):
@@ -150,6 +154,87 @@ class MaterialsSection(Section):
     """Where spheres and surfaces are described."""
 
     file: Path = choice("The materials file; relative to this file", default=Path("materials.toml"))
+
+
+class EnvironmentSection(Section):
+    """Where temperature and humidity of a drop come from, in exactly one of three ways."""
+
+    temperature_C: MeasuredValue | None = choice(  # noqa: N815 - the unit's own capital
+        "Temperature of spheres and coupons, always the same", "degC", default=None
+    )
+    relative_humidity: MeasuredValue | None = choice(
+        "Relative humidity of the air, always the same; 0.45 is 45 %", "1", default=None
+    )
+    file: Path | None = choice(
+        "JSON file with these two keys, which a sensor's own program keeps writing; relative to "
+        "this file",
+        default=None,
+    )
+    max_age_s: float | None = key(
+        "A file that was written longer ago is not believed", "s", gt=0, default=None
+    )
+    command: tuple[Annotated[str, Field(min_length=1)], ...] | None = choice(
+        "Program and arguments that print such JSON, run before each drop",
+        min_length=1,
+        default=None,
+    )
+    command_limit_s: float = key(
+        "A command that takes longer is ended", "s", gt=0, le=60, default=5.0
+    )
+
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is always the same."""
+        return self.file is None and self.command is None
+
+    def constant(self) -> Environment:
+        """Return what is always the same."""
+        # Imported here: whoever only makes the valve safe must not wait for numpy.
+        from analysis.campaign import Environment  # noqa: PLC0415
+
+        temperature, humidity = self.temperature_C, self.relative_humidity
+        return Environment(
+            None if temperature is None else temperature.quantity(),
+            None if humidity is None else humidity.quantity(),
+        )
+
+    @model_validator(mode="after")
+    def _one_way(self) -> EnvironmentSection:
+        ways = {
+            "constants": (self.temperature_C or self.relative_humidity) is not None,
+            "file": self.file is not None,
+            "command": self.command is not None,
+        }
+        named = [way for way, given in ways.items() if given]
+        if len(named) != 1:
+            found = " and ".join(named) or "none"
+            raise ValueError(
+                "exactly one of three ways is needed: constants (temperature_C, "
+                f"relative_humidity), a file, or a command; given: {found}"
+            )
+        if (self.file is None) != (self.max_age_s is None):
+            raise ValueError("file and max_age_s belong together: how old may a reading be?")
+        if self.command is None and "command_limit_s" in self.model_fields_set:
+            raise ValueError("command_limit_s belongs to command, which is missing")
+        return self
+
+    @model_validator(mode="after")
+    def _possible(self) -> EnvironmentSection:
+        for name, within in (
+            ("temperature_C", TEMPERATURE_C),
+            ("relative_humidity", RELATIVE_HUMIDITY),
+        ):
+            given: MeasuredValue | None = getattr(self, name)
+            if given is None:
+                continue
+            if not within.low <= given.value <= within.high:
+                raise ValueError(f"{name}.value is {given.value:g}; it must be {within}")
+            least = RELATIVE_RESOLUTION * (abs(given.value) or 1.0)
+            if not least <= given.u <= max(abs(within.low), abs(within.high)):
+                raise ValueError(
+                    f"{name}.u is {given.u:g}, which is no standard uncertainty of {given.value:g}"
+                )
+        return self
 
 
 class SimulationSection(Section):

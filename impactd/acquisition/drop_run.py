@@ -14,11 +14,13 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
 from drivers.digitizer import Record
 from drivers.errors import AbortedError, DriverError, TriggerTimeoutError
 from impactd.acquisition import refusals
 from impactd.acquisition.devices import hold
+from impactd.acquisition.environment_reading import EnvironmentReading
 from impactd.acquisition.events import Event
 from impactd.acquisition.failures import RescuedError, StepFailedError
 from impactd.acquisition.preflight import (
@@ -70,6 +72,8 @@ class DropRun:
         What it works with.
     moved : callable
         Told after each step: ``(drop_state or None)``.
+    tell : callable
+        ``tell(kind, data)`` publishes an event; never waits.
     beat : callable
         Called while waiting, for the watchdog.
     ending : threading.Event
@@ -103,6 +107,7 @@ class DropRun:
         materials: Materials,
         machine: Machine,
         moved: Callable[[str | None], None],
+        tell: Callable[[str, dict[str, Any]], None],
         beat: Callable[[], None],
         ending: threading.Event,
     ) -> None:
@@ -121,6 +126,7 @@ class DropRun:
         self._materials = materials
         self._machine = machine
         self._moved = moved
+        self._tell = tell
         self._beat = beat
         self._ending = ending
 
@@ -212,7 +218,9 @@ class DropRun:
 
     def _check(self) -> None:
         limits = self._settings.preflight
-        quiet = self._wait_quiet()
+        with EnvironmentReading(self._settings.environment, self.drop.request.environment) as read:
+            quiet = self._wait_quiet()
+            self._wait_environment(read)
         state = calibration_state(self._archive.calibrations.current(), self._settings.calibration)
         checks = (
             quiet,
@@ -236,6 +244,22 @@ class DropRun:
             if check.ok or time.monotonic() >= ends_s:
                 return check
             self.aborting.wait(_LOOK_EVERY_S)
+
+    def _wait_environment(self, reading: EnvironmentReading) -> None:
+        """Take temperature and humidity; without them the drop goes on, and says why."""
+        if not reading.wait(0.0):
+            self.doing = "waits for temperature and humidity"
+            self._moved(None)
+        while not reading.wait(_LOOK_EVERY_S):
+            self._pulse()
+        self._pulse()
+        self.seen.environment, unknown = reading.result()
+        if unknown is not None:
+            self.seen.notes.append(f"temperature and humidity not known: {unknown.reason}")
+            self._tell(
+                "environment.unknown",
+                {"drop": self.drop.number, "detail": unknown.reason, "remedy": unknown.remedy},
+            )
 
     def _arm(self) -> None:
         self._pulse()

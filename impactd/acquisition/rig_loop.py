@@ -165,6 +165,7 @@ class RigLoop:
             materials=self._materials,
             machine=self.machine,
             moved=self._moved,
+            tell=self._publish,
             beat=self._beat,
             ending=self.ending,
         )

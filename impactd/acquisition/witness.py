@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, field
 
+from analysis.campaign import Environment
 from drivers.digitizer import TriggerSettings
 from drivers.valve import VacuumReading, ValveReport
 from impactd import __version__
@@ -30,6 +31,8 @@ class Witness:
         Of the release.
     baseline : Baseline or None
         Of the idle input.
+    environment : Environment or None
+        Temperature and humidity before the release.
     trigger_ns, captured_ns : int
         Host clock at the trigger and once the record was whole. [ns]
     notes : list of str
@@ -41,6 +44,7 @@ class Witness:
     vacuum: VacuumReading | None = None
     valve: ValveReport | None = None
     baseline: Baseline | None = None
+    environment: Environment | None = None
     trigger_ns: int = 0
     captured_ns: int = 0
     notes: list[str] = field(default_factory=list)
@@ -137,6 +141,7 @@ def circumstances(
         baseline_v=baseline.mean_v if baseline else None,
         noise_rms_v=baseline.noise_rms_v if baseline else None,
         sensor=settings.sensor.sensor(),
+        environment=seen.environment,
         calibration=calibration.number if calibration else None,
         configuration=settings.snapshot(),
         software=f"impactd {__version__}",

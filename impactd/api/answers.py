@@ -23,6 +23,7 @@ from impactd.storage.calibrations import Calibration
 from impactd.storage.drops import Drop
 from impactd.storage.fits import Fit
 from impactd.storage.jobs import Job
+from impactd.storage.materials_json import environment_to_json
 from impactd.storage.moment import as_utc
 from impactd.storage.problem import Problem
 from impactd.storage.shots import Shot
@@ -49,7 +50,8 @@ def drop_answer(drop: Drop) -> DropAnswer:
         state=drop.state,
         shot=drop.shot,
         problem=problem_member(drop.problem),
-        **asdict(drop.request),
+        **asdict(drop.request)
+        | {"environment": environment_to_json(drop.request.environment)},
         owner=drop.owner,
         calibration=drop.calibration,
         rebound_height_m=drop.rebound_height_m,
@@ -68,6 +70,7 @@ def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
     """Return a shot for the wire, with its fits and what to do with it when they are given."""
     members = asdict(shot)
     del members["file"]  # where the daemon keeps it is nobody's business
+    members["environment"] = environment_to_json(shot.environment)
     at = f"/v1/shots/{shot.number}"
     answer = ShotAnswer(
         **without_nan(members),

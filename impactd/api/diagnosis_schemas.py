@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Field
 
 from analysis.base_models import DEFAULT_BASE
+from impactd.api.environment_schema import EnvironmentBody
 from impactd.api.finite import without_nan
 from impactd.api.schemas import Answer, Name, Request
 from impactd.storage.jobs import Job
@@ -29,6 +30,7 @@ class NextDropBody(Request):
 
     model_config = ConfigDict(json_schema_extra={"example": {"operator": "ab"}})
     operator: Name = Field(description="Who hangs the sphere.")
+    environment: EnvironmentBody | None = Field(None, description="As for `POST /v1/drops`.")
 
 
 class DiagnosisProgress(Answer):

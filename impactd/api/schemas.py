@@ -13,6 +13,7 @@ from fastapi import Header, Path, Query
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from analysis.base_models import DEFAULT_BASE
+from impactd.api.environment_schema import EnvironmentBody, EnvironmentMembers
 from impactd.storage.plain_text import find_forbidden
 
 _LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
@@ -90,6 +91,9 @@ class DropBody(Request):
     surface: Name = Field(description="Name in the materials file.")
     drop_height_m: float = Field(gt=0, le=5, description="Lowest point of the sphere above it. [m]")
     operator: Name = Field(description="Who hangs the sphere.")
+    environment: EnvironmentBody | None = Field(
+        None, description="As the technician read it; it counts instead of the settings' way."
+    )
 
 
 class ReboundBody(Request):
@@ -147,6 +151,7 @@ class DropAnswer(Answer):
     surface: str
     drop_height_m: float
     operator: str
+    environment: EnvironmentMembers = None
     owner: str
     calibration: int | None
     rebound_height_m: float | None = Field(None, description="As somebody entered it. [m]")
@@ -184,6 +189,7 @@ class ShotAnswer(Answer):
     trigger_index: int
     peak: float
     clipped: bool
+    environment: EnvironmentMembers = None
     sha256: str
     size_bytes: int
     links: dict[str, str | None]

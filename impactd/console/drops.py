@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import getpass
+from collections.abc import Mapping
 from typing import Any
+
+import typer
 
 from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
@@ -19,6 +22,34 @@ def login_name() -> str:
         return getpass.getuser()
     except (KeyError, OSError):
         return "unknown"
+
+
+def environment_members(
+    given: Mapping[str, tuple[str, float | None, float | None]],
+) -> dict[str, Any]:
+    """Return what a drop's body says of temperature and humidity, nothing where nothing is said.
+
+    Parameters
+    ----------
+    given : mapping
+        Per key of the body: the option, its value and its standard uncertainty.
+
+    Raises
+    ------
+    typer.BadParameter
+        If one of a value and its uncertainty is missing.
+    """
+    found = {}
+    for key, (option, value, u) in given.items():
+        if value is not None and u is None:
+            raise typer.BadParameter(
+                f"{option} {value:g} needs its standard uncertainty: add {option}-u"
+            )
+        if value is None and u is not None:
+            raise typer.BadParameter(f"{option}-u {u:g} belongs to {option}, which is missing")
+        if value is not None:
+            found[key] = {"value": value, "u": u}
+    return {"environment": found} if found else {}
 
 
 def run(

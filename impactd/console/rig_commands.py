@@ -76,6 +76,22 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
     operator: Annotated[
         str | None, typer.Option("--operator", "-o", help="Who hangs the sphere; your login name.")
     ] = None,
+    temperature: Annotated[
+        float | None,
+        typer.Option("--temperature", metavar="C", help="Of spheres and coupons. [degC]"),
+    ] = None,
+    temperature_u: Annotated[
+        float | None,
+        typer.Option("--temperature-u", metavar="K", help="Its standard uncertainty. [K]"),
+    ] = None,
+    humidity: Annotated[
+        float | None,
+        typer.Option("--humidity", metavar="SHARE", help="Relative, of the air; 0.45 is 45 %."),
+    ] = None,
+    humidity_u: Annotated[
+        float | None,
+        typer.Option("--humidity-u", metavar="SHARE", help="Its standard uncertainty."),
+    ] = None,
     wait: Annotated[bool, typer.Option(help="Wait for the modulus.")] = True,
     key: Annotated[
         str | None, typer.Option("--key", help="Idempotency key; a repetition drops nothing.")
@@ -91,7 +107,13 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
         raise typer.BadParameter("name sphere, surface and drop height, or give --proposed-by")
     if proposed_by is not None and any(value is not None for value in named.values()):
         raise typer.BadParameter("a drop that a diagnosis proposes has its own sphere and height")
-    who = {"operator": operator or drops.login_name()}
+    environment = drops.environment_members(
+        {
+            "temperature_C": ("--temperature", temperature, temperature_u),
+            "relative_humidity": ("--humidity", humidity, humidity_u),
+        }
+    )
+    who = {"operator": operator or drops.login_name(), **environment}
     drops.run(
         who if proposed_by is not None else {**named, **who},
         proposed_by=proposed_by,

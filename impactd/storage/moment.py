@@ -37,6 +37,11 @@ def utc_after(days: float) -> str:
     return (datetime.now(UTC) + timedelta(days=days)).strftime(_FORM)
 
 
+def utc_at(epoch_s: float) -> str:
+    """Return a moment of the host's clock, e.g. of a file, in the same form as `utc_now`. [s]"""
+    return datetime.fromtimestamp(epoch_s, UTC).strftime(_FORM)
+
+
 def as_utc(text: str) -> str:
     """Return any ISO 8601 moment in the archive's form, so that texts compare as times.
 

@@ -15,7 +15,7 @@ from impactd.api.diagnosis_schemas import (
     diagnosis_answer,
 )
 from impactd.api.problems import ProblemError
-from impactd.api.routes.drops import begin_drop
+from impactd.api.routes.drops import begin_drop, environment_of
 from impactd.api.schemas import DropAnswer, Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
@@ -98,6 +98,7 @@ def make_next_drop(  # noqa: PLR0917 - the framework fills them by name
         str(proposed["surface"]),
         float(proposed["drop_height_m"]),
         body.operator,
+        environment_of(body.environment),
     )
     return begin_drop(asked, response, daemon, caller, key, accepted)
 

@@ -8,10 +8,11 @@ import anyio
 from fastapi import APIRouter, Request, Response
 
 from analysis.bounce import restitution_from_rebound_height
-from analysis.campaign import Quantity
+from analysis.campaign import Environment, Quantity
 from impactd.api.answers import drop_answer, next_page
 from impactd.api.arrivals import Accepted, Arrivals
 from impactd.api.client_keys import drop_key
+from impactd.api.environment_schema import EnvironmentBody
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import (
     Before,
@@ -81,8 +82,19 @@ def request_drop(  # noqa: PLR0917 - the framework fills them by name
     202 and a `Location` as soon as the request is durable; the drop goes on by itself. The same
     key and body again give the same drop. 409 names who holds the rig.
     """
-    asked = DropRequest(body.sphere, body.surface, body.drop_height_m, body.operator)
+    asked = DropRequest(
+        body.sphere,
+        body.surface,
+        body.drop_height_m,
+        body.operator,
+        environment_of(body.environment),
+    )
     return begin_drop(asked, response, daemon, caller, key, accepted)
+
+
+def environment_of(body: EnvironmentBody | None) -> Environment | None:
+    """Return what a request says of temperature and humidity."""
+    return None if body is None else body.environment()
 
 
 def begin_drop(  # noqa: PLR0917 - what a request brings, as the routes have it

@@ -17,6 +17,7 @@ from impactd.acquisition.transitions import State
 from impactd.materials import load_materials
 from impactd.rig import build_rig
 from impactd.settings import Settings, find_config, load_settings
+from impactd.settings_sections import EnvironmentSection
 from impactd.storage.archive import Archive, Drop, DropRequest
 
 REQUEST = DropRequest("acetal", "aluminium", 0.03, "ab")
@@ -88,9 +89,11 @@ def laboratory_settings(directory: Path, **changes: dict[str, Any]) -> Settings:
     }
     for section, keys in changes.items():
         wanted.setdefault(section, {}).update(keys)
-    update = {
-        name: getattr(settings, name).model_copy(update=keys) for name, keys in wanted.items()
-    }
+    update: dict[str, Any] = {}
+    if "environment" in wanted:  # the simulated rig's file has none
+        update["environment"] = EnvironmentSection(**wanted.pop("environment"))
+    for name, keys in wanted.items():
+        update[name] = getattr(settings, name).model_copy(update=keys)
     return settings.model_copy(update=update)
 
 
