@@ -153,7 +153,8 @@ class EnvironmentReading:
         assert section is not None
         if self._hook is not None:
             return _parsed(self._hook.run(), "the command")
-        assert section.file is not None and section.max_age_s is not None
+        assert section.file is not None
+        assert section.max_age_s is not None
         return _parsed(_fresh(section.file, section.max_age_s), str(section.file))
 
 
@@ -183,7 +184,9 @@ def _parsed(content: bytes, file: str) -> Environment:
         fields = Fields(parse_json(content, file), file=file, known=ENVIRONMENT_KEYS)
         found = environment_from_json(fields)
     except CampaignError as error:
-        raise _NoReadingError(f"makes no sense: {error.json_path} {error.reason.rstrip('.')}") from error
+        raise _NoReadingError(
+            f"makes no sense: {error.json_path} {error.reason.rstrip('.')}"
+        ) from error
     if found is None:
         raise _NoReadingError(f"makes no sense: it has neither {' nor '.join(ENVIRONMENT_KEYS)}")
     return found
@@ -210,7 +213,7 @@ class _Hook:
         # hang, and an abort with it; the shell is on the local disk, and hangs by itself.
         by_shell = ("/bin/sh", "-c", 'exec "$@"', "sh", *self._command)
         try:
-            process = subprocess.Popen(
+            process = subprocess.Popen(  # noqa: S603 - what the settings name
                 by_shell,
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,

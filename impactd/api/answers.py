@@ -50,8 +50,7 @@ def drop_answer(drop: Drop) -> DropAnswer:
         state=drop.state,
         shot=drop.shot,
         problem=problem_member(drop.problem),
-        **asdict(drop.request)
-        | {"environment": environment_to_json(drop.request.environment)},
+        **asdict(drop.request) | {"environment": environment_to_json(drop.request.environment)},
         owner=drop.owner,
         calibration=drop.calibration,
         rebound_height_m=drop.rebound_height_m,

@@ -30,7 +30,8 @@ class _Reading(BaseModel):
     def _noticeable(self) -> Self:
         least = RELATIVE_RESOLUTION * (abs(self.value) or 1.0)
         if self.u < least:
-            raise ValueError(f"u is {self.u:g}; beside {self.value:g} it must be at least {least:g}")
+            limit = f"beside {self.value:g} it must be at least {least:g}"
+            raise ValueError(f"u is {self.u:g}; {limit}")
         return self
 
 

@@ -8,6 +8,7 @@ from functools import cache
 
 from impactd.storage import checksums, journal_rows
 
+
 def added_column(table: str, name: str) -> tuple[str, ...]:
     """Return the statements that add a column of text to a table that has checksums and a journal.
 

@@ -95,6 +95,81 @@ def test_a_wrong_key_is_refused_with_its_path(
     assert str(error.file) in str(error)
 
 
+@pytest.mark.parametrize(
+    ("lines", "words"),
+    [
+        ("", "given: none"),
+        ('command = ["x"]\nfile = "x"\nmax_age_s = 60.0', "given: file and command"),
+        (
+            'file = "x"\nmax_age_s = 60.0\nrelative_humidity = { value = 0.5, u = 0.05 }',
+            "given: constants and file",
+        ),
+        ('file = "x"', "file and max_age_s belong together"),
+        ('command = ["x"]\nmax_age_s = 60.0', "file and max_age_s belong together"),
+        (
+            "temperature_C = { value = 23.0, u = 1.0 }\ncommand_limit_s = 2.0",
+            "command_limit_s belongs to command",
+        ),
+        ("temperature_C = { value = -300.0, u = 1.0 }", "temperature_C.value is -300"),
+        ("relative_humidity = { value = 45.0, u = 2.0 }", "between 0 and 1"),
+        ("temperature_C = { value = 23.0, u = 1e-14 }", "no standard uncertainty of 23"),
+    ],
+)
+def test_temperature_and_humidity_come_in_one_way(
+    load_changed: Callable[[str, str], SettingsError], lines: str, words: str
+) -> None:
+    """Constants, a file or a command, each whole and possible."""
+    error = load_changed("[simulation]", f"[environment]\n{lines}\n\n[simulation]")
+    (finding,) = error.findings
+    assert finding.path_in_file == "environment"
+    assert words in finding.reason
+
+
+@pytest.mark.parametrize(
+    ("lines", "path", "words"),
+    [
+        ("temperature_C = 23.0", "environment.temperature_C", "got 23.0"),
+        ("temperature_C = { value = 23.0 }", "environment.temperature_C.u", "missing"),
+        ("temperature_C = { value = 23.0, u = 0.0 }", "environment.temperature_C.u", "than 0"),
+        ("temperature_c = { value = 23.0, u = 1.0 }", "environment.temperature_c", "temperature_C"),
+        ("command = []", "environment.command", "at least 1"),
+        ('command = "x"', "environment.command", "tuple"),
+        ('command = ["x"]\ncommand_limit_s = 600.0', "environment.command_limit_s", "60"),
+    ],
+)
+def test_a_reading_without_its_uncertainty_is_refused(
+    load_changed: Callable[[str, str], SettingsError], lines: str, path: str, words: str
+) -> None:
+    """A plain number is no reading, and a command is a list."""
+    error = load_changed("[simulation]", f"[environment]\n{lines}\n\n[simulation]")
+    reasons = {finding.path_in_file: finding.reason for finding in error.findings}
+    assert words in reasons[path]
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        "temperature_C = { value = 23.0, u = 1.0 }",
+        'file = "now.json"\nmax_age_s = 60.0',
+        'command = ["sensor", "--password", "secret"]\ncommand_limit_s = 2.0',
+    ],
+)
+def test_each_way_to_temperature_and_humidity_is_accepted(tmp_path: Path, lines: str) -> None:
+    """A file is looked for beside the settings; what a shot file keeps holds no argument."""
+    text = find_config("simulated.toml").read_text(encoding="utf-8")
+    (tmp_path / "materials.toml").write_bytes(find_config("materials.toml").read_bytes())
+    file = tmp_path / "changed.toml"
+    file.write_text(f"{text}\n[environment]\n{lines}\n", encoding="utf-8")
+    settings = load_settings(file)
+    around = settings.environment
+    assert around is not None
+    assert around.file in (None, tmp_path / "now.json")
+    assert around.is_constant == (around.file is None and around.command is None)
+    snapshot = settings.snapshot()
+    assert json.loads(json.dumps(snapshot, allow_nan=False)) == snapshot
+    assert "secret" not in json.dumps(snapshot)
+
+
 def test_everything_that_is_wrong_is_said_at_once(
     load_changed: Callable[[str, str], SettingsError],
 ) -> None:

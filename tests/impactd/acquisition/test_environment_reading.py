@@ -1,4 +1,4 @@
-"""Temperature and humidity: from the technician, constants, a file or a command; never in the way."""
+"""Temperature and humidity of a drop: where they come from, and that they hold up nothing."""
 
 from __future__ import annotations
 

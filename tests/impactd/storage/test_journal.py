@@ -205,9 +205,7 @@ def _make_old(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             for table in schema.journal_rows.TABLES:
                 connection.execute(f"DELETE FROM main.{table}")
                 names = ", ".join(schema.checksums.first_columns(table))
-                connection.execute(
-                    f"INSERT INTO main.{table} SELECT {names} FROM present.{table}"
-                )
+                connection.execute(f"INSERT INTO main.{table} SELECT {names} FROM present.{table}")
     (folder / "old").rename(folder / INDEX)
     (folder / JOURNAL).unlink()
 
