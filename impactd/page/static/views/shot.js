@@ -3,7 +3,7 @@
 import { get, post } from "../js/api.js";
 import { fill, freshKey, h } from "../js/dom.js";
 import { on } from "../js/live.js";
-import { millimetres, moment, significant } from "../js/numbers.js";
+import { measured, millimetres, moment, significant } from "../js/numbers.js";
 import { remember } from "../js/memory.js";
 import { may } from "../js/session.js";
 import { material, materials } from "../js/words.js";
@@ -62,6 +62,7 @@ function circumstances(shot) {
     ["Drop height", millimetres(shot.drop_height_m)],
     ["Operator", shot.operator || "–"],
     ["Recorded", moment(shot.started_utc)],
+    ...surroundings(shot.environment),
     ["Peak", `${significant(shot.peak, 4)} ${{ voltage: "V", force_N: "N", acceleration_m_per_s2: "m/s²" }[shot.quantity] ?? ""}`],
     ["Samples", `${shot.samples.toLocaleString("en-GB")} at ${significant(shot.sample_rate_hz / 1e6, 4)} MHz`],
     ["Source", shot.source === "import" ? `import: ${shot.origin}` : `this rig, ${material("drop")} ${shot.number}`],
@@ -70,6 +71,12 @@ function circumstances(shot) {
   return h("section", { class: "card", "aria-labelledby": "circumstances" },
     h("h2", { id: "circumstances" }, "Circumstances"),
     h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))));
+}
+
+function surroundings(environment) {
+  const { temperature_C: temperature, relative_humidity: humidity } = environment ?? {};
+  const known = [temperature && `${measured(temperature)} °C`, humidity && `${measured(humidity, 100)} %`].filter(Boolean);
+  return known.length ? [["Temperature and humidity", known.join(", ")]] : [];
 }
 
 async function record(shot, signal) {
