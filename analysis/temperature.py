@@ -16,9 +16,18 @@ from typing import TypeVar
 
 import numpy as np
 
-from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
+from analysis.campaign import Campaign, Environment, Quantity, Shot, Sphere, Surface
 
 Material = TypeVar("Material", Sphere, Surface)
+
+
+@dataclasses.dataclass(frozen=True)
+class Landing:
+    """What fell on what, and at which temperature; ``None`` where it is not known. [degC]"""
+
+    sphere: str | None
+    surface: str | None
+    temperature_c: Quantity | None
 
 
 def at_temperature_of_shots(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
@@ -37,16 +46,49 @@ def at_temperature_of_shots(campaign: Campaign) -> tuple[Campaign, tuple[str, ..
     told : tuple of str
         What had to be assumed, in words.
     """
-    spheres, of_spheres = _moved(campaign, campaign.spheres, "sphere")
-    surfaces, of_surfaces = _moved(campaign, campaign.surfaces, "surface")
+    landings = [Landing(s.sphere, s.surface, _temperature(campaign, s)) for s in campaign.shots]
+    spheres, of_spheres = spheres_at(campaign.spheres, landings)
+    surfaces, of_surfaces = surfaces_at(campaign.surfaces, landings)
     if spheres is campaign.spheres and surfaces is campaign.surfaces:
         return campaign, ()
     moved = dataclasses.replace(campaign, spheres=dict(spheres), surfaces=dict(surfaces))
     return moved, (*of_spheres, *of_surfaces)
 
 
+def spheres_at(
+    spheres: Mapping[str, Sphere], landings: Sequence[Landing]
+) -> tuple[Mapping[str, Sphere], list[str]]:
+    """Return spheres whose stated moduli are those at the temperature of their landings.
+
+    Parameters
+    ----------
+    spheres : mapping
+        By name, as stated.
+    landings : sequence of Landing
+        Those of other spheres do not matter.
+
+    Returns
+    -------
+    spheres : mapping
+        The same object where no coefficient is stated; else without coefficients.
+    told : list of str
+        What had to be assumed, in words.
+    """
+    return _moved(spheres, [(one.sphere, one.temperature_c) for one in landings], "sphere")
+
+
+def surfaces_at(
+    surfaces: Mapping[str, Surface], landings: Sequence[Landing]
+) -> tuple[Mapping[str, Surface], list[str]]:
+    """Return surfaces whose stated moduli are those at the temperature of their landings.
+
+    See `spheres_at`.
+    """
+    return _moved(surfaces, [(one.surface, one.temperature_c) for one in landings], "surface")
+
+
 def _moved(
-    campaign: Campaign, materials: Mapping[str, Material], side: str
+    materials: Mapping[str, Material], seen: Sequence[tuple[str | None, Quantity | None]], side: str
 ) -> tuple[Mapping[str, Material], list[str]]:
     told: list[str] = []
     found = {}
@@ -54,12 +96,12 @@ def _moved(
         coefficient, stated = one.modulus_coefficient_per_k, one.youngs_modulus_pa
         if coefficient is None:
             continue
-        shots = [s for s in campaign.shots if getattr(s, side) == name]
-        temperature = _temperature(campaign, shots)
+        temperatures = [temperature for of, temperature in seen if of == name]
+        temperature = _mean(temperatures)
         young = stated
         if stated is not None and temperature is not None:
             young = _at(stated, coefficient, temperature, one.modulus_temperature_c)
-        elif stated is not None and shots:
+        elif stated is not None and temperatures:
             told.append(
                 f"The temperature of the shots is not known: the modulus of the {side} {name} is "
                 f"taken as stated for {one.modulus_temperature_c:g} degC, though it changes by "
@@ -71,16 +113,19 @@ def _moved(
     return (materials if not found else {**materials, **found}), told
 
 
-def _temperature(campaign: Campaign, shots: Sequence[Shot]) -> Quantity | None:
-    """Return the mean temperature of shots; None where that of one of them is not known.
+def _temperature(campaign: Campaign, shot: Shot) -> Quantity | None:
+    """Return a shot's own temperature, else that of the campaign."""
+    around = (shot.environment or Environment()).completed_by(campaign.environment)
+    return around.temperature_c
+
+
+def _mean(temperatures: Sequence[Quantity | None]) -> Quantity | None:
+    """Return the mean of temperatures; None where one of them is not known.
 
     Its u is that of the thermometer, which all shots share, and the spread from shot to shot.
     """
-    around = [s.environment or campaign.environment for s in shots]
-    common = campaign.environment.temperature_c if campaign.environment else None
-    known = [(e.temperature_c if e else None) or common for e in around]
-    told = [t for t in known if t is not None]
-    if not told or len(told) < len(known):
+    told = [t for t in temperatures if t is not None]
+    if not told or len(told) < len(temperatures):
         return None
     values = np.array([t.value for t in told])
     u = math.hypot(max(t.u for t in told), float(values.std()))

@@ -5,13 +5,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from impactd.materials import Materials
-from impactd.moduli_observations import CERTIFICATE
+from impactd.moduli_observations import CERTIFICATE, ShotUse
 from impactd.storage.archive import Archive
 
 if TYPE_CHECKING:
@@ -49,6 +50,40 @@ def adjusted(
     return adjust_network(
         observations, materials.spheres, materials.surfaces, covariances, calibrated_by
     )
+
+
+def at_temperature(
+    materials: Materials, uses: Iterable[ShotUse]
+) -> tuple[Materials, tuple[str, ...]]:
+    """Return materials with their stated moduli at the temperature of the shots that take part.
+
+    Parameters
+    ----------
+    materials : Materials
+        As stated.
+    uses : iterable of ShotUse
+        The chosen shots.
+
+    Returns
+    -------
+    materials : Materials
+        Itself where no coefficient is stated.
+    told : tuple of str
+        What had to be assumed, in words.
+    """
+    from analysis.temperature import Landing, spheres_at, surfaces_at
+
+    landings = [
+        Landing(one.observation.sphere, one.observation.surface, one.temperature_c)
+        for one in uses
+        if one.observation is not None
+    ]
+    spheres, of_spheres = spheres_at(materials.spheres, landings)
+    surfaces, of_surfaces = surfaces_at(materials.surfaces, landings)
+    if spheres is materials.spheres and surfaces is materials.surfaces:
+        return materials, ()
+    moved = replace(materials, spheres=dict(spheres), surfaces=dict(surfaces))
+    return moved, (*of_spheres, *of_surfaces)
 
 
 def calibrations_of_other_bases(

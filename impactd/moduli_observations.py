@@ -21,6 +21,7 @@ from impactd.storage.fits import ShotFit
 
 if TYPE_CHECKING:
     from analysis import PairObservation
+    from analysis.campaign import Quantity
 
 CERTIFICATE = "certificate"
 """What the cell's values came from before the first calibration."""
@@ -41,11 +42,14 @@ class ShotUse:
     entry : str
         JSON of its entry among the answer's ``shots``: number and SHA-256; where it stays out, of
         that among ``excluded``: number and reason.
+    temperature_c : Quantity or None
+        At the shot. [degC]
     """
 
     started_utc: str
     observation: PairObservation | None
     entry: str
+    temperature_c: Quantity | None
 
 
 class Observations:
@@ -121,9 +125,11 @@ def _use(found: ShotFit) -> ShotUse:
         )
         why_not = None if seen else "its fit gives no reduced modulus"
     if seen is None:
-        return ShotUse(found.started_utc, None, _encoded({"shot": found.number, "reason": why_not}))
+        entry = _encoded({"shot": found.number, "reason": why_not})
+        return ShotUse(found.started_utc, None, entry, None)
     entry = _encoded({"number": found.number, "sha256": found.sha256})
-    return ShotUse(found.started_utc, _with_shared_names(seen), entry)
+    temperature = None if found.environment is None else found.environment.temperature_c
+    return ShotUse(found.started_utc, _with_shared_names(seen), entry, temperature)
 
 
 def _encoded(entry: dict[str, object]) -> str:

@@ -19,7 +19,7 @@ import structlog
 
 from analysis.base_models import DEFAULT_BASE
 from impactd.materials import Materials
-from impactd.moduli_adjustment import adjusted, calibrations_of_other_bases
+from impactd.moduli_adjustment import adjusted, at_temperature, calibrations_of_other_bases
 from impactd.moduli_observations import Observations, ShotUse
 from impactd.storage.archive import Archive, Calibration
 from impactd.storage.moment import utc_now
@@ -58,10 +58,14 @@ class ModuliAnswer:
 
 @dataclass(frozen=True)
 class _Network:
-    """An adjusted network, with the state of knowledge it was made from."""
+    """An adjusted network, with the state of knowledge it was made from.
+
+    ``materials`` are those ``stated``, at the temperature of the shots.
+    """
 
     version: int
     observations: Observations
+    stated: Materials
     materials: Materials
     found: Json
     lists: dict[str, bytes]
@@ -183,7 +187,7 @@ class ModuliService:
                 kept is None
                 or kept.observations is not observations
                 or kept.version != observations.version
-                or kept.materials is not materials
+                or kept.stated is not materials
             ):
                 kept = self._adjust(materials, model, observations, since, until)
             self._networks[key] = kept
@@ -208,9 +212,12 @@ class ModuliService:
     ) -> _Network:
         uses = observations.chosen(since, until)
         seen = [use.observation for use in uses if use.observation is not None]
-        found = self._adjusted(materials, seen, model)
+        moved, told = at_temperature(materials, uses)
+        found = self._adjusted(moved, seen, model)
+        found["warnings"] = [*found["warnings"], *told]
         found.pop("shots", None)  # by name only; the answer's list has the hashes too
-        return _Network(observations.version, observations, materials, found, _lists(uses), seen)
+        lists = _lists(uses)
+        return _Network(observations.version, observations, materials, moved, found, lists, seen)
 
     def _adjusted(self, materials: Materials, seen: list[PairObservation], model: str) -> Json:
         if not seen:

@@ -6,8 +6,10 @@ import sqlite3
 from dataclasses import dataclass
 from typing import Any
 
+from analysis.campaign import Environment
 from impactd.storage.errors import NotFoundError
 from impactd.storage.index import Index, as_text, from_text
+from impactd.storage.materials_json import environment_from_text
 from impactd.storage.moment import utc_now
 
 
@@ -58,6 +60,8 @@ class ShotFit:
         The record sits on a limit.
     series : int or None
         The calibration run that its drop belongs to.
+    environment : Environment or None
+        At the shot.
     """
 
     fit: Fit
@@ -67,6 +71,7 @@ class ShotFit:
     source: str
     clipped: bool
     series: int | None
+    environment: Environment | None = None
 
 
 class FitTable:
@@ -183,7 +188,8 @@ class FitTable:
         """
         rows = self._index.rows(
             "SELECT fits.*, shots.sha256, shots.started_utc, shots.source, shots.clipped, "
-            "drops.calibration AS series FROM fits JOIN shots ON shots.number = fits.shot "
+            "shots.environment, drops.calibration AS series "
+            "FROM fits JOIN shots ON shots.number = fits.shot "
             "LEFT JOIN drops ON drops.number = fits.shot "
             "WHERE fits.id > ? AND fits.id <= ? AND fits.model = ? ORDER BY fits.id",
             (after, last, model),
@@ -197,6 +203,7 @@ class FitTable:
                 source=row["source"],
                 clipped=bool(row["clipped"]),
                 series=row["series"],
+                environment=environment_from_text(row["environment"]),
             )
             for row in rows
         ]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analysis.campaign import Quantity, Sphere, Surface
+from analysis.campaign import Environment, Quantity, Sphere, Surface
 from drivers.digitizer import Record
 from impactd import moduli_service
 from impactd.materials import Materials
@@ -54,7 +54,12 @@ def fitted(archive: Archive) -> Callable[..., int]:
     generator = np.random.default_rng(0)
 
     def make(
-        surface: str = "specimen", *, clip: bool = False, cell: int | None = None, **begin: Any
+        surface: str = "specimen",
+        *,
+        clip: bool = False,
+        cell: int | None = None,
+        around: Environment | None = None,
+        **begin: Any,
     ) -> int:
         codes = generator.normal(0, 5, 3000)
         codes[1000:1100] += 9000 * np.sin(np.linspace(0, np.pi, 100))
@@ -69,6 +74,7 @@ def fitted(archive: Archive) -> Callable[..., int]:
             9.81,
             sphere=MATERIALS.spheres["acetal"],
             surface=MATERIALS.surfaces[surface],
+            environment=around,
         )
         record = Record(codes.astype(np.int16), 3e-4, 0, True, 1e6, 1, 10, 1000, 0, 0)
         number = archive.store_shot(drop.number, record, about).number
@@ -114,6 +120,38 @@ def test_the_true_modulus_lies_in_the_interval(
     assert found["moduli"]["aluminium"]["status"] == "reference"
     assert [one["number"] for one in found["shots"]] == list(range(1, 9))
     json.dumps(found, allow_nan=False)
+
+
+def test_stated_moduli_are_those_at_the_temperature_of_the_shots(
+    archive: Archive, fitted: Callable[..., int]
+) -> None:
+    """References that were 5 % stiffer on the day of their data sheet, ten kelvins colder."""
+    coefficient = Quantity(-5e-3, 1e-6)
+    stiffer = {
+        name: replace(
+            surface,
+            youngs_modulus_pa=Quantity(surface.youngs_modulus_pa.value * math.exp(0.05), 0.2e9),
+            modulus_coefficient_per_k=coefficient,
+        )
+        for name, surface in MATERIALS.surfaces.items()
+        if surface.youngs_modulus_pa is not None
+    }
+    colder = replace(MATERIALS, surfaces=MATERIALS.surfaces | stiffer)
+    service = ModuliService(archive)
+    for surface in ("aluminium", "specimen"):
+        fitted(surface, around=Environment(Quantity(33.0, 0.01)))
+    found = moduli(archive, colder, service)
+    stated = MATERIALS.surfaces["aluminium"].youngs_modulus_pa
+    assert stated is not None
+    at_33 = found["moduli"]["aluminium"]["youngs_modulus_Pa"]["value"]
+    assert at_33 == pytest.approx(stated.value, rel=1e-3)
+    assert not any("temperature" in said for said in found["warnings"])
+
+    fitted("aluminium")
+    found = moduli(archive, colder, service)
+    as_stated = found["moduli"]["aluminium"]["youngs_modulus_Pa"]["value"]
+    assert as_stated == pytest.approx(stated.value * math.exp(0.05), rel=1e-3)
+    assert any("temperature of the shots is not known" in said for said in found["warnings"])
 
 
 def test_without_fits_the_answer_is_empty_and_says_so(archive: Archive) -> None:
