@@ -292,8 +292,10 @@ class CalibrationRunner:
 
     def _wait(self, drop: Drop) -> Drop:
         times = self._settings.timeouts
-        limit_s = times.loading_s + times.blind_loading_s + times.settle_s + _DROP_MARGIN_S
-        return self._service.wait(drop.number, limit_s)
+        around = self._settings.environment
+        reading_s = 0.0 if around is None else around.command_limit_s
+        limit_s = times.loading_s + times.blind_loading_s + times.settle_s + reading_s
+        return self._service.wait(drop.number, limit_s + _DROP_MARGIN_S)
 
     def _look_for_end(self, run: Calibration, reservation: Reservation) -> None:
         if reservation.aborted.is_set():

@@ -169,5 +169,6 @@ _CHECKS: dict[str, Callable[[Settings], Iterator[Finding]]] = {
     "index": doctor_checks.index,
     "tokens": doctor_checks.tokens,
     "port": doctor_checks.port,
+    "environment": doctor_checks.environment,
     "devices": _devices,
 }

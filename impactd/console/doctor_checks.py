@@ -170,6 +170,40 @@ def index(settings: Settings) -> Iterator[Finding]:
     yield Finding("index", well, said, "" if well else mend)
 
 
+def environment(settings: Settings) -> Iterator[Finding]:
+    """Say what the settings' way to temperature and humidity brings now.
+
+    Parameters
+    ----------
+    settings : Settings
+        Of the command.
+
+    Yields
+    ------
+    Finding
+        What was found; nothing where the settings name no way.
+    """
+    from impactd.acquisition.environment_reading import EnvironmentReading
+
+    if settings.environment is None:
+        return
+    with EnvironmentReading(settings.environment, None) as reading:
+        while not reading.wait(1.0):
+            continue
+        found, unknown = reading.result()
+    if unknown is not None:
+        yield Finding("environment", False, unknown.reason.removesuffix("."), unknown.remedy)
+        return
+    assert found is not None
+    said = []
+    if found.temperature_c is not None:
+        said.append(f"{found.temperature_c.value:.3g} degC (u {found.temperature_c.u:.2g} K)")
+    if found.relative_humidity is not None:
+        share, u = found.relative_humidity.value, found.relative_humidity.u
+        said.append(f"{100 * share:.3g} % relative humidity (u {100 * u:.2g} %)")
+    yield Finding("environment", True, ", ".join(said))
+
+
 def tokens(settings: Settings) -> Iterator[Finding]:
     """Say whether somebody may move the rig, and whether the token at hand is one of them.
 

@@ -61,3 +61,37 @@ def test_shots_are_found_compared_and_taken_away(two_shots, tmp_path):
     assert max(float(volts) for _, volts in rows[1:]) == pytest.approx(shot["peak"], abs=0.01)
     assert files["HDF5"].name == f"shot-{first:06d}.h5"
     visitor.assert_clean()
+
+
+_WARM_DROP = """async () => {
+  const session = await (await fetch('/v1/session')).json();
+  const environment = {
+    temperature_C: { value: 21.3, u: 0.2 },
+    relative_humidity: { value: 0.45, u: 0.02 },
+  };
+  const pair = { sphere: 'acetal', surface: 'specimen', drop_height_m: 0.02, operator: 'Ada' };
+  const answer = await fetch('/v1/drops', {
+    method: 'POST',
+    headers: {
+      'Content-Type': 'application/json',
+      'Idempotency-Key': crypto.randomUUID(),
+      'X-CSRF-Token': session.csrf,
+    },
+    body: JSON.stringify({ ...pair, environment }),
+  });
+  return (await answer.json()).number;
+}"""
+_STORED = """async (number) => (await (await fetch(`/v1/drops/${number}`)).json()).shot"""
+
+
+def test_a_shot_shows_temperature_and_humidity_where_they_are_known(visitor):
+    """With twice their standard uncertainty, as every number on the page."""
+    page = visitor.page
+    visitor.sign_in()
+    page.locator(".go button[aria-disabled=false]").wait_for()
+    number = page.evaluate(_WARM_DROP)
+    page.wait_for_function(_STORED, arg=number)
+    page.goto(f"{visitor.daemon.url}/#/shots/{number}")
+    circumstances = page.get_by_role("region", name="Circumstances")
+    circumstances.get_by_text("21.30 ± 0.39 °C, 45.0 ± 3.9 %").wait_for()
+    visitor.assert_clean()

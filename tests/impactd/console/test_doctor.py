@@ -238,3 +238,14 @@ def test_a_rescue_directory_that_is_no_rescue_is_told(settings, tmp_path, lastin
     (lasting_folder / "impactd-rescued").chmod(0o777)
     found = told(settings(_with_rescue(lasting_folder)), data)["rescue directory"]
     is_told(found, "belongs to somebody else", "daemon's user")
+
+
+def test_the_way_to_temperature_and_humidity_is_tried(settings, tmp_path):
+    """What a sensor says now is told with its unit; one that is away, with what to do."""
+    section = '[environment]\nfile = "now.json"\nmax_age_s = 60.0\n\n[simulation]'
+    config = settings((r"^\[simulation\]$", section))
+    is_told(told(config, tmp_path / "data")["environment"], "now.json) cannot be read", "sensor")
+    reading = {"temperature_C": {"value": 22.4, "u": 0.2}}
+    (tmp_path / "now.json").write_text(json.dumps(reading), encoding="utf-8")
+    found = told(config, tmp_path / "data")["environment"]
+    assert (found.well, found.said) == (True, "22.4 degC (u 0.2 K)")
