@@ -77,7 +77,7 @@ test: check  ## `make check`, then the tests with warnings as errors
 
 test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds; half an hour
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
-	@$(BIN)/pytest -n 2 --dist loadfile tests/faults --ignore=tests/faults/load \
+	@$(BIN)/pytest -n 2 --dist worksteal tests/faults --ignore=tests/faults/load \
 	  -m "not soak and not system" $(ARGS)
 	@$(BIN)/pytest -n 2 --dist loadfile -m "slow and not soak" --ignore=tests/faults $(ARGS)
 

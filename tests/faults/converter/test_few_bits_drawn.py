@@ -60,7 +60,7 @@ def test_eight_bits_still_name_an_effect(tmp_path: Path) -> None:
     """A coupler of 2 ms is named through a converter of 8 bits, and what it leaves is noise."""
     leaky = make_effect("coupler_highpass", {"time_constant_s": 2e-3})
     folder = write_campaign_folder(tmp_path, simulate_campaign(few_drops(8, "paper", leaky), 3))
-    found = diagnose_campaign(read_campaign(folder))
+    found = diagnose_campaign(read_campaign(folder), "kv")
     assert found.verdict == "identified"
     (effect,) = found.chosen
     assert effect.owner == "coupler_highpass"

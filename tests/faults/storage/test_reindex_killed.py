@@ -116,7 +116,7 @@ def test_killed_at_random_moments(
     "points",
     [
         8,
-        pytest.param(300, marks=pytest.mark.slow),
+        pytest.param(100, marks=pytest.mark.slow),
         pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],
 )
