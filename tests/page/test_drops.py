@@ -98,3 +98,28 @@ def test_a_read_token_sees_everything_and_moves_nothing(visitor):
     visitor.sign_in("read")
     visitor.page.get_by_text("may look and not touch").wait_for()
     assert visitor.page.locator(".go button").get_attribute("aria-disabled") == "true"
+
+
+def test_a_reading_goes_with_one_press_and_needs_its_uncertainty(visitor):
+    """The form asks for what is missing, and forgets the reading afterwards."""
+    page = visitor.page
+    visitor.sign_in()
+    before = _latest(visitor)
+    visitor.choose("acetal", "polycarbonate", 25)
+    page.get_by_text("Temperature and humidity, if you read them").click()
+    page.get_by_label("Temperature / °C", exact=True).fill("21.3")
+    page.get_by_label("Relative humidity / %", exact=True).fill("45")
+    page.get_by_label("Uncertainty of relative humidity / %").fill("2")
+    visitor.arm_and_drop()
+    page.get_by_text("How sure is it? A temperature needs its standard uncertainty.").wait_for()
+    assert _latest(visitor) == before
+    page.get_by_label("Uncertainty of temperature / K").fill("0.2")
+    visitor.arm_and_drop()
+    visitor.shot(before + 1)
+    shot = page.evaluate("n => fetch(`/v1/shots/${n}`).then((answer) => answer.json())", before + 1)
+    assert shot["environment"] == {
+        "temperature_C": {"value": 21.3, "u": 0.2},
+        "relative_humidity": {"value": 0.45, "u": 0.02},
+    }
+    assert page.get_by_label("Temperature / °C", exact=True).input_value() == ""
+    visitor.assert_clean()

@@ -6,6 +6,7 @@ import { recall, remember } from "../js/memory.js";
 import { may, session } from "../js/session.js";
 import { material } from "../js/words.js";
 import { field, stepper, tiles } from "./fields.js";
+import { readings } from "./readings.js";
 
 const MOST_DROPS = 50;
 
@@ -18,6 +19,7 @@ export function dropForm(rig, latest, onGo) {
   const height = stepper({ label: "Drop height", unit: "mm", value: within(before.drop_height_m * 1e3 || 30, low, high), min: low, max: high, step: 1 });
   const count = stepper({ label: "Drops", unit: "", value: 1, min: 1, max: MOST_DROPS, step: 1 });
   const operator = field("Operator", { value: recall("operator", session.name ?? ""), maxlength: 64, required: true, autocomplete: "name" });
+  const around = readings();
   const wrong = h("p", { class: "wrong", role: "alert" });
   const go = h("button", { class: "button main-action large", type: "submit" }, "Arm and drop");
 
@@ -33,10 +35,12 @@ export function dropForm(rig, latest, onGo) {
   const check = () => {
     const mm = Number(height.input.value);
     const drops = Number(count.input.value);
-    for (const input of [height.input, count.input, operator.input]) input.removeAttribute("aria-invalid");
+    for (const input of [height.input, count.input, operator.input, ...around.inputs]) input.removeAttribute("aria-invalid");
     if (!(mm >= low && mm <= high)) return fault(height.input, `This rig drops from ${millimetres(rig.min_drop_height_m)} to ${millimetres(rig.max_drop_height_m)}.`);
     if (!(Number.isInteger(drops) && drops >= 1 && drops <= MOST_DROPS)) return fault(count.input, `Between 1 and ${MOST_DROPS} drops make a series.`);
     if (!operator.input.value.trim()) return fault(operator.input, "Who hangs the sphere? A name or initials are kept with the shot.");
+    const missing = around.missing();
+    if (missing) return fault(missing.input, missing.words);
     return true;
   };
   const fault = (input, words) => {
@@ -52,7 +56,8 @@ export function dropForm(rig, latest, onGo) {
     const request = chosen();
     remember("drop", request);
     remember("operator", request.operator);
-    onGo(request, Number(count.input.value));
+    onGo({ ...request, ...around.chosen() }, Number(count.input.value));
+    around.clear(); // what the room was like then says nothing of the next time
   };
 
   const form = h("form", { class: "card drop-form", novalidate: true, on: { submit } },
@@ -61,6 +66,7 @@ export function dropForm(rig, latest, onGo) {
     tiles({ legend: "Surface", name: "surface", value: known(rig.surfaces, before.surface), options: rig.surfaces.map((one) => ({ value: one.name, name: material(one.name), detail: one.reference ? "reference" : null })) }),
     h("div", { class: "pair" }, height, count),
     operator,
+    around.element,
     h("div", { class: "go" }, wrong, go,
       !may("operate") && h("p", { class: "soft" }, `The token ${session.name} may look and not touch; dropping needs one with scope operate.`)));
 
