@@ -7,6 +7,7 @@ import subprocess
 import sys
 import uuid
 from dataclasses import replace
+from pathlib import Path
 
 import h5py
 import pytest
@@ -192,3 +193,35 @@ def test_a_rebuilt_index_knows_what_was_read_and_what_was_asked(sensor, tmp_path
         found = rebuilt.drop_by_key(before.idempotency_key, before.request)
         assert found is not None
         assert replace(found, state=before.state, updated_utc=before.updated_utc) == before
+
+
+@pytest.fixture
+def hanging(tmp_path):
+    """A daemon whose sensor's command never comes back by itself."""
+    settings = simulated_settings(tmp_path / "data")
+    lines = f"echo $$ > {tmp_path}/pid; exec sleep 600"
+    around = EnvironmentSection(command=("sh", "-c", lines), command_limit_s=60.0)
+    yield from run_daemon(settings.model_copy(update={"environment": around}))
+
+
+def test_an_abort_answers_while_the_command_hangs(hanging, tmp_path):
+    """The drop ends as aborted, nothing falls, and the command is gone."""
+    number = hanging.drop().json()["number"]
+    until(lambda: (tmp_path / "pid").exists() and (tmp_path / "pid").read_text(), bool)
+    until(
+        lambda: hanging.anybody.get("/v1/status").json()["sentence"],
+        lambda sentence: "waits for temperature and humidity" in sentence,
+    )
+    answer = hanging.operator.post("/v1/abort").json()
+    assert answer["aborted"] is True
+    assert answer["drop"] == number
+    drop = hanging.ended(number)
+    assert (drop["state"], drop["shot"]) == ("aborted", None)
+    kinds = until(
+        lambda: {event.kind for event in hanging.daemon.archive.events.since(0)},
+        lambda told: "drop.aborted" in told,
+    )
+    assert not kinds & {"drop.armed", "drop.released", "environment.unknown"}
+    pid = int((tmp_path / "pid").read_text())
+    until(lambda: Path(f"/proc/{pid}/stat").exists(), lambda alive: not alive)
+    wait_ready(hanging)
