@@ -218,9 +218,8 @@ class DropRun:
 
     def _check(self) -> None:
         limits = self._settings.preflight
-        with EnvironmentReading(self._settings.environment, self.drop.request.environment) as read:
-            quiet = self._wait_quiet()
-            self._wait_environment(read)
+        self._read_environment()
+        quiet = self._wait_quiet()
         state = calibration_state(self._archive.calibrations.current(), self._settings.calibration)
         checks = (
             quiet,
@@ -231,6 +230,24 @@ class DropRun:
             if not check.ok:
                 raise refusals.preflight_refused(check)
         self._advance(Event.CHECKS_PASSED, "arms the digitizer", "arming")
+
+    def _read_environment(self) -> None:
+        """Take temperature and humidity; without them the drop goes on, and says why."""
+        # Before the look at the input, which nothing may part from the release.
+        with EnvironmentReading(self._settings.environment, self.drop.request.environment) as read:
+            if not read.wait(0.0):
+                self.doing = "waits for temperature and humidity"
+                self._moved(None)
+            while not read.wait(_LOOK_EVERY_S):
+                self._pulse()
+            self.seen.environment, unknown = read.result()
+        if unknown is not None:
+            self.seen.notes.append(f"temperature and humidity not known: {unknown.reason}")
+            self._tell(
+                "environment.unknown",
+                {"drop": self.drop.number, "detail": unknown.reason, "remedy": unknown.remedy},
+            )
+        self.doing = "waits for a quiet input"
 
     def _wait_quiet(self) -> Check:
         """Look at the idle input until it is quiet: the last sphere may still be bouncing."""
@@ -244,22 +261,6 @@ class DropRun:
             if check.ok or time.monotonic() >= ends_s:
                 return check
             self.aborting.wait(_LOOK_EVERY_S)
-
-    def _wait_environment(self, reading: EnvironmentReading) -> None:
-        """Take temperature and humidity; without them the drop goes on, and says why."""
-        if not reading.wait(0.0):
-            self.doing = "waits for temperature and humidity"
-            self._moved(None)
-        while not reading.wait(_LOOK_EVERY_S):
-            self._pulse()
-        self._pulse()
-        self.seen.environment, unknown = reading.result()
-        if unknown is not None:
-            self.seen.notes.append(f"temperature and humidity not known: {unknown.reason}")
-            self._tell(
-                "environment.unknown",
-                {"drop": self.drop.number, "detail": unknown.reason, "remedy": unknown.remedy},
-            )
 
     def _arm(self) -> None:
         self._pulse()

@@ -2,9 +2,9 @@
 
 ::
 
-    preparation of a drop ── start() ──> thread: read the file, or run the command
-                          ── wait() ───> an Environment, or the reason why there is none
-                          ── stop() ───> kills the command; also on an abort
+    preparation of a drop ── enter ──> thread: read the file, or run the command
+                          ── wait(), result() ──> an Environment, or why there is none
+                          ── leave ──> the command is killed; also on an abort
 
 A reading never stops a drop and never invents a number. The drop's own thread only looks whether it
 is there, for as long as the settings allow; a file or a command that hangs hangs by itself.
@@ -85,7 +85,11 @@ class EnvironmentReading:
         limit_s = _FILE_LIMIT_S if section.command is None else section.command_limit_s
         self._ends_s = time.monotonic() + limit_s
         self._why_not = f"{self._said()} did not answer within {limit_s:g} s"
-        threading.Thread(target=self._read, name="environment", daemon=True).start()
+        try:
+            threading.Thread(target=self._read, name="environment", daemon=True).start()
+        except RuntimeError as error:
+            self._why_not = f"{self._said()} cannot be read: {error}"
+            self._done.set()
         return self
 
     def __exit__(
