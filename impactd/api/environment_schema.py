@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from analysis.campaign import Environment, Quantity
 from impactd.storage.ranges import RELATIVE_HUMIDITY, RELATIVE_RESOLUTION, TEMPERATURE_C
@@ -20,26 +20,22 @@ EnvironmentMembers = Annotated[
 
 
 class _Reading(BaseModel):
-    """A value with its standard uncertainty."""
+    """A value with its standard uncertainty; rounding hides none of them beside any value."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
     value: float
     u: float
-
-    @model_validator(mode="after")
-    def _noticeable(self) -> Self:
-        least = RELATIVE_RESOLUTION * (abs(self.value) or 1.0)
-        if self.u < least:
-            limit = f"beside {self.value:g} it must be at least {least:g}"
-            raise ValueError(f"u is {self.u:g}; {limit}")
-        return self
 
 
 class TemperatureReading(_Reading):
     """A temperature with its standard uncertainty."""
 
     value: float = Field(ge=TEMPERATURE_C.low, le=TEMPERATURE_C.high, description="[degC]")
-    u: float = Field(gt=0, le=TEMPERATURE_C.high, description="Standard uncertainty. [K]")
+    u: float = Field(
+        ge=RELATIVE_RESOLUTION * TEMPERATURE_C.high,
+        le=TEMPERATURE_C.high,
+        description="Standard uncertainty. [K]",
+    )
 
 
 class HumidityReading(_Reading):
@@ -48,7 +44,11 @@ class HumidityReading(_Reading):
     value: float = Field(
         ge=RELATIVE_HUMIDITY.low, le=RELATIVE_HUMIDITY.high, description="0.45 is 45 %. [1]"
     )
-    u: float = Field(gt=0, le=RELATIVE_HUMIDITY.high, description="Standard uncertainty. [1]")
+    u: float = Field(
+        ge=RELATIVE_RESOLUTION * RELATIVE_HUMIDITY.high,
+        le=RELATIVE_HUMIDITY.high,
+        description="Standard uncertainty. [1]",
+    )
 
 
 def _no_plain_number(value: Any) -> Any:

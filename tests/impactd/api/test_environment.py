@@ -96,12 +96,12 @@ def test_a_key_with_another_reading_is_a_conflict(rig):
         (
             {"relative_humidity": {"value": 0.45, "u": 0}},
             "#/environment/relative_humidity/u",
-            "greater than 0",
+            "greater than or equal to 0.000000000001",
         ),
         (
             {"temperature_C": {"value": 21.3, "u": 1e-14}},
-            "#/environment/temperature_C",
-            "at least 2.13e-11",
+            "#/environment/temperature_C/u",
+            "greater than or equal to 0.000000005",
         ),
         ({"temperature_K": {"value": 294, "u": 1}}, "#/environment/temperature_K", "not permitted"),
     ],
