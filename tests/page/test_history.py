@@ -81,7 +81,13 @@ _WARM_DROP = """async () => {
   });
   return (await answer.json()).number;
 }"""
-_STORED = """async (number) => (await (await fetch(`/v1/drops/${number}`)).json()).shot"""
+_ANALYSED = """async (number) => {
+  for (;;) {
+    const drop = await (await fetch(`/v1/drops/${number}`)).json();
+    if (drop.state === 'analysed') return drop.shot;
+    await new Promise((go_on) => setTimeout(go_on, 500));
+  }
+}"""
 
 
 def test_a_shot_shows_temperature_and_humidity_where_they_are_known(visitor):
@@ -90,8 +96,8 @@ def test_a_shot_shows_temperature_and_humidity_where_they_are_known(visitor):
     visitor.sign_in()
     page.locator(".go button[aria-disabled=false]").wait_for()
     number = page.evaluate(_WARM_DROP)
-    page.wait_for_function(_STORED, arg=number)
-    page.goto(f"{visitor.daemon.url}/#/shots/{number}")
+    shot = page.evaluate(_ANALYSED, number)
+    page.goto(f"{visitor.daemon.url}/#/shots/{shot}")
     circumstances = page.get_by_role("region", name="Circumstances")
     circumstances.get_by_text("21.30 ± 0.39 °C, 45.0 ± 3.9 %").wait_for()
     visitor.assert_clean()
