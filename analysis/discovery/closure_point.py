@@ -21,7 +21,6 @@ from analysis.discovery.slope_limit import SLEW
 from analysis.discovery.tuned import RIPPLE
 from analysis.fit.blocks import prior_rows, whitened_squares
 from analysis.fit.problem import JointProblem
-from analysis.fit.shots_at_once import at_once
 
 Array = NDArray[np.float64]
 Places = NDArray[np.intp]
@@ -288,15 +287,10 @@ def blocks(
 ) -> list[Block] | None:
     """Return the blocks of some shots, None where one has no trace."""
 
-    def some(rows: Sequence[int]) -> list[Block]:
-        """Return the blocks up to the first shot without a trace."""
-        found = []
-        for row in rows:
-            one = block(problem, form, point, row, places[row])
-            if one is None:
-                break
-            found.append(one)
-        return found
-
-    found = at_once(some, list(range(len(problem.shots))))
-    return found if len(found) == len(problem.shots) else None
+    found = []
+    for row in range(len(problem.shots)):
+        one = block(problem, form, point, row, places[row])
+        if one is None:
+            return None
+        found.append(one)
+    return found

@@ -26,6 +26,8 @@ FOLD_STEPS = 1
 order of the first one's square, a tenth of an uncertainty and no part of a residual."""
 SMALL_FALL = 1e-2
 """Of a shot's squares: a step that promises less changes no digit of an error."""
+NEAR = 1.0
+"""Of a shot's squares: a step of less than a standard uncertainty ends where it should."""
 HELDOUT_FOLDS = 3
 
 Progress = Callable[[str, float], None]
@@ -160,12 +162,14 @@ def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array
             break
         s = block.chain.shape[0]
         step = np.linalg.solve(block.matrix[s:, s:], block.vector[s:])
-        if (
-            step @ block.vector[s:] < SMALL_FALL
-            or not shot_cost(problem, item, theta, nuisance + step) < block.cost
-        ):
+        promised = float(step @ block.vector[s:])
+        if promised < SMALL_FALL:
+            break
+        if not shot_cost(problem, item, theta, nuisance + step) < block.cost:
             break
         nuisance += step
+        if promised < NEAR:
+            break
     shared, _ = problem.shared_local(item, theta)
     found = problem.model.predict(np.concatenate([shared, nuisance]), item.frame)
     return np.asarray(item.window.signal - found.signal)

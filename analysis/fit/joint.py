@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
-from analysis.fit.problem import FitShot, JointProblem
-from analysis.fit.shots_at_once import at_once
+from analysis.fit.problem import JointProblem
 from analysis.fit.steps import along
 
 MAX_ITERATIONS = 120
@@ -142,34 +141,23 @@ def _prior_cost(problem: JointProblem, theta: Array) -> float:
 
 
 def _linearise_all(problem: JointProblem, theta: Array, nuisances: Array) -> list[ShotBlock] | None:
-    def some(shots: Sequence[tuple[FitShot, Array]]) -> list[ShotBlock]:
-        blocks: list[ShotBlock] = []
-        for item, nuisance in shots:
-            block = linearise_shot(problem, item, theta, nuisance)
-            if block is None:
-                break
-            blocks.append(block)
-        return blocks
-
-    blocks = at_once(some, list(zip(problem.shots, nuisances, strict=True)))
-    return blocks if len(blocks) == len(problem.shots) else None
+    blocks: list[ShotBlock] = []
+    for item, nuisance in zip(problem.shots, nuisances, strict=True):
+        block = linearise_shot(problem, item, theta, nuisance)
+        if block is None:
+            return None
+        blocks.append(block)
+    return blocks
 
 
 def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_above: float) -> float:
     """Return the cost, or infinity as soon as it passes ``stop_above``."""
-    before = _prior_cost(problem, theta)
-
-    def some(shots: Sequence[tuple[FitShot, Array]]) -> list[float]:
-        costs: list[float] = []
-        for item, nuisance in shots:
-            costs.append(shot_cost(problem, item, theta, nuisance))
-            if not before + sum(costs) <= stop_above * (1 + SUM_ROUNDING):
-                break
-        return costs
-
-    costs = at_once(some, list(zip(problem.shots, nuisances, strict=True)))
-    cost = before + sum(costs)
-    return cost if len(costs) == len(problem.shots) and cost <= stop_above else math.inf
+    cost = _prior_cost(problem, theta)
+    for item, nuisance in zip(problem.shots, nuisances, strict=True):
+        cost += shot_cost(problem, item, theta, nuisance)
+        if not cost <= stop_above * (1 + SUM_ROUNDING):
+            return math.inf
+    return cost if cost <= stop_above else math.inf
 
 
 def _try_step(

@@ -9,9 +9,6 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import pytest
-from numba import config
-
 from analysis import fit_campaign
 from analysis.campaign import Quantity, Sensor
 from analysis.fit.result import FitResult
@@ -55,9 +52,8 @@ def test_one_shots_fit_takes_few_operations(truth: Any) -> None:
     assert calls <= CALLS
 
 
-def test_a_joint_fit_takes_few_traces_a_shot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_joint_fit_takes_few_traces_a_shot() -> None:
     """Fit, held-out check and inputs with their uncertainties together stay below so many."""
-    monkeypatch.setattr(config, "NUMBA_NUM_THREADS", 1)  # a profile sees its own thread only
     settings = CampaignSettings(
         spheres={name: SPHERES[name] for name in ("acetal", "acetal_small")}, spread=TYPICAL
     )
