@@ -7,13 +7,14 @@ import pytest
 from analysis.discovery.diagnosis import Diagnosis, diagnose_campaign
 from drivers.simulated.campaign import simulate_campaign
 from impactd.bench.blind.plan import draw_plan
-from impactd.bench.simulated_campaign import through_a_folder
+from impactd.bench.simulated_campaign import BASES, through_a_folder
 
 
 def _diagnosed(seed: int) -> Diagnosis:
     """Return what the loop says of one draw of the library."""
-    plan = draw_plan("library", seed)
-    return diagnose_campaign(through_a_folder(simulate_campaign(plan.settings, plan.campaign_seed)))
+    plan = draw_plan("library", seed, rig="paper")  # as they were drawn
+    simulated = simulate_campaign(plan.settings, plan.campaign_seed)
+    return diagnose_campaign(through_a_folder(simulated), BASES[plan.settings.rig])
 
 
 @pytest.mark.slow
