@@ -22,12 +22,11 @@ from analysis.model.impact_model import model_named
 MISFIT_ROUNDS = 4
 HELDOUT_STEPS = 3
 FOLD_STEPS = 1
-"""A fold's solution is a step away from that of all shots: what a second one would mend is of the
-order of the first one's square, a tenth of an uncertainty and no part of a residual."""
-SMALL_FALL = 1e-2
-"""Of a shot's squares: a step that promises less changes no digit of an error."""
+"""A fold's solution is a step away from that of all shots. Measured, for 54 drops: after one step
+and after four the squares of a fold agree within 0.1 of 105 500."""
 NEAR = 1.0
-"""Of a shot's squares: a step of less than a standard uncertainty ends where it should."""
+"""Fall of a shot's squares, promised by a step of one standard uncertainty: over less than that a
+model is linear, and the step ends at the minimum."""
 HELDOUT_FOLDS = 3
 
 Progress = Callable[[str, float], None]
@@ -162,13 +161,10 @@ def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array
             break
         s = block.chain.shape[0]
         step = np.linalg.solve(block.matrix[s:, s:], block.vector[s:])
-        promised = float(step @ block.vector[s:])
-        if promised < SMALL_FALL:
-            break
         if not shot_cost(problem, item, theta, nuisance + step) < block.cost:
             break
         nuisance += step
-        if promised < NEAR:
+        if step @ block.vector[s:] < NEAR:
             break
     shared, _ = problem.shared_local(item, theta)
     found = problem.model.predict(np.concatenate([shared, nuisance]), item.frame)

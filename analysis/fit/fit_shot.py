@@ -20,8 +20,6 @@ from analysis.quantisation import combined, stretches
 
 ASSUMED_REPEATABILITY = 0.02
 """Where a height is given without a repeatability; listed under ``assumptions`` when used."""
-START_RESTITUTION = 0.75
-"""Where none was seen."""
 HEAVY_CRYSTAL = 1e4
 """Crystal over sphere mass where the crystal's mass is unknown: no recoil."""
 
@@ -66,12 +64,6 @@ class FitShot:
     def pair(self) -> str:
         """Return the pair's key."""
         return f"{self.shot.sphere or '?'}/{self.shot.surface or '?'}"
-
-    @property
-    def likely_restitution(self) -> float:
-        """Return the restitution to start from: as seen, or the middle of what polymers do."""
-        known = self.shot.restitution
-        return known.value if known is not None and 0 < known.value < 1 else START_RESTITUTION
 
     @property
     def data(self) -> int:

@@ -9,8 +9,10 @@ from analysis.fit.blocks import linearise_shot
 from analysis.fit.problem import JointProblem
 
 SETTLE_STEPS = 8
+"""At most: what follows is a fit of everything, which goes on from wherever this ends."""
 SETTLED_SHARE = 1e-3
-"""A shot's own parameters are good enough to start from when a step gains less than this share."""
+"""A shot's own parameters are good enough to start from when a step gains less than this share of
+its squares. Chosen by trial; a fit of everything follows in any case."""
 
 Array = NDArray[np.float64]
 

@@ -22,6 +22,7 @@ from analysis.fit.start_moduli import choose_start, start_moduli
 from analysis.fit.stated_effects import effect_prior
 from analysis.model import solver
 
+START_RESTITUTION = 0.75
 FREQUENCIES = 14
 DAMPING_RATIOS = (0.02, 0.07, 0.25)
 NEAR_CERTIFICATE = 0.3
@@ -32,6 +33,11 @@ STEPS_BESIDE = 12
 """Enough to come near: what follows starts from there with everything free."""
 HEAVIEST_SENSOR_SEARCH = 3
 """How many shots are looked at when nothing is known of the cell's ring."""
+
+
+def _restitution(item: FitShot) -> float:
+    known = item.shot.restitution
+    return known.value if known is not None and 0 < known.value < 1 else START_RESTITUTION
 
 
 def _crystal_mass(problem: JointProblem, omega0: float | None = None) -> float:
@@ -110,7 +116,7 @@ def _ring_mismatch(
     """Return the squared error that the best contact times leave with this ring."""
     return sum(
         best_contact_time(
-            i, problem.model, speed=_speed(i), omega0=omega0, zeta=zeta, e=i.likely_restitution
+            i, problem.model, speed=_speed(i), omega0=omega0, zeta=zeta, e=_restitution(i)
         )[0]
         for i in items
     )
@@ -140,7 +146,7 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
     log_gain = np.empty(len(problem.shots))
     known_gain = _known_gain(problem)
     for row, item in enumerate(problem.shots):
-        speed, e, slower = _speed(item), item.likely_restitution, _slower(item, crystal)
+        speed, e, slower = _speed(item), _restitution(item), _slower(item, crystal)
         _, duration, amplitude, shift = best_contact_time(
             item, problem.model, speed=speed, omega0=omega0 / slower, zeta=zeta / slower, e=e
         )

@@ -23,7 +23,11 @@ def _logs_beside_the_figures() -> None:
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Print what the tests measured, also those that ran in processes of their own."""
-    passed = [r for r in terminalreporter.getreports("passed") if r.when == "call" and r.capstdout]
+    passed = [
+        report
+        for report in terminalreporter.getreports("passed")
+        if report.when == "call" and report.capstdout and report.nodeid.startswith("tests/faults/")
+    ]
     if passed:
         terminalreporter.section("what was measured")
     for report in passed:
