@@ -79,7 +79,7 @@ test-faults: $(TOOLS)  ## every injected fault with its figures, then all else o
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
 	@$(BIN)/pytest -n 2 --dist worksteal tests/faults --ignore=tests/faults/load \
 	  -m "not soak and not system" $(ARGS)
-	@$(BIN)/pytest -n 2 --dist loadfile -m "slow and not soak" --ignore=tests/faults $(ARGS)
+	@$(BIN)/pytest -n 2 --dist worksteal -m "slow and not soak" --ignore=tests/faults $(ARGS)
 
 soak: $(TOOLS)  ## the faults whose counts take hours
 	@$(BIN)/pytest -s -m soak $(ARGS)
