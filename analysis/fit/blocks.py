@@ -158,7 +158,7 @@ def linearise_shot(
     local = np.concatenate([shared, nuisance])
     if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
         return None
-    found, jacobian, gradient = problem.model.linearise(local, item.frame)
+    found, jacobian, gradient = linear = problem.model.linearise(local, item.frame)
     if not (math.isfinite(found.rebound_ratio) and np.isfinite(gradient).all()):
         return None
     if not np.isfinite(jacobian[-1]).all():
@@ -166,7 +166,7 @@ def linearise_shot(
     extra, rows = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
     acting = problem.inputs_of(stated)
     if acting:
-        slopes = input_slopes(problem, (stated, item), local, found, extra)
+        slopes = input_slopes(problem, (stated, item), local, linear, extra)
         if slopes is None:
             return None
         s = shared.size
@@ -191,7 +191,7 @@ def input_slopes(
     problem: JointProblem,
     items: tuple[FitShot, FitShot],
     local: Array,
-    found: Prediction,
+    linear: tuple[Prediction, Array, Array],
     known: list[float],
 ) -> tuple[Array, Array] | None:
     """Return what a shot's inputs change beyond its local parameters, which are held.
@@ -204,8 +204,8 @@ def input_slopes(
         The shot as stated, and as `JointProblem.item_at` has it.
     local : ndarray, shape (p,)
         Local parameters.
-    found : Prediction
-        The trace.
+    linear : tuple
+        The trace and its derivatives, as `ImpactModel.linearise` returns them.
     known : list of float
         Residuals of what is known of this shot, k of them.
 
@@ -217,23 +217,27 @@ def input_slopes(
         Derivative of the residuals. None where a neighbour cannot be evaluated.
     """
     stated, item = items
+    found = linear[0]
     acting = problem.inputs_of(stated)
     signal, residuals = (
         np.zeros((found.signal.size, len(acting))),
         np.zeros((len(known), len(acting))),
     )
     steps = problem.model.steps(local, item.frame)
+    by_units = problem.model.slopes_by_units(local, item.frame, linear)
     for column, (_, one) in enumerate(acting):
         moved = one.moved(item, one.step)
-        beside = found
-        if moved.frame != item.frame:
+        ratio = found.rebound_ratio
+        if one.kind in by_units:
+            signal[:, column], slope = by_units[one.kind]
+            ratio += slope * one.step
+        elif not problem.model.reads_alike(moved.frame, item.frame):
             beside = problem.model.predict(local, moved.frame, steps=steps)
             if not math.isfinite(beside.rebound_ratio):
                 return None
             signal[:, column] = (beside.signal - found.signal) / one.step
-        ahead, _ = prior_rows(
-            problem.model, moved, local, beside.rebound_ratio, np.zeros(local.size)
-        )
+            ratio = beside.rebound_ratio
+        ahead, _ = prior_rows(problem.model, moved, local, ratio, np.zeros(local.size))
         residuals[:, column] = (np.array(ahead) - known) / one.step
     return signal, residuals
 

@@ -282,12 +282,20 @@ def fit(
         return _nowhere(theta, nuisances)
     steps = _Steps(max_iterations, damping, tolerance, progress)
     fitted = _descend(problem, theta, nuisances, blocks, steps)
-    wrong = fitted.cost > HOPELESS * sum(item.data for item in problem.shots)
-    if wrong or _gains_energy(problem, nuisances) or not _gains_energy(problem, fitted.nuisances):
+    sound = _gains_energy(problem, nuisances) or not _gains_energy(problem, fitted.nuisances)
+    if sound or is_hopeless(problem, fitted.cost):
         return fitted
     shorter = replace(steps, damping=SHORT_STEPS)
     again = _descend(problem, theta, nuisances, blocks, shorter)
     return again if again.cost < fitted.cost else fitted
+
+
+def is_hopeless(problem: JointProblem, cost: float, *, widened: float = 1.0) -> bool:
+    """Tell whether a model is so far from the shots that their own parameters mean nothing.
+
+    ``widened`` is the factor on the noise's variance that the cost was computed with.
+    """
+    return cost * widened > HOPELESS * sum(item.data for item in problem.shots)
 
 
 def _gains_energy(problem: JointProblem, nuisances: Array) -> bool:

@@ -200,12 +200,16 @@ class FitResult:
 
     @cached_property
     def without_conflicts(self) -> FitResult | None:
-        """Return the fit in which those statements say next to nothing; None where none does."""
+        """Return the fit in which those statements say next to nothing; None where there is none.
+
+        None too where the model is far from the shots without them as well.
+        """
         if not self.conflicts:
             return None
-        problem, fitted = fit_without(self.problem, self.fitted, self.conflicts)
-        if not fitted.blocks:
+        clear = fit_without(self.problem, self.fitted, self.conflicts, widened=self.misfit)
+        if clear is None:
             return None
+        problem, fitted = clear
         shots = collect(problem, fitted, scale=self.misfit)
         found = dataclasses.replace(self, problem=problem, fitted=fitted, shots=shots)
         # what was left out does not contradict any more; asking again would never end

@@ -31,6 +31,7 @@ What has no effect runs through the base solver alone.
 from __future__ import annotations
 
 import math
+import operator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -121,6 +122,12 @@ class ShotFrame:
         if jacobian is not None:
             jacobian[(signal > high) | (signal < low)] = 0.0
         np.clip(signal, low, high, out=signal)
+
+
+_READ_BY_BASES = operator.attrgetter(
+    "sample_rate_hz", "samples", "mass_kg", "gravity_m_per_s2", "rail", "coupon_on_crystal_kg"
+)
+"""What a trace without effects depends on: not on radius, height and the coupon's own numbers."""
 
 
 @dataclass(frozen=True)
@@ -322,6 +329,50 @@ class ImpactModel:
         prediction = model._prediction(signal, found[0], column)
         frame.cut(prediction.signal)
         return prediction
+
+    def reads_alike(self, one: ShotFrame, other: ShotFrame) -> bool:
+        """Tell whether two frames have the same trace at the same local parameters."""
+        if self.effects:
+            return one == other
+        return bool(_READ_BY_BASES(one) == _READ_BY_BASES(other))
+
+    def slopes_by_units(
+        self, local: Array, frame: ShotFrame, linear: tuple[Prediction, Array, Array]
+    ) -> dict[str, tuple[Array, float]]:
+        r"""Return how a trace follows sample rate and gravity, from its other derivatives.
+
+        Parameters
+        ----------
+        local : ndarray, shape (p,)
+            Local parameters.
+        frame : ShotFrame
+            The shot's fixed part.
+        linear : tuple
+            As `linearise` returns it.
+
+        Returns
+        -------
+        dict
+            ``time_base`` and ``gravity``, each with the derivatives of the signal, shape (n,), and
+            of the rebound ratio by its logarithm. Empty where effects or a converter's end make
+            the trace depend on them in other ways.
+
+        Notes
+        -----
+        Sample i is taken i / rate - t0 after touch-down. In lengths that are all l times as large
+        :math:`F(l v_0, l g, l^{-1/2} K) = l F(v_0, g, K)`, and the rebound ratio is the same.
+        """
+        if self.effects or frame.rail is not None:
+            return {}
+        found, jacobian, rebound = linear
+        speed, touch_down = len(self.shared), len(self.shared) + 2
+        signal = found.signal - local[len(self.shared) + 3]
+        since_us = np.arange(frame.samples) * 1e6 / frame.sample_rate_hz
+        by_gravity = signal + 0.5 * jacobian[:, 0] - jacobian[:, speed]
+        return {
+            "time_base": (since_us * jacobian[:, touch_down], 0.0),
+            "gravity": (by_gravity, float(0.5 * rebound[0] - rebound[speed])),
+        }
 
     def is_thinkable(self, local: Array) -> bool:
         """Tell whether floats can hold what these coordinates stand for."""

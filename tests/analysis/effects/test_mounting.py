@@ -52,6 +52,10 @@ def test_a_taped_coupon_agrees_with_two_masses(k: float, zeta: float) -> None:
     damping = 2 * zeta * math.sqrt(k * RIG.coupon_mass)
     values = {"adhesive_layer.stiffness_n_per_m": k, "adhesive_layer.damping_n_s_per_m": damping}
     found = RIG.predict("kv+adhesive_layer", values)
+    form = "adhesive_layer:loss_factor"
+    by_ratio = {f"{form}.stiffness_n_per_m": k, f"{form}.damping_ratio": zeta}
+    same = RIG.predict(f"kv+{form}", by_ratio)
+    assert apart(same.signal, found.signal) < 1e-12
     wanted = RIG.reference(law=BASE, ground=taped(k, zeta, RIG.coupon_mass))
     assert apart(found.signal, wanted.compression) < 3e-6
     assert found.rebound_ratio == pytest.approx(wanted.rebound / RIG.speed, abs=3e-6)

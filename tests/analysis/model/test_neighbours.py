@@ -85,6 +85,37 @@ def test_every_derivative_is_that_of_whole_traces(name: str) -> None:
         assert gradient[j] == pytest.approx(rebound, abs=3e-6)
 
 
+@pytest.mark.parametrize("name", ["hsd", "kv", "kv2"])
+def test_sample_rate_and_gravity_follow_from_the_units(name: str) -> None:
+    """Both derivatives are those of whole traces, and with an effect nobody states them."""
+    model = model_named(name)
+    local, frame = local_of(model), dataclasses.replace(FRAME, coupon_on_crystal_kg=3.6e-3)
+    steps, step = model.steps(local, frame), 1e-4
+    linear = model.linearise(local, frame)
+    known = model.slopes_by_units(local, frame, linear)
+    fields = {"time_base": "sample_rate_hz", "gravity": "gravity_m_per_s2"}
+    for kind, (slope, rebound) in known.items():
+        field = fields.pop(kind)
+        ahead, behind = (
+            model.predict(
+                local,
+                dataclasses.replace(frame, **{field: getattr(frame, field) * math.exp(by)}),
+                steps=steps,
+            )
+            for by in (step, -step)
+        )
+        expected = (ahead.signal - behind.signal) / (2 * step)
+        assert np.abs(slope - expected).max() < 1e-4 * max(
+            np.abs(expected).max(), np.abs(linear[0].signal).max()
+        )
+        found = (ahead.rebound_ratio - behind.rebound_ratio) / (2 * step)
+        assert rebound == pytest.approx(found, abs=1e-5)
+    assert not fields
+    hummed = model_named("kv2+mains_hum")
+    there = local_of(hummed)
+    assert hummed.slopes_by_units(there, frame, hummed.linearise(there, frame)) == {}
+
+
 def test_an_absurd_point_has_no_trace_and_no_derivative() -> None:
     """Beyond what a float can hold nothing is clamped: the result is not a number."""
     model = model_named("kv+stress_relaxation")
