@@ -18,6 +18,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 # How the recipes below call things; give your own on the command line, e.g. `make demo ARGS="--seed 7"`.
 ARGS ?=
 WORKERS ?= 2
+# Injected faults wait longer than they compute.
+FAULT_WORKERS ?= 4
 LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
 
@@ -77,9 +79,9 @@ test: check  ## `make check`, then the tests with warnings as errors
 
 test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds; half an hour
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
-	@$(BIN)/pytest -n 2 --dist worksteal tests/faults --ignore=tests/faults/load \
+	@$(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
 	  -m "not soak and not system" $(ARGS)
-	@$(BIN)/pytest -n 2 --dist worksteal -m "slow and not soak" --ignore=tests/faults $(ARGS)
+	@$(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal -m "slow and not soak" --ignore=tests/faults $(ARGS)
 
 soak: $(TOOLS)  ## the faults whose counts take hours
 	@$(BIN)/pytest -s -m soak $(ARGS)

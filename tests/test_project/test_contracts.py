@@ -8,7 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import grimp
 import pytest
+from scipy.sparse import dok_array
+from scipy.sparse.csgraph import connected_components
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("impactd", "drivers", "analysis")
@@ -55,3 +58,20 @@ def test_a_breach_is_caught(module: str, breach: str, contract: str, copy: Path)
     assert result.returncode == 1
     broken = [line for line in result.stdout.splitlines() if " BROKEN" in line]
     assert any(contract in line for line in broken), result.stdout
+
+
+def test_no_module_of_the_analysis_needs_itself() -> None:
+    """What a module imports while it runs never leads back to it."""
+    graph = grimp.build_graph("analysis", exclude_type_checking_imports=True)
+    modules = sorted(graph.modules)
+    imports = dok_array((len(modules), len(modules)))
+    for row, module in enumerate(modules):
+        for imported in graph.find_modules_directly_imported_by(module):
+            imports[row, modules.index(imported)] = 1
+    _, group = connected_components(imports.tocsr(), connection="strong")
+    circles = [
+        [m for m, own in zip(modules, group, strict=True) if own == one]
+        for one in range(len(modules))
+        if list(group).count(one) > 1
+    ]
+    assert not circles
