@@ -91,10 +91,8 @@ def held_against_others(trail: Trail, owners: set[str] | None = None) -> Trail:
     others = rivals_refitted(step.problem, step.fitted, taken, owners)
     new = {o.owner for o in others}
     step.refits[:] = [*others, *(r for r in step.refits if r.owner not in new)]
-    best = max(others, key=lambda r: r.score(CRITERIA.comparison.price_of_number), default=taken)
-    if best.at_bound or best.score(CRITERIA.comparison.price_of_number) <= taken.score(
-        CRITERIA.comparison.price_of_number
-    ):
+    best = max(others, key=lambda r: r.score(), default=taken)
+    if best.at_bound or best.score() <= taken.score():
         return trail
     ahead = Trail(trail.steps[:-1], trail.chosen[:-1]).on(best)
     if not ahead.adequate:
@@ -177,8 +175,7 @@ def _behind(taken: Refit, other: Refit) -> float:
     if other.owner == taken.owner or not other.on_all_shots:
         return math.inf
     return min(
-        taken.score(CRITERIA.comparison.price_of_number)
-        - other.score(CRITERIA.comparison.price_of_number),
+        taken.score() - other.score(),
         taken.gain - other.gain,
     )
 

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.discovery.criteria import CRITERIA
+from analysis.discovery.marginal_likelihood import Price, price_of_effect
 from analysis.discovery.physical import left_its_range
 from analysis.discovery.proposals import Proposal, rescoped
 from analysis.discovery.rebounds import fitted_below_one
@@ -28,6 +29,7 @@ HELD = 1e-3
 """How far an effect's coordinates may move from a far start while the rest comes near."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
+NOTHING = Price()
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,8 @@ class Refit:
         How many of the numbers belong to one shot each.
     common : float
         Of the gain, what one size for all of these shots takes up as well; 0 where nobody asked.
+    price : Price
+        What its shared numbers cost.
     """
 
     effect: Effect
@@ -72,43 +76,44 @@ class Refit:
     on_all_shots: bool = True
     own: int = 0
     common: float = 0.0
+    price: Price = NOTHING
 
     @property
     def usable(self) -> bool:
         """Whether it was fitted to all shots and its numbers are such as the effect can have."""
         return self.on_all_shots and not self.at_bound
 
-    def score(self, penalty: float, factor: float = 1.0) -> float:
-        """Return the gain less the price of its numbers, on so many times the shots."""
+    def score(self, factor: float = 1.0) -> float:
+        """Return twice the rise of ln Z, on so many times the shots."""
         gain, own = self.gain * factor, round(self.own * factor)
-        # around a size that they share, the shots' own only scatter
-        shared = self.parameters - self.own + (self.common > 0.0)
-        return gain - price(shared, own, gain - self.common * factor, penalty)
+        shared = self.parameters - self.own
+        # so many more shots leave each number's variance so much smaller
+        paid = self.price.shared + shared * math.log(factor) + self.price.shots * factor
+        if self.common > 0.0:  # around a size that they share, the shots' own only scatter
+            paid += CRITERIA.comparison.price_of_number
+        return gain - paid - price_of_scatter(own, gain - self.common * factor)
 
 
-def price(shared: int, own: int, gain: float, penalty: float) -> float:
-    """Return what an effect's numbers cost in whitened squares.
+def price_of_scatter(own: int, gain: float) -> float:
+    """Return what numbers that every shot has for itself cost in whitened squares.
 
     Parameters
     ----------
-    shared : int
-        Numbers that more than one shot determines.
     own : int
-        Numbers of which every shot has its own. They are sizes of one scatter: with its width the
-        data's own, the evidence falls by 1 + ln(squares they take up, each) for each of them.
+        How many. They are sizes of one scatter: with its width the data's own, the evidence falls
+        by 1 + ln(squares they take up, each) for each of them.
     gain : float
         Whitened squares that all of them take up.
-    penalty : float
-        Price of a shared number, and of the scatter.
 
     Returns
     -------
     float
-        To be taken off the gain.
+        With the price of the scatter's width; 0 of none.
     """
     if not own:
-        return penalty * shared
-    return penalty * (shared + 1) + own * (1.0 + math.log(max(gain / own, 1.0)))
+        return 0.0
+    width = CRITERIA.comparison.price_of_number
+    return width + own * (1.0 + math.log(max(gain / own, 1.0)))
 
 
 def own_numbers(effect: Effect) -> int:
@@ -281,7 +286,15 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
             and base.cost - result.cost < CRITERIA.comparison.least_gain_per_shot * own
         ),
         own=own,
+        price=_price(found, base),
     )
+
+
+def _price(found: Refit, base: joint.Fitted) -> Price:
+    """Return what an effect's numbers cost at its fit; nothing where it went nowhere."""
+    if not found.fitted.blocks:
+        return NOTHING
+    return price_of_effect(found.problem, found.fitted, base, found.effect)
 
 
 def refit_elsewhere(
@@ -386,4 +399,5 @@ def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> 
         max_iterations=max_iterations,
     )  # fmt: skip
     bad = not result.blocks or left_its_range(found.problem, result, found.effect)
-    return dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
+    further = dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
+    return dataclasses.replace(further, price=_price(further, base))

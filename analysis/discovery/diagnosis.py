@@ -17,6 +17,7 @@ from analysis.discovery.backward import (
 from analysis.discovery.candidates import Refit
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.localise import Located, locate
+from analysis.discovery.marginal_likelihood import Price
 from analysis.discovery.next_drop import NextDrop, propose
 from analysis.discovery.starting import usual_place
 from analysis.discovery.trail import Step, Trail, follow, look
@@ -128,10 +129,7 @@ def diagnose_campaign(
         told("trying crystal_dynamics", 0.1)
         crystal, usual = _crystal(campaign, trail.last)
         trail.last.refits = [crystal]
-        if (
-            crystal.usable
-            and crystal.score(CRITERIA.comparison.price_of_number) > CRITERIA.comparison.least_lead
-        ):
+        if crystal.usable and crystal.score() > CRITERIA.comparison.least_lead:
             trail = trail.on(crystal)
     seen = background(problem.shots)
     if _is_all(seen, trail.last):
@@ -188,7 +186,8 @@ def _crystal(campaign: Campaign, step: Step) -> tuple[Refit, joint.Fitted]:
     count = len(problem.names) - len(step.problem.names)
     gain = step.fitted.cost - fitted.cost
     bad = not fitted.blocks or bool(out_of_range(problem, fitted))
-    found = Refit(effect, effect.id, "rig", problem, fitted, gain, count, bad, gain)
+    price = Price(CRITERIA.comparison.price_of_number * count)
+    found = Refit(effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price)
     return found, usual_place(problem, nuisances)
 
 

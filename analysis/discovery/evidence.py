@@ -49,6 +49,7 @@ PARTS = {
 RIDGE = 0.5
 """A closure's coefficients are of order one where it changes the signal by its own size."""
 RANK_TOLERANCE = 1e-9
+SHOT_RANK_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -205,13 +206,9 @@ class Evidence:
         """Return the gain of coefficients that every shot has for itself; globals stay put."""
         gain, dof = 0.0, 0
         for shot in self.shots:
-            inner = shot.matrix[np.ix_(at, at)]
-            scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-            values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
-            keep = values > 1e-6
-            parts = vectors[:, keep].T @ (shot.vector[at] / scale)
-            gain += float(np.sum(parts**2 / values[keep]))
-            dof += int(keep.sum())
+            own = ShotProjection(shot, at)
+            gain += float(own.gain(shot.vector[at]))
+            dof += own.rank
         p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
         held = gain - CRITERIA.closure.price_of_coefficient * dof
         return Explained(family, "shot", gain, dof, p, held, {})
@@ -220,7 +217,10 @@ class Evidence:
         self, at: list[int], labels: list[str], family: str, scope: str, *, heldout: bool
     ) -> Explained:
         system = self.system([(family, scope)])
-        gain, dof, coefficients = _project(system.whole, system.load, system.globals_)
+        found = Projection(system.whole, system.globals_)
+        gain, dof = float(found.gain(system.load)), found.rank
+        score = found.score(system.load)
+        coefficients = _solved(found.schur + np.eye(score.size) / RIDGE**2, score)
         held = _heldout_gain(self._folds(), system) if heldout else math.nan
         p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
         named = dict(zip(system.labels, map(float, coefficients), strict=True))
@@ -303,20 +303,61 @@ def _solved(matrix: Array, right: Array) -> Array:
         return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
 
 
-def _project(whole: Array, load: Array, globals_: int) -> tuple[float, int, Array]:
-    """Return the gain of the columns beyond the globals, their rank, and ridged coefficients."""
-    inner = whole[:globals_, :globals_]
-    cross = whole[globals_:, :globals_]
-    back = _solved(inner, np.column_stack([cross.T, load[:globals_]]))
-    schur = whole[globals_:, globals_:] - cross @ back[:, :-1]
-    g = load[globals_:] - cross @ back[:, -1]
-    raw = np.sqrt(np.maximum(np.diag(whole)[globals_:], 1e-300))
-    values, vectors = np.linalg.eigh(schur / np.outer(raw, raw))
-    keep = values > RANK_TOLERANCE
-    parts = vectors[:, keep].T @ (g / raw)
-    gain = float(np.sum(parts**2 / values[keep]))
-    ridged = _solved(schur + np.eye(g.size) / RIDGE**2, g)
-    return gain, int(keep.sum()), ridged
+class Projection:
+    """What columns explain beyond the globals, for any scores.
+
+    Parameters
+    ----------
+    whole : ndarray, shape (g + w, g + w)
+        Normal matrix of globals, then of the columns' coefficients.
+    globals_ : int
+        How many globals come first.
+    """
+
+    def __init__(self, whole: Array, globals_: int) -> None:
+        self._globals = globals_
+        self._cross = whole[globals_:, :globals_]
+        self._inner = whole[:globals_, :globals_]
+        back = _solved(self._inner, self._cross.T)
+        self.schur = whole[globals_:, globals_:] - self._cross @ back
+        raw = np.sqrt(np.maximum(np.diag(whole)[globals_:], 1e-300))
+        values, vectors = np.linalg.eigh(self.schur / np.outer(raw, raw))
+        keep = values > RANK_TOLERANCE
+        self.rank = int(keep.sum())
+        self._white = (vectors[:, keep] / np.sqrt(values[keep])).T / raw
+
+    def score(self, load: Array) -> Array:
+        """Return the columns' score with the globals fitted again. Shape (w,) or (w, draws)."""
+        at = self._globals
+        return np.asarray(load[at:] - self._cross @ _solved(self._inner, load[:at]))
+
+    def gain(self, load: Array) -> Array:
+        """Return the fall of the squares, for each draw."""
+        return np.asarray(np.sum((self._white @ self.score(load)) ** 2, axis=0))
+
+
+class ShotProjection:
+    """What a shot's own coefficients explain, everything shared kept, for any scores.
+
+    Parameters
+    ----------
+    shot : ShotEvidence
+        The shot.
+    at : list of int
+        Its columns.
+    """
+
+    def __init__(self, shot: ShotEvidence, at: list[int]) -> None:
+        inner = shot.matrix[np.ix_(at, at)]
+        scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+        values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
+        keep = values > SHOT_RANK_TOLERANCE
+        self.rank = int(keep.sum())
+        self._white = (vectors[:, keep] / np.sqrt(values[keep])).T / scale
+
+    def gain(self, score: Array) -> Array:
+        """Return the fall of the squares, for each draw."""
+        return np.asarray(np.sum((self._white @ score) ** 2, axis=0))
 
 
 def _heldout_gain(folds: list[list[int]], system: System) -> float:

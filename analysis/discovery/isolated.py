@@ -186,8 +186,8 @@ def tried_alone(apart: Isolated, ground: Ground, progress: Progress, *, first: b
     already = ground.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not _is_noise(apart.problem, refits[0].fitted):
-        near = reformed(apart.problem, apart.fitted, refits[0], CRITERIA.comparison.price_of_number)
-        refits[0] = widened(apart.problem, apart.fitted, near, CRITERIA.comparison.price_of_number)
+        near = reformed(apart.problem, apart.fitted, refits[0])
+        refits[0] = widened(apart.problem, apart.fitted, near)
     found = []
     for one in refits:
         if one.on_all_shots and one.effect.slot not in SLOTS:

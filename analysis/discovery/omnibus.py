@@ -6,11 +6,11 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-import numpy as np
 from scipy.stats import norm
 
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained
+from analysis.discovery.family_wise import family_wise
 from analysis.discovery.slow_wander import p_of_wander
 
 WANDER = ("baseline", "shot")
@@ -75,7 +75,8 @@ class Omnibus:
     Attributes
     ----------
     p_value : float
-        Of the strongest family, corrected for having asked them all.
+        Of the strongest family, corrected for having asked them all: uniform where there is only
+        noise, at least the chance of it where there is structure.
     answers : dict
         What each family explains.
     surplus : float
@@ -114,7 +115,12 @@ def ask(evidence: Evidence) -> Omnibus:
     Returns
     -------
     Omnibus
-        p-value corrected by Bonferroni.
+        Its p-value.
+
+    Notes
+    -----
+    Bonferroni's correction is an upper bound. Where it calls a residual structured already, it
+    stands; else the chance is asked of noise that is drawn.
     """
     answers = {part: evidence.explain(*part, heldout=False) for part in ASKED}
     wander = answers[WANDER]
@@ -122,8 +128,11 @@ def ask(evidence: Evidence) -> Omnibus:
         p = max(wander.p_value, p_of_wander(evidence))
         answers[WANDER] = dataclasses.replace(wander, p_value=p)
     surplus, p_of_surplus = _surplus(evidence)
-    p = min(p_of_surplus, *(a.p_value for a in answers.values())) * len(answers)
-    return Omnibus(float(np.minimum(p, 1.0)), answers, surplus)
+    least = min(a.p_value for a in answers.values())
+    p = min(p_of_surplus, least) * len(answers)
+    if not p < CRITERIA.structure.false_alarm_rate:
+        p = family_wise(least, evidence, ASKED)
+    return Omnibus(p, answers, surplus)
 
 
 def _surplus(evidence: Evidence) -> tuple[float, float]:

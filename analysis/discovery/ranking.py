@@ -211,12 +211,12 @@ def _short(entries: dict[str, list[Start]]) -> list[str]:
 
 def rank(found: Refit) -> tuple[bool, bool, float]:
     """Return what puts refits in order: physical ones first, then those fitted to all shots."""
-    return not found.on_all_shots, found.at_bound, -found.score(CRITERIA.comparison.price_of_number)
+    return not found.on_all_shots, found.at_bound, -found.score()
 
 
 def _merit(found: Refit, factor: float) -> float:
     """Return the score that all shots would give; what left its range loses half of it."""
-    score = found.score(CRITERIA.comparison.price_of_number, factor)
+    score = found.score(factor)
     weight = CRITERIA.search.out_of_range_weight
     return weight * score if found.at_bound and score > 0 else score
 

@@ -36,7 +36,7 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
         return "not fitted to the end: its search was far behind the others when they were taken on"
     if refit.at_bound:
         return _not_physical(refit)
-    if refit.score(CRITERIA.comparison.price_of_number) < CRITERIA.comparison.least_lead:
+    if refit.score() < CRITERIA.comparison.least_lead:
         return (
             f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its "
             f"{'number costs' if refit.parameters == 1 else f'{refit.parameters} numbers cost'} "

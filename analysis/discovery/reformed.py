@@ -28,7 +28,7 @@ FINER = 3
 """Starts between each two of a threshold's own."""
 
 
-def reformed(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: float) -> Refit:
+def reformed(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     """Return an effect's refit in the form that explains most.
 
     Parameters
@@ -37,8 +37,6 @@ def reformed(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: f
         The model without the effect.
     found : Refit
         On the same shots.
-    penalty : float
-        Price of a number in whitened squares.
 
     Returns
     -------
@@ -56,7 +54,7 @@ def reformed(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: f
             continue
         if other_place and form.basis is None and form.parameters:
             other = _in_form(_owned(form, found.effect), problem, base, found)
-            if not other.at_bound and other.score(penalty) > best.score(penalty):
+            if not other.at_bound and other.score() > best.score():
                 best = other
     return best
 

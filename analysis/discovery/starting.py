@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from analysis.discovery.candidates import (
     KNOWN_BEFORE,
     extended,
-    price,
+    price_of_scatter,
 )
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence
@@ -90,9 +90,8 @@ def starts(
             seen = evidence.explain(proposal.key, scope, heldout=False)
             sizes = {_owner(label): value for label, value in seen.coefficients.items()}
             own = seen.dof if scope == "shot" else 0
-            promised = seen.gain - price(
-                seen.dof - own, own, seen.gain, CRITERIA.comparison.price_of_number
-            )
+            paid = CRITERIA.comparison.price_of_number * (seen.dof - own)
+            promised = seen.gain - paid - price_of_scatter(own, seen.gain)
             found.setdefault(proposal.owner, []).append(Start(proposal, scope, sizes, promised))
     for some in found.values():
         some.sort(key=lambda s: -s.promised)

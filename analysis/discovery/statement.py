@@ -285,7 +285,8 @@ def _remaining(diagnosis: Diagnosis, step: Step) -> Json:
 def _p_value(diagnosis: Diagnosis, step: Step) -> float:
     """Return the chance of what is seen if there were only noise."""
     seen = diagnosis.background
-    return min(step.omnibus.p_value, 1.0 if seen is None else seen.p_value)
+    # what is not clear was asked in order to excuse structure, not to find some
+    return min(step.omnibus.p_value, seen.p_value if seen is not None and seen.clear else 1.0)
 
 
 def _explained(found: Explained, *, brief: bool = False) -> Json:

@@ -112,22 +112,16 @@ class Trail:
     @property
     def score(self) -> float:
         """Return the whitened squares left, numbers paid for."""
-        paid = sum(r.gain - r.score(CRITERIA.comparison.price_of_number) for r in self.chosen)
+        paid = sum(r.gain - r.score() for r in self.chosen)
         return self.last.fitted.cost + paid
 
     def on(self, found: Refit) -> Trail:
         """Return the trail one effect further, its numbers owned by whom the data ask for."""
         step = look(found.problem, found.fitted)
         if step.omnibus.structured:
-            wide = reformed(
-                self.last.problem, self.last.fitted, found, CRITERIA.comparison.price_of_number
-            )
-            wide = widened(
-                self.last.problem, self.last.fitted, wide, CRITERIA.comparison.price_of_number
-            )
-            lead = wide.score(CRITERIA.comparison.price_of_number) - found.score(
-                CRITERIA.comparison.price_of_number
-            )
+            wide = reformed(self.last.problem, self.last.fitted, found)
+            wide = widened(self.last.problem, self.last.fitted, wide)
+            lead = wide.score() - found.score()
             if lead > 0.0:
                 wider = look(wide.problem, wide.fitted)
                 # where the same effect ends in noise it needs no lead
@@ -180,12 +174,7 @@ def _ends_in_noise(found: Refit) -> bool:
 
 def useful(step: Step) -> list[Refit]:
     """Return the refits of a step that may be taken, best first."""
-    return [
-        r
-        for r in step.refits
-        if r.usable
-        and r.score(CRITERIA.comparison.price_of_number) >= CRITERIA.comparison.least_lead
-    ]
+    return [r for r in step.refits if r.usable and r.score() >= CRITERIA.comparison.least_lead]
 
 
 def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:

@@ -20,7 +20,7 @@ from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 
 
-def widened(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: float) -> Refit:
+def widened(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     """Return an effect's refit with the owner of its size that explains most, numbers paid for.
 
     Parameters
@@ -29,8 +29,6 @@ def widened(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: fl
         The model without the effect.
     found : Refit
         On all shots.
-    penalty : float
-        Price of a number in whitened squares.
 
     Returns
     -------
@@ -42,7 +40,7 @@ def widened(problem: JointProblem, base: joint.Fitted, found: Refit, penalty: fl
         other = _owned_by(effect, scope, problem, base, found)
         if other.own and not found.own:
             other = dataclasses.replace(other, common=found.gain)
-        if not other.at_bound and other.score(penalty) > best.score(penalty):
+        if not other.at_bound and other.score() > best.score():
             best = other
     return best
 

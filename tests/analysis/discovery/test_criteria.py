@@ -25,7 +25,7 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "columns.TEMPLATE_FINE_UNTIL": "the knots of a basis",
     "description.0.05": "where a phase of a record begins",
     "description.RING_ENDS": "where a phase of a record ends",
-    "evidence.1e-06": "rounding: the rank of a matrix",
+    "evidence.SHOT_RANK_TOLERANCE": "rounding: the rank of a matrix",
     "evidence.RANK_TOLERANCE": "rounding: the rank of a matrix",
     "late_blow.0.5": "where a basis has enough samples to be looked for",
     "noise_words.1000.0": "how a frequency is written",

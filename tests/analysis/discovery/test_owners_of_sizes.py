@@ -7,12 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from analysis.discovery.candidates import price
+from analysis.discovery.candidates import price_of_scatter
+from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.diagnosis import diagnose_campaign
 
 from .conftest import small_campaign
-
-PENALTY = 12.0
 
 
 @pytest.mark.slow
@@ -36,7 +35,8 @@ def test_a_mode_hit_elsewhere_each_time_belongs_to_the_shots(tmp_path: Path) -> 
 
 def test_sizes_of_one_scatter_cost_what_they_could_have_been() -> None:
     """Their evidence falls with the logarithm of what they take up."""
-    assert price(2, 0, 500.0, PENALTY) == 2 * PENALTY
-    assert price(2, 50, 500.0, PENALTY) == pytest.approx(3 * PENALTY + 50 * (1 + math.log(10.0)))
+    width = CRITERIA.comparison.price_of_number
+    assert price_of_scatter(0, 500.0) == 0.0
+    assert price_of_scatter(50, 500.0) == pytest.approx(width + 50 * (1 + math.log(10.0)))
     # chance alone takes up one square a number, and must not pay
-    assert 54.0 - price(0, 54, 54.0, PENALTY) < 0.0
+    assert 54.0 - price_of_scatter(54, 54.0) < 0.0

@@ -7,7 +7,6 @@ import math
 import pytest
 
 from analysis.discovery.candidates import Refit, extended
-from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.reformed import reformed
 from analysis.discovery.trail import look
 from analysis.effects.library import effect_named
@@ -38,7 +37,7 @@ def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
     astray = joint.fit(larger, settle(larger, theta, nuisances), theta=theta)
     gain = base.cost - astray.cost
     found = Refit(effect, "recontact", "rig", larger, astray, gain, 2, False, gain)
-    best = reformed(problem, base, found, CRITERIA.comparison.price_of_number)
+    best = reformed(problem, base, found)
     at = next(j for j, n in enumerate(best.problem.names) if n.endswith("speed_ratio"))
     assert math.exp(best.fitted.theta[at]) == pytest.approx(SPEED_RATIO, rel=0.02)
     assert best.fitted.cost < astray.cost - 100.0
