@@ -115,7 +115,7 @@ def _p_values(evidence: Evidence, scores: list[Array], part: Part) -> Array:
             dof += own.rank
     else:
         system = evidence.system([part])
-        load = sum(c.T @ s for c, s in zip(system.chains, scores, strict=True))
+        load = np.sum([c.T @ s for c, s in zip(system.chains, scores, strict=True)], axis=0)
         # the globals' own load is what fitting them has brought to nothing, priors included
         load[: system.globals_] = 0.0
         found = Projection(system.whole, system.globals_)
