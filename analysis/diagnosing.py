@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.discovery.diagnosis import diagnose_campaign
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.statement import diagnosis_json
+from analysis.discovery.time_budget import TimeBudget
 
 Json = dict[str, Any]
 
@@ -18,7 +19,8 @@ def diagnose(
     base: str = DEFAULT_BASE,
     *,
     software: str = "analysis",
-    progress: Callable[[str, float], None] | None = None,
+    progress: Progress | None = None,
+    budget: TimeBudget | None = None,
 ) -> Json:
     """Close the loop on a campaign.
 
@@ -31,7 +33,9 @@ def diagnose(
     software : str, optional
         Who asks, with version; stands in the document.
     progress : callable, optional
-        Told what is being done and a share between 0 and 1.
+        Told what is being done, the step of METHOD.md before it, and a share between 0 and 1.
+    budget : TimeBudget, optional
+        How long it may search: then the best verdict so far, and ``ended_early`` says so.
 
     Returns
     -------
@@ -43,9 +47,10 @@ def diagnose(
     AnalysisError
         If no shot can be used at all.
     """
-    found = diagnose_campaign(campaign, base, progress=progress)
-    if progress is not None:
-        progress("writing down what was found", 0.99)
+    found = diagnose_campaign(campaign, base, progress=progress, budget=budget)
+    found.watch(
+        MethodStep.HELD_OUT.told("every candidate on shots left out, and the document"), 0.99
+    )
     document = diagnosis_json(found, software=software)
     # what "_V" stands for where another instrument recorded something else
     document["campaign"]["quantities"] = sorted({shot.quantity for shot in campaign.shots})

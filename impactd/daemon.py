@@ -197,7 +197,9 @@ class Daemon:
         check_model(model)
         return request_fit(self.archive, shots, model, key=key)
 
-    def request_diagnosis(self, shots: list[int], base: str, *, key: str | None) -> Job:
+    def request_diagnosis(
+        self, shots: list[int], base: str, *, budget_s: float | None, key: str | None
+    ) -> Job:
         """Ask the worker what a model misses on these shots.
 
         Parameters
@@ -206,6 +208,8 @@ class Daemon:
             Numbers.
         base : str
             Model to start from.
+        budget_s : float or None
+            How long it may search once it runs. [s]
         key : str or None
             The client's idempotency key.
 
@@ -219,7 +223,7 @@ class Daemon:
         NotFoundError
             If a shot is not there.
         """
-        return request_diagnosis(self.archive, shots, base, key=key)
+        return request_diagnosis(self.archive, shots, base, budget_s=budget_s, key=key)
 
     def moduli(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None

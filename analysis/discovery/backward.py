@@ -170,8 +170,19 @@ def _is_effect(name: str, model: ImpactModel) -> bool:
     return any(name.startswith(f"{e.id}.") for e in model.effects)
 
 
-def _behind(taken: Refit, other: Refit) -> float:
-    """Return by how many squares another effect falls short, in gain or with its numbers paid."""
+def behind(taken: Refit, other: Refit) -> float:
+    """Return by how many squares another effect falls short, in gain or with its numbers paid.
+
+    Parameters
+    ----------
+    taken, other : Refit
+        On top of the same model.
+
+    Returns
+    -------
+    float
+        The lesser of the two; infinite where it was not fitted to all shots. [1]
+    """
     if other.owner == taken.owner or not other.on_all_shots:
         return math.inf
     return min(
@@ -191,10 +202,10 @@ def _rivals(trail: Trail) -> dict[str, list[Refit]]:
     near = []
     for at, one in enumerate(step.refits):
         within = CRITERIA.stepwise.confusable_within
-        if _behind(taken, one) < CRITERIA.stepwise.unfinished_within and not one.fitted.converged:
+        if behind(taken, one) < CRITERIA.stepwise.unfinished_within and not one.fitted.converged:
             step.refits[at] = further = continued(step.fitted, one)
             if not further.fitted.converged:
                 within += CRITERIA.stepwise.unfinished_growth * (further.gain - one.gain)
-        if not step.refits[at].at_bound and _behind(taken, step.refits[at]) < within:
+        if not step.refits[at].at_bound and behind(taken, step.refits[at]) < within:
             near.append(step.refits[at])
     return {taken.owner: near} if near else {}

@@ -10,8 +10,10 @@ import numpy as np
 from analysis.discovery.closure import Learned, learn, learn_force, on_top
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.slots import Part, worth
-from analysis.discovery.trail import Progress, Step
+from analysis.discovery.time_budget import BudgetSpentError
+from analysis.discovery.trail import Step
 
 FORCES = ("elastic", "rate")
 FORCED = ("contact", "loss")
@@ -77,10 +79,23 @@ def best_closure(
     -------
     Learned or None
         One closure, or a few together where they are needed; None where none repairs held-out
-        shots, as where speeds only contradict their heights.
+        shots, as where speeds only contradict their heights. Where the time is over the best of
+        those learned by then.
     """
-    level = _noise(evidence)
     lessons = _Lessons(step, evidence)
+    try:
+        return _best(lessons, answers, before, progress)
+    except BudgetSpentError:
+        known = [one for learned in lessons.known.values() for one in learned]
+        best = min(known, key=_error, default=None)
+        return best if best is not None and _repairs(best, before) else None
+
+
+def _best(
+    lessons: _Lessons, answers: dict[Part, Explained], before: float | None, progress: Progress
+) -> Learned | None:
+    """Return the closure that repairs held-out shots best, of as many as it takes."""
+    level = _noise(lessons.evidence)
     much = before is not None and before > CRITERIA.closure.much_left_ratio * level
     found = _peculiar(lessons, level, progress) if much else []
     if found and _error(found[-1]) < CRITERIA.closure.nothing_left_ratio * level:
@@ -89,7 +104,7 @@ def best_closure(
     coarse: dict[Part, Part] = {}
     spare: list[Part] = []
     for place, part in enumerate(wanted):
-        progress(f"learning a closure: {part[0]} by {part[1]}", 0.7 * place / len(wanted))
+        progress(_closure_told(part), 0.7 * place / len(wanted))
         if {family for family, _ in coarse} & set(REFINED.get(part[0], ())):
             spare.append(part)  # its finer form is known already
             continue
@@ -100,7 +115,7 @@ def best_closure(
                 return one if _repairs(one, before) else None
     for part in LAST:
         if min(map(_error, found), default=0.0) >= CRITERIA.closure.much_left_ratio * level:
-            progress(f"learning a closure: {part[0]} by {part[1]}", 0.7)
+            progress(_closure_told(part), 0.7)
             found += lessons.alone(part)
     found = list({one.parts: one for one in found}.values())
     found.sort(key=_error)
@@ -111,7 +126,7 @@ def best_closure(
     for place, part in enumerate(dict.fromkeys([*seconds, *spare, ("outline", "pair")])):
         if part in best.parts or _error(best) < CRITERIA.closure.nothing_left_ratio * level:
             continue
-        progress(f"learning {part[0]} by {part[1]} beside it", 0.7 + 0.1 * place)
+        progress(f"{_closure_told(part)} beside it", 0.7 + 0.1 * place)
         # beside another one the coarse form of many numbers may hold better on other shots
         forms = dict.fromkeys([part, coarse.get(part, part)])
         tried = [lessons.beside(best, form) for form in forms]
@@ -121,11 +136,15 @@ def best_closure(
     return best
 
 
+def _closure_told(part: Part) -> str:
+    return MethodStep.VERDICT.told(f"learning a closure: {part[0]} by {part[1]}")
+
+
 def _peculiar(lessons: _Lessons, level: float, progress: Progress) -> list[Learned]:
     """Return the peculiar closures up to the first that leaves nothing."""
     found: list[Learned] = []
     for part in PECULIAR:
-        progress(f"learning a closure: {part[0]} by {part[1]}", 0.0)
+        progress(_closure_told(part), 0.0)
         for one in lessons.alone(part):
             found.append(one)
             if _error(one) < CRITERIA.closure.nothing_left_ratio * level:
@@ -189,14 +208,14 @@ class _Lessons:
 
     step: Step
     evidence: Evidence
-    _alone: dict[Part, list[Learned]] = field(default_factory=dict)
+    known: dict[Part, list[Learned]] = field(default_factory=dict)
 
     def alone(self, part: Part) -> list[Learned]:
         """Return a closure learned on the present model; none where it makes nothing better."""
-        if part not in self._alone:
+        if part not in self.known:
             one = self._tried(None, part)
-            self._alone[part] = [] if one is None else [one]
-        return self._alone[part]
+            self.known[part] = [] if one is None else [one]
+        return self.known[part]
 
     def beside(self, best: Learned, part: Part) -> Learned | None:
         """Return a closure learned together with one that is known already."""

@@ -201,6 +201,7 @@ def block(problem: JointProblem, form: Form, point: Point, row: int, place: int)
     Block or None
         None where there is no trace.
     """
+    problem.checkpoint()
     model, item = problem.model, problem.shots[row]
     values, chain = problem.shared_local(item, point.theta)
     local = np.concatenate([values, point.nuisances[row]])

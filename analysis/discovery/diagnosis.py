@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.discovery.background import Background, background
-from analysis.discovery.backward import (
-    each_held_against_others,
-    held_against_unfinished,
-    without_needless,
-)
+from analysis.discovery.backward import each_held_against_others
 from analysis.discovery.candidates import Refit
 from analysis.discovery.criteria import CRITERIA
+from analysis.discovery.early_end import not_held_against, searched
 from analysis.discovery.localise import Located, locate
 from analysis.discovery.marginal_likelihood import Price
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.next_drop import NextDrop, propose
 from analysis.discovery.starting import usual_place
-from analysis.discovery.trail import Step, Trail, follow, look
+from analysis.discovery.time_budget import BudgetSpentError, TimeBudget, Watch
+from analysis.discovery.trail import Step, Trail, look
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -42,8 +41,6 @@ SLOT = "electronics"
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
-Progress = Callable[[str, float], None]
-
 
 @dataclass(frozen=True)
 class Diagnosis:
@@ -59,6 +56,8 @@ class Diagnosis:
         The effects that were added, in order.
     rivals : dict
         For each effect of the trail that has some, the refits that the data cannot tell from it.
+    open_names : dict
+        For each effect that has some, the names it was not held against, as the time was over.
     slot : str or None
         Where the discrepancy lives.
     located : Located or None
@@ -67,16 +66,25 @@ class Diagnosis:
         The drop that would tell the likeliest names apart.
     background : Background or None
         What is on the line all the time; None where nobody looked.
+    watch : Watch
+        Knows whether the search ended early.
     """
 
     verdict: str
     steps: list[Step]
     chosen: list[Refit]
     rivals: dict[str, list[Refit]] = field(default_factory=dict)
+    open_names: dict[str, list[str]] = field(default_factory=dict)
     slot: str | None = None
     located: Located | None = None
     next_drop: NextDrop | None = None
     background: Background | None = None
+    watch: Watch = field(default_factory=Watch)
+
+    @property
+    def search_ended(self) -> bool:
+        """Whether the search for names came to its end."""
+        return self.watch.ended is None or self.watch.ended.verdict_stands
 
     @property
     def disturbed(self) -> bool:
@@ -86,11 +94,17 @@ class Diagnosis:
     @property
     def confusable(self) -> list[str]:
         """Return ids that the data cannot tell from those that were named."""
-        return sorted({r.owner for found in self.rivals.values() for r in found})
+        return sorted({name for owner in self.owners for name in self.confusable_with(owner)})
 
+    @property
+    def owners(self) -> list[str]:
+        """Return the ids of the effects that were named."""
+        return [taken.owner for taken in self.chosen]
 
-def _quiet(stage: str, share: float) -> None:
-    del stage, share
+    def confusable_with(self, owner: str) -> list[str]:
+        """Return ids that the data cannot tell from a named one, or that nobody compared."""
+        near = [r.owner for r in self.rivals.get(owner, [])]
+        return [*near, *(o for o in self.open_names.get(owner, []) if o not in near)]
 
 
 def _without_restitution(campaign: Campaign) -> Campaign:
@@ -100,7 +114,11 @@ def _without_restitution(campaign: Campaign) -> Campaign:
 
 
 def diagnose_campaign(
-    campaign: Campaign, base: str = DEFAULT_BASE, *, progress: Progress | None = None
+    campaign: Campaign,
+    base: str = DEFAULT_BASE,
+    *,
+    progress: Progress | None = None,
+    budget: TimeBudget | None = None,
 ) -> Diagnosis:
     """Close the loop on a campaign.
 
@@ -112,26 +130,31 @@ def diagnose_campaign(
         Model to start from.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
+    budget : TimeBudget, optional
+        How long it may search. The base fit is made in any case.
 
     Returns
     -------
     Diagnosis
         Always with a verdict.
     """
-    told = progress or _quiet
-    model = dataclasses.replace(model_named(base), step_share=STEP_SHARE)
-    problem = build(_without_restitution(campaign), model)
-    told("fitting the base model", 0.0)
-    nuisances = prepare(problem)
-    usual = usual_place(problem, nuisances)
-    trail = Trail([look(problem, joint.fit(problem, nuisances))], [])
-    if model.kind == solver.HSD and not trail.adequate:
-        told("trying crystal_dynamics", 0.1)
-        crystal, usual = _crystal(campaign, trail.last)
-        trail.last.refits = [crystal]
-        if crystal.usable and crystal.score() > CRITERIA.comparison.least_lead:
-            trail = trail.on(crystal)
-    seen = background(problem.shots)
+    told = Watch(progress, budget)
+    found = dataclasses.replace(_found(campaign, base, told), watch=told)
+    told.judged = True
+    told(MethodStep.NEXT_DROP.told("which would tell most?"), 0.98)
+    with contextlib.suppress(BudgetSpentError):
+        found = dataclasses.replace(found, next_drop=_next_drop(found))
+    return found
+
+
+def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
+    """Return the verdict, and what it rests on."""
+    trail, usual = _base(campaign, base, told)
+    if trail.last.problem.model.kind == solver.HSD and not trail.adequate:
+        told(MethodStep.CANDIDATES.told("trying crystal_dynamics"), 0.1)
+        with contextlib.suppress(BudgetSpentError):
+            trail, usual = _crystal(campaign, trail, usual, told)
+    seen = background(trail.last.problem.shots)
     if _is_all(seen, trail.last):
         trail.last.refused = dict.fromkeys(library(), "what is on the line anyway may look like it")
         verdict = "partial" if trail.chosen else "unknown"
@@ -140,10 +163,23 @@ def diagnose_campaign(
         # noise is left, but by a model that nothing real can be: the data cannot show it
         return Diagnosis("not_identifiable", trail.steps, trail.chosen, background=seen)
     if not trail.adequate:
-        trail = held_against_unfinished(without_needless(follow(trail, usual, told)))
-    found = _beside(seen, _judge(trail, told))
-    told("looking for the drop that would tell most", 0.98)
-    return dataclasses.replace(found, next_drop=_next_drop(found))
+        trail = searched(trail, usual, told)
+    return _beside(seen, _judge(trail, told))
+
+
+def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Trail, joint.Fitted]:
+    """Return the base model fitted to all shots, and where it would be without a record.
+
+    What is fitted on top of it ends when the time is over; it does not.
+    """
+    model = dataclasses.replace(model_named(base), step_share=STEP_SHARE)
+    told(MethodStep.NOISE.told("from the stretches before the trigger"), 0.0)
+    problem = build(_without_restitution(campaign), model)
+    told(MethodStep.BASE_FIT.told(f"{base} on all shots"), 0.0)
+    nuisances = prepare(problem)
+    fitted = joint.fit(problem, nuisances)
+    told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
+    return Trail([look(told.over(problem), fitted)], []), usual_place(problem, nuisances)
 
 
 def _is_all(seen: Background, step: Step) -> bool:
@@ -176,11 +212,13 @@ def _next_drop(found: Diagnosis) -> NextDrop | None:
     return None
 
 
-def _crystal(campaign: Campaign, step: Step) -> tuple[Refit, joint.Fitted]:
-    """Return the model in which the cell is no longer rigid."""
-    effect = effect_named("crystal_dynamics")
+def _crystal(
+    campaign: Campaign, trail: Trail, usual: joint.Fitted, told: Watch
+) -> tuple[Trail, joint.Fitted]:
+    """Return the trail with the cell no longer rigid, and its usual place, where that helps."""
+    effect, step = effect_named("crystal_dynamics"), trail.last
     model = dataclasses.replace(model_named(effect.replaces_base), step_share=STEP_SHARE)
-    problem = build(_without_restitution(campaign), model)
+    problem = told.over(build(_without_restitution(campaign), model))
     nuisances = prepare(problem)
     fitted = joint.fit(problem, nuisances)
     count = len(problem.names) - len(step.problem.names)
@@ -188,36 +226,53 @@ def _crystal(campaign: Campaign, step: Step) -> tuple[Refit, joint.Fitted]:
     bad = not fitted.blocks or bool(out_of_range(problem, fitted))
     price = Price(CRITERIA.comparison.price_of_number * count)
     found = Refit(effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price)
-    return found, usual_place(problem, nuisances)
+    step.refits = [found]
+    if found.usable and found.score() > CRITERIA.comparison.least_lead:
+        trail = trail.on(found)
+    return trail, usual_place(problem, nuisances)
 
 
-def _judge(trail: Trail, progress: Progress) -> Diagnosis:
+def _judge(trail: Trail, progress: Watch) -> Diagnosis:
     """Return the verdict that a trail allows.
 
     A chain of effects earns its names only if it ends in noise. Where it does not, what was piled
-    on top of the first effect is taken off again: it only mimicked what is missing.
+    on top of the first effect is taken off again: it only mimicked what is missing. A name that was
+    not held against all others, as the time was over, is one of a family.
     """
     steps, chosen = trail.steps, trail.chosen
     if trail.adequate and not chosen:
         return Diagnosis("adequate", steps, [])
     if chosen and trail.adequate:
-        progress("holding every name against others", 0.95)
-        trail, near = each_held_against_others(trail)
-        verdict = "family" if near else "identified"
-        return Diagnosis(verdict, trail.steps, trail.chosen, near, trail.chosen[0].effect.slot)
+        progress(MethodStep.ON_TOP.told("holding every name against others"), 0.95)
+        near: dict[str, list[Refit]] = {}
+        with contextlib.suppress(BudgetSpentError):
+            trail, near = each_held_against_others(trail)
+        unheld = {} if progress.ended is None else not_held_against(trail)
+        verdict = "family" if near or unheld else "identified"
+        slot = trail.chosen[0].effect.slot
+        return Diagnosis(verdict, trail.steps, trail.chosen, near, unheld, slot)
     crystal = [c for c in chosen if c.effect.replaces_base]
     rest = chosen[len(crystal) :]
     standing = _standing(steps[len(crystal) :], rest)
     if standing:
         kept = len(crystal) + standing
-        located = locate(steps[kept], progress)
+        located = _located(steps[kept], progress)
         slot = rest[0].effect.slot
-        return Diagnosis("partial", steps[: kept + 1], chosen[:kept], {}, slot, located)
-    located = locate(steps[len(crystal)], progress)
+        return Diagnosis("partial", steps[: kept + 1], chosen[:kept], slot=slot, located=located)
+    located = _located(steps[len(crystal)], progress)
     if crystal:
-        slot = crystal[0].effect.slot
-        return Diagnosis("partial", steps[: len(crystal) + 1], crystal, {}, slot, located)
-    return Diagnosis("unknown", steps[:1], [], {}, located.slot, located)
+        slot, known = crystal[0].effect.slot, steps[: len(crystal) + 1]
+        return Diagnosis("partial", known, crystal, slot=slot, located=located)
+    where = None if located is None else located.slot
+    return Diagnosis("unknown", steps[:1], [], slot=where, located=located)
+
+
+def _located(step: Step, progress: Watch) -> Located | None:
+    """Return where a residual lives, None where the time is over before any slot was asked."""
+    try:
+        return locate(step, progress)
+    except BudgetSpentError:
+        return None
 
 
 def _standing(steps: list[Step], chosen: list[Refit]) -> int:
@@ -227,8 +282,8 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
     together mimic a third thing take up much as well, so more is asked of more than one.
     """
     for count in range(len(chosen), 0, -1):
-        if steps[count].impossible:
-            continue
+        if steps[count].impossible or any(step.unfinished for step in steps[:count]):
+            continue  # far ahead of all others is only what was compared with all
         left = steps[count].omnibus.left
         looks_like = steps[count].omnibus.strongest.family
         explained = steps[0].fitted.cost - steps[count].fitted.cost

@@ -15,8 +15,8 @@ from analysis.discovery.candidates import KNOWN_BEFORE, Refit, extended, refitte
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.isolated import apart_from, tried_alone
 from analysis.discovery.left_out import LeftOut, excess
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.parts import Ground
-from analysis.discovery.ranking import Progress
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
@@ -53,7 +53,7 @@ def divided(
     whole = excess(ground.problem, ground.fitted)
     simpler = [w for w in without if w.left < CRITERIA.grouping.simpler_share * w.share * whole]
     for rest in sorted(simpler, key=lambda w: w.left / w.share)[:MATERIALS_TRIED]:
-        progress(f"searching without {rest.only[1]}", 0.5)
+        progress(MethodStep.ON_TOP.told(f"searching without {rest.only[1]}"), 0.5)
         usual = _usual_of(ground, rest)
         first = alone(rest.problem, rest.fitted, usual, progress)
         if first is None:

@@ -467,6 +467,7 @@ def _shot_evidence(
     tried: Sequence[Proposal],
     wanted: Sequence[str],
 ) -> ShotEvidence:
+    problem.checkpoint()
     model = problem.model
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])

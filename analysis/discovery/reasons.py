@@ -118,7 +118,7 @@ def not_refitted(step: Step, owner: str) -> str:
         for scope in scopes_of(effect_named(key.partition("@")[0]))
     ]
     if not seen:
-        return "not tried"
+        return "not tried: the time was over before" if step.unfinished else "not tried"
     best = max(seen, key=lambda e: e.gain)
     share = best.gain / max(step.evidence.chi2, 1e-300)
     return (

@@ -84,6 +84,7 @@ def starts(
     """
     found: dict[str, list[Start]] = {}
     for proposal in tried:
+        evidence.problem.checkpoint()
         for scope in scopes_of(proposal.effect):
             if alone and scope in ("surface", "sphere"):
                 continue

@@ -54,18 +54,24 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     stated = _block(honest[1])
     accepted = diagnosis.chosen and not honest[1].out_of_range
     located = diagnosis.located
-    if diagnosis.verdict == "unknown" and located is not None:
+    if diagnosis.verdict == "unknown" and (located or not diagnosis.search_ended):
         stated = with_closure(honest[1], located)
     next_drop = diagnosis.next_drop
+    # these look at held-out shots, where the time allows: only then is it known whether it did
+    candidates = _candidates(diagnosis, first)
+    turns = [_turn(diagnosis, step) for step in diagnosis.steps]
+    ended = diagnosis.watch.ended
+    said = [sentence(diagnosis, before, after), *_provisos(honest[1])]
     document: Json = {
         "format": FORMAT,
         "verdict": diagnosis.verdict,
-        "sentence": " ".join([sentence(diagnosis, before, after), *_provisos(honest[1])]),
+        "sentence": " ".join(said if ended is None else [*said, ended.sentence]),
+        "ended_early": None if ended is None else ended.to_json(),
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.background),
         "effects": [
-            _effect(refit, after, [r.owner for r in diagnosis.rivals.get(refit.owner, [])])
+            _effect(refit, after, diagnosis.confusable_with(refit.owner))
             for refit in diagnosis.chosen
         ],
         "slot": diagnosis.slot,
@@ -76,8 +82,8 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "accepted_model": definition_of(after.problem, after.fitted) if accepted else None,
         "remaining": _remaining(diagnosis, last),
         "closure": _closure(diagnosis, before),
-        "candidates": _candidates(diagnosis, first),
-        "trail": [_turn(diagnosis, step) for step in diagnosis.steps],
+        "candidates": candidates,
+        "trail": turns,
         "next_drop": next_drop.to_json() if next_drop is not None else None,
         "campaign": _campaign(before),
         "residual": {
@@ -127,15 +133,15 @@ def _block(result: FitResult) -> Json:
     }
 
 
-def with_closure(result: FitResult, located: Located) -> Json:
+def with_closure(result: FitResult, located: Located | None) -> Json:
     """Return the figures of a model with its learned closure.
 
     Parameters
     ----------
     result : FitResult
         The model without it.
-    located : Located
-        With the closure, where one could be learned.
+    located : Located or None
+        With the closure, where one could be learned; None where the time was over before.
 
     Returns
     -------
@@ -155,7 +161,7 @@ def with_closure(result: FitResult, located: Located) -> Json:
         for name, entry in block["moduli"].items()
     }
     block.update(parameters={}, pairs={}, budget=None)
-    learned = located.learned
+    learned = None if located is None else located.learned
     if learned is None or not learned.rms < result.rms:
         return block
     share = learned.rms / result.rms

@@ -7,7 +7,6 @@ the search gives up.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from analysis.discovery.candidates import Refit
@@ -21,11 +20,13 @@ from analysis.discovery.isolated import (
     tried_alone,
 )
 from analysis.discovery.left_out import LeftOut, left_out
+from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.omnibus import Omnibus, ask
 from analysis.discovery.parts import Ground
 from analysis.discovery.proposals import Proposal, proposals
 from analysis.discovery.ranking import one_form_each, rank, ranked
 from analysis.discovery.reformed import reformed
+from analysis.discovery.time_budget import BudgetSpentError, unwatched
 from analysis.discovery.widened import widened
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -35,8 +36,6 @@ MAX_EFFECTS = 3
 FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
 HUM = "mains_hum"
-
-Progress = Callable[[str, float], None]
 
 
 @dataclass
@@ -57,6 +56,8 @@ class Step:
         Why other effects could not be tried.
     without : list of LeftOut
         The same model without each material's shots, where that was asked.
+    unfinished : bool
+        The time was over before all that can be tried was compared.
     """
 
     problem: JointProblem
@@ -66,6 +67,7 @@ class Step:
     refits: list[Refit] = field(default_factory=list)
     refused: dict[str, str] = field(default_factory=dict)
     without: list[LeftOut] = field(default_factory=list)
+    unfinished: bool = False
 
     @property
     def impossible(self) -> bool:
@@ -142,30 +144,52 @@ def look(problem: JointProblem, fitted: joint.Fitted) -> Step:
     -------
     Step
         Nothing tried on top yet.
+
+    Notes
+    -----
+    Made to its end whatever the time: what was fitted is worth nothing without it.
     """
-    evidence = gather(problem, fitted)
+    evidence = gather(unwatched(problem), fitted)
     return Step(problem, fitted, evidence, ask(evidence))
 
 
 def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
-    """Fill in what library effects bring on top of a step."""
+    """Fill in what library effects bring on top of a step, as far as the time goes."""
+    found: list[Refit] = []
+    try:
+        _compare(step, usual, progress, found)
+    except BudgetSpentError:
+        step.unfinished = True
+        raise
+    finally:
+        step.refits += one_form_each(sorted(found, key=rank))
+
+
+def _compare(step: Step, usual: joint.Fitted, progress: Progress, found: list[Refit]) -> None:
+    """Fit library effects on top of a step, each into ``found`` once it is fitted to all shots."""
     tried: list[Proposal]
     tried, step.refused = proposals(step.problem)
     ground = Ground(step.problem, step.fitted, usual)
     first = not step.problem.model.effects
-    progress("asking whether one material makes the difference", 0.0)
+    at = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
+    progress(at.told("does one material make the difference?"), 0.0)
     step.without = left_out(ground)
-    found: list[Refit] = []
     for apart in isolated(ground, step.without):
-        found = sorted([*found, *tried_alone(apart, ground, progress, first=first)], key=rank)
+        found += tried_alone(apart, ground, progress, first=first)
+        found.sort(key=rank)
         tried = [p for p in tried if not can_be_one_materials(p.effect)]
         if found and explains_all(found[0], ground):
             tried = []
         if found and (not tried or _ends_in_noise(found[0])):
             break
-    if tried:
-        found += ranked(ground, tried, progress, first=first)
-    step.refits += one_form_each(sorted(found, key=rank))
+    if not tried:
+        return
+    whole: list[Refit] = []
+    try:
+        found += ranked(ground, tried, progress, first=first, whole=whole)
+    except BudgetSpentError:
+        found += whole
+        raise
 
 
 def _ends_in_noise(found: Refit) -> bool:
@@ -177,7 +201,9 @@ def useful(step: Step) -> list[Refit]:
     return [r for r in step.refits if r.usable and r.score() >= CRITERIA.comparison.least_lead]
 
 
-def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
+def follow(
+    start: Trail, usual: joint.Fitted, progress: Progress, reached: list[Trail] | None = None
+) -> Trail:
     """Search for effects on top of where a trail stands.
 
     Parameters
@@ -188,15 +214,20 @@ def follow(start: Trail, usual: joint.Fitted, progress: Progress) -> Trail:
         The base model at what was known before any record.
     progress : callable
         Told what is being done and a share between 0 and 1.
+    reached : list of Trail, optional
+        Filled with trails on the way: what is left where the time is over before the end.
 
     Returns
     -------
     Trail
         The first that ends in noise, fewest effects first; else the best that was found.
     """
+    found: list[Trail] = [] if reached is None else reached
     try_effects(start.last, usual, progress)
     firsts = useful(start.last)
-    found = [start.on(first) for first in firsts[:1]]
+    for first in firsts[:1]:
+        progress(MethodStep.COMPARE.told(f"forms and groupings of {first.owner}"), 0.9)
+        found.append(start.on(first))
     if found and (found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS):
         return found[0]
     apart = _divided(start, usual, progress)

@@ -49,8 +49,12 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
             )
         return f"Found: {names}; with it {fall}{ends}"
     if diagnosis.verdict == "family":
-        others = ", ".join(diagnosis.confusable)
-        return f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
+        if diagnosis.open_names:
+            said = f"Found: {names}; with it {fall} ({noise}), but {_not_compared(diagnosis)}."
+        else:
+            others = ", ".join(diagnosis.confusable)
+            said = f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
+        return said
     if diagnosis.verdict == "partial":
         ends = f", but structure remains ({noise})"
         if diagnosis.disturbed and not _structured(diagnosis):
@@ -61,10 +65,23 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     return "These data could not show whether the model is complete."
 
 
+def _not_compared(diagnosis: Diagnosis) -> str:
+    """Return which names were not held against what was found."""
+    said = "; ".join(
+        f"{owner} was not held against {', '.join(diagnosis.confusable_with(owner))}"
+        for owner in diagnosis.owners
+        if diagnosis.confusable_with(owner)
+    )
+    return f"the names are not certain: {said}"
+
+
 def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
-    if diagnosis.located is not None:
+    if diagnosis.located is not None or not diagnosis.search_ended:
+        what = (
+            "that no effect of the library explains" if diagnosis.search_ended else "without name"
+        )
         return (
-            f"The model {before.model} misses something that no effect of the library explains"
+            f"The model {before.model} misses something {what}"
             + _place(diagnosis)
             + _looks_like(diagnosis, before)
         )

@@ -153,6 +153,7 @@ def linearise_shot(
     ShotBlock or None
         None when the contact did not end, or its squares have no number.
     """
+    problem.checkpoint()
     stated, item = item, problem.item_at(item, theta)
     shared, chain = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])
@@ -280,6 +281,7 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
 
     So they are for a step so hopeless that its squares have no number.
     """
+    problem.checkpoint()
     item = problem.item_at(item, theta)
     shared, _ = problem.shared_local(item, theta)
     local = np.concatenate([shared, nuisance])

@@ -17,7 +17,7 @@ Global parameters (all logarithms):
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -62,12 +62,17 @@ __all__ = [
     "JointProblem",
     "Prior",
     "build",
+    "go_on",
     "modulus_prior",
     "sensor_transform",
 ]
 
 
 _LARGEST_LOG = 300.0
+
+
+def go_on() -> None:
+    """Let a fit go on: nobody waits for it."""
 
 
 @dataclass
@@ -94,6 +99,8 @@ class JointProblem:
         What had to be assumed, in words.
     inputs : tuple of Input
         Stated numbers that are globals too, the last ones; see ``analysis.fit.freed_inputs``.
+    checkpoint : callable
+        Called before every shot that is evaluated; what it raises ends the fit.
     """
 
     model: ImpactModel
@@ -107,6 +114,7 @@ class JointProblem:
     rejected: list[Rejected] = field(default_factory=list)
     assumptions: list[str] = field(default_factory=list)
     inputs: tuple[Input, ...] = ()
+    checkpoint: Callable[[], None] = go_on
 
     def is_thinkable(self, theta: NDArray[np.float64]) -> bool:
         """Tell whether the inputs among these globals stand for numbers at all."""

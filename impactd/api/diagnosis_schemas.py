@@ -23,6 +23,11 @@ class DiagnosisBody(Request):
     )
     shots: list[Annotated[int, Field(ge=1, le=LARGEST)]] = Field(min_length=1, max_length=500)
     base: Literal["kv2", "kv", "hsd"] = DEFAULT_BASE
+    budget_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
+        None,
+        description="How long it may search once it runs [s]; then the best verdict so far, and "
+        "`ended_early` in the result. Without it, to the end.",
+    )
 
 
 class NextDropBody(Request):

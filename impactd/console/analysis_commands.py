@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -35,6 +36,16 @@ class BaseModel(StrEnum):
 
 
 DEFAULT = BaseModel(DEFAULT_BASE)
+
+
+def _positive(seconds: float | None) -> float | None:
+    """Return seconds as given; anything but a positive number is wrong usage."""
+    if seconds is not None and not (math.isfinite(seconds) and seconds > 0):
+        raise typer.BadParameter(
+            f"{seconds:g} is no time to search in; give a positive number of seconds, or leave the "
+            "option out to search to the end."
+        )
+    return seconds
 
 
 def add_to(app: typer.Typer) -> None:
@@ -137,6 +148,16 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
         ),
     ] = None,
     base: Annotated[BaseModel, typer.Option("--base", help="Model to start from.")] = DEFAULT,
+    budget_s: Annotated[
+        float | None,
+        typer.Option(
+            "--budget",
+            metavar="SECONDS",
+            help="Search no longer than this: the best verdict so far, and the words that it is "
+            "one. The base fit is always made.",
+            callback=_positive,
+        ),
+    ] = None,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,
@@ -156,11 +177,22 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     if all(item.isdigit() for item in given):
         numbers = [int(item) for item in given]
         diagnoses.by_the_daemon(
-            numbers, base.value, json_out=json_out, csv_out=csv_out, report=report, url=url
+            numbers,
+            base.value,
+            budget_s=budget_s,
+            json_out=json_out,
+            csv_out=csv_out,
+            report=report,
+            url=url,
         )
     elif len(given) == 1:
         diagnoses.offline(
-            Path(given[0]), base.value, json_out=json_out, csv_out=csv_out, report=report
+            Path(given[0]),
+            base.value,
+            budget_s=budget_s,
+            json_out=json_out,
+            csv_out=csv_out,
+            report=report,
         )
     else:
         raise typer.BadParameter("give one campaign file, or only shot numbers")

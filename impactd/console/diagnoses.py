@@ -11,7 +11,7 @@ from typing import Any
 from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.fits import moduli_table
-from impactd.console.progress_bar import progress
+from impactd.console.progress_bar import progress, progress_by_step
 from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import measured, print_json, table
 from impactd.diagnosis.repair import is_repaired
@@ -25,6 +25,7 @@ def offline(
     path: Path,
     base: str,
     *,
+    budget_s: float | None,
     json_out: Path | None,
     csv_out: Path | None = None,
     report: Path | None,
@@ -36,7 +37,9 @@ def offline(
     path : Path
         ``campaign.json`` or its folder.
     base : str
-        ``kv`` or ``hsd``.
+        ``kv2``, ``kv`` or ``hsd``.
+    budget_s : float or None
+        How long it may search. [s]
     json_out : Path or None
         Where ``impactd-diagnosis/1`` goes; ``-`` prints it instead of the tables.
     csv_out : Path or None
@@ -48,7 +51,7 @@ def offline(
     from impactd.storage.campaign_folder import read_campaign
 
     campaign = read_campaign(path)
-    document = diagnose(campaign, base, progress=lambda what, share: progress(what, share=share))
+    document = diagnose(campaign, base, budget_s=budget_s, progress=progress_by_step())
     progress("", last=True)
     if report is not None:
         from impactd.diagnosis.report import write_report
@@ -63,6 +66,7 @@ def by_the_daemon(
     numbers: list[int],
     base: str,
     *,
+    budget_s: float | None,
     json_out: Path | None,
     csv_out: Path | None = None,
     report: Path | None,
@@ -75,7 +79,9 @@ def by_the_daemon(
     numbers : list of int
         Shots; none means all, the newest 500.
     base : str
-        ``kv`` or ``hsd``.
+        ``kv2``, ``kv`` or ``hsd``.
+    budget_s : float or None
+        How long it may search once it runs. [s]
     json_out : Path or None
         Where the result goes; ``-`` prints it.
     csv_out : Path or None
@@ -94,7 +100,10 @@ def by_the_daemon(
         shots = sorted(numbers) or _all_shots(client)
         if not shots:
             raise Failure("the archive has no shots yet; drop some, or name a campaign file.")
-        made = client.send("POST", "/v1/diagnoses", {"shots": shots, "base": base}, key=fresh_key())
+        body: dict[str, Any] = {"shots": shots, "base": base}
+        if budget_s is not None:
+            body["budget_s"] = budget_s
+        made = client.send("POST", "/v1/diagnoses", body, key=fresh_key())
         at = f"/v1/diagnoses/{made['id']}"
         made = _watch(client, at, made["id"])
         if made["state"] != "done":
@@ -108,11 +117,12 @@ def by_the_daemon(
 
 def _watch(client: Client, at: str, number: int) -> dict[str, Any]:
     """Return the diagnosis once it has ended; Ctrl-C cancels it, which leaves nothing half done."""
+    tell = progress_by_step()
     try:
         return client.wait(
             at,
             lambda answer: answer["state"] in ("done", "failed", "cancelled"),
-            lambda state, share: progress(f"diagnosis {number}: {state}", share=share),
+            lambda state, share: tell(f"diagnosis {number} {state}", share),
         )
     except KeyboardInterrupt:
         client.send("DELETE", at)

@@ -1,9 +1,12 @@
-"""How far a long command is: a bar on a terminal, nothing in a pipe."""
+"""How far a long command is: a bar on a terminal, nothing in a pipe, or a line for each step."""
 
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from typing import TYPE_CHECKING
+
+from analysis.discovery.method_steps import each_step
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -40,6 +43,21 @@ def progress(text: str, *, share: float | None = None, last: bool = False) -> No
     bar.update(task, description=text, total=None if share is None else 1.0)
     if share is not None:
         bar.update(task, completed=min(max(share, 0.0), 1.0))
+
+
+def progress_by_step() -> Callable[[str, float | None], None]:
+    """Return what to tell how far a command of minutes is.
+
+    Returns
+    -------
+    callable
+        Gets what is being done, its step before the first colon, and the share that is done, if
+        that is known. On a terminal it moves the bar; elsewhere, as in a log, the first words of
+        each step are a line on standard error.
+    """
+    if sys.stderr.isatty():
+        return lambda text, share: progress(text, share=share)
+    return each_step(lambda line: print(line, file=sys.stderr, flush=True))
 
 
 def _begin(text: str) -> tuple[Progress, TaskID]:

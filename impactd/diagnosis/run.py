@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
 from analysis import diagnosing
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
+from analysis.discovery.time_budget import TimeBudget
 from impactd.storage.version import software
 
 Json = dict[str, Any]
@@ -17,6 +19,7 @@ def diagnose(
     campaign: Campaign,
     base: str = DEFAULT_BASE,
     *,
+    budget_s: float | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Json:
     """Close the loop on a campaign; see `analysis.diagnosing.diagnose`.
@@ -26,7 +29,9 @@ def diagnose(
     campaign : Campaign
         Recordings and what is known.
     base : str
-        ``kv`` or ``hsd``.
+        ``kv2``, ``kv`` or ``hsd``.
+    budget_s : float, optional
+        How long it may search, from now on; more than 0. [s]
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 
@@ -38,6 +43,9 @@ def diagnose(
     Raises
     ------
     AnalysisError
-        If no shot can be used at all.
+        If no shot can be used at all, or the budget is no positive number.
     """
-    return diagnosing.diagnose(campaign, base, software=software(), progress=progress)
+    budget = None if budget_s is None else TimeBudget(budget_s, time.monotonic)
+    return diagnosing.diagnose(
+        campaign, base, software=software(), progress=progress, budget=budget
+    )

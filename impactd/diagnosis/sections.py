@@ -130,7 +130,10 @@ def found(document: Json) -> str:
         )
         if effect["confusable_with"]:
             names = ", ".join(effect["confusable_with"])
-            parts.append(f"<p>These data cannot tell it from: {html.escape(names)}.</p>")
+            said = "These data cannot tell it from"
+            if _cut_short(document):
+                said = "These data cannot tell it from the following, or nobody compared them"
+            parts.append(f"<p>{said}: {html.escape(names)}.</p>")
     return "".join(parts)
 
 
@@ -192,6 +195,8 @@ def next_drop(document: Json) -> str:
     """Return which drop would tell most."""
     wanted = document["next_drop"]
     if wanted is None:
+        if document.get("ended_early") and document["verdict"] in ("family", "partial", "unknown"):
+            return "Nobody asked: the time was over before. Diagnose again with more of it."
         if document["verdict"] == "unknown" and not is_repaired(document):
             return (
                 "No drop tells more: it is there without an impact. Record the line with valve, "
@@ -218,6 +223,12 @@ def next_drop(document: Json) -> str:
     if distance is not None:
         said += f", {distance:.3g} noise units apart"
     return f"{said}."
+
+
+def _cut_short(document: Json) -> bool:
+    """Return whether the time was over before the search for names had ended."""
+    ended = document.get("ended_early")
+    return ended is not None and not ended["verdict_stands"]
 
 
 def circumstances(document: Json) -> str:

@@ -20,6 +20,8 @@ def slots(document: Json) -> str:
         if document["slot"] and not document["effects"]:
             slot = html.escape(document["slot"])
             return f"<p>On the line itself, before anything falls: the <b>{slot}</b> slot.</p>"
+        if document.get("ended_early") and document["remaining"]["structured"]:
+            return "<p>Nobody asked: the time was over before.</p>"
         return "<p>There is nothing to locate.</p>"
     rows = []
     for slot, seen in sorted(document["slots"].items(), key=lambda item: -item[1]["probability"]):

@@ -71,7 +71,12 @@ def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | No
 
 
 def request_diagnosis(
-    archive: Archive, shots: list[int], base: str, *, key: str | None = None
+    archive: Archive,
+    shots: list[int],
+    base: str,
+    *,
+    budget_s: float | None = None,
+    key: str | None = None,
 ) -> Job:
     """Ask why a model does not fit.
 
@@ -83,6 +88,8 @@ def request_diagnosis(
         At least one number.
     base : str
         Model to start from.
+    budget_s : float, optional
+        How long it may search once it runs. [s]
     key : str, optional
         The client's idempotency key.
 
@@ -101,7 +108,10 @@ def request_diagnosis(
     for number in shots:
         archive.shot(number)
     subject = f"{len(shots)} shot(s) from the base {base}"
-    return archive.jobs.enqueue(DIAGNOSE, {"shots": shots, "base": base}, subject, key=key)
+    payload: Json = {"shots": shots, "base": base}
+    if budget_s is not None:
+        payload["budget_s"] = budget_s
+    return archive.jobs.enqueue(DIAGNOSE, payload, subject, key=key)
 
 
 def request_calibration_fit(archive: Archive, calibration: int) -> Job:
@@ -148,6 +158,7 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
         "models": models,
         "model": model,
         "base": job.payload.get("base", DEFAULT_BASE),
+        "budget_s": job.payload.get("budget_s"),
         "definitions": _definitions(archive, [*models, model]),
         # For drawing. A re-fit of a whole archive keeps none: they would double its size.
         "with_curves": True,

@@ -154,7 +154,12 @@ def diagnose(order: Json) -> Json:
     from impactd.diagnosis.run import diagnose as close_the_loop  # noqa: PLC0415
 
     shots = _read(order)
-    found = close_the_loop(_campaign(order, shots), order["base"], progress=report)
+    found = close_the_loop(
+        _campaign(order, shots),
+        order["base"],
+        budget_s=order.get("budget_s"),
+        progress=report,
+    )
     return {
         "diagnosis": {**found, **_provenance(order, shots)},
         "report_html": page(found),

@@ -60,16 +60,18 @@ def _warm_up(name: str) -> None:
 
 
 class _Reporter:
-    """Progress as lines, not more often than anybody would read them."""
+    """Progress as lines: what is new at once, how much of it not oftener than anybody reads."""
 
     def __init__(self, answers: TextIO) -> None:
         self._answers = answers
         self._last = 0.0
+        self._text = ""
 
     def __call__(self, text: str, share: float) -> None:
         now = time.monotonic()
-        if now - self._last >= REPORT_EVERY_S:
-            self._last = now
+        # a step that takes minutes may be told right behind one that took none
+        if text != self._text or now - self._last >= REPORT_EVERY_S:
+            self._last, self._text = now, text
             _say(self._answers, {"progress": [text, share]})
 
 

@@ -38,7 +38,8 @@ def request_diagnosis(
     key: Key = None,
 ) -> DiagnosisAnswer:
     """Find out what a model misses on these shots, name it, and what adding it changes."""
-    job = daemon.request_diagnosis(body.shots, body.base, key=job_key(caller, DIAGNOSIS, key))
+    asked = job_key(caller, DIAGNOSIS, key)
+    job = daemon.request_diagnosis(body.shots, body.base, budget_s=body.budget_s, key=asked)
     response.headers["Location"] = f"/v1/diagnoses/{job.id}"
     return diagnosis_answer(job, daemon.jobs.progress(job.id))
 

@@ -6,6 +6,7 @@ import time
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
+from analysis.discovery.method_steps import MethodStep
 from drivers.simulated.campaign import simulate_campaign
 from drivers.simulated.rig_model import DEFAULT_RIG
 from impactd.bench.blind.plan import Plan, colour_of, draw_plan
@@ -140,7 +141,7 @@ class _Clock:
         self.judged = self.started
 
     def __call__(self, stage: str, share: float) -> None:
-        if stage.startswith("writing"):
+        if stage.startswith(MethodStep.HELD_OUT.heading):
             self.judged = time.perf_counter(), time.process_time()
 
 

@@ -11,6 +11,7 @@ import pytest
 from analysis.discovery.diagnosis import _judge
 from analysis.discovery.localise import locate
 from analysis.discovery.statement import _provisos, diagnosis_json
+from analysis.discovery.time_budget import Watch
 from analysis.discovery.trail import Trail
 from analysis.effects.library import library
 from analysis.fit.result import FitResult, outcome_of
@@ -99,7 +100,7 @@ def test_a_model_with_an_impossible_number_is_not_named(leaky):
     trail = Trail([*leaky.steps[:-1], moved], leaky.chosen)
     assert Trail(leaky.steps, leaky.chosen).adequate
     assert not trail.adequate
-    found = _judge(trail, lambda stage, share: None)
+    found = _judge(trail, Watch())
     assert found.verdict == "unknown"
     assert found.chosen == []
 

@@ -187,11 +187,32 @@ def test_the_command_line_has_the_daemon_do_it_and_shows_how_far(rig, shots, tmp
     printed, _ = command.communicate(timeout=200)
     assert command.returncode == 0, told
     assert "running, " in told
+    assert " of 9)" in told  # which step of the method
     assert "%" in told
     assert printed.startswith("IDENTIFIED")
     found = json.loads(out.read_text())
     assert found["shot_numbers"] == sorted(shots)
     assert page.read_text().startswith("<!doctype html>")
+
+
+def test_with_a_budget_the_daemon_gives_the_best_verdict_so_far(rig, shots):
+    """It reaches the worker; the result says that it is one, and so does its page."""
+    body = {"shots": shots, "budget_s": 0.001}
+    made = rig.operator.post("/v1/diagnoses", json=body).json()
+    done = until(
+        lambda: rig.reader.get(made["links"]["self"]).json(),
+        lambda found: found["state"] in ENDED,
+        limit_s=200,
+    )
+    assert done["state"] == "done", done["reason"]
+    assert done["result"]["ended_early"]["budget_s"] == 0.001
+    assert done["verdict"] == "unknown"
+    assert done["model"] is None
+    assert "best verdict after" in done["sentence"]
+    assert "best verdict after" in rig.reader.get(done["links"]["report"]).text
+    for refused in (0, -1, "soon"):
+        body = {"shots": shots, "budget_s": refused}
+        assert rig.operator.post("/v1/diagnoses", json=body).status_code == 422
 
 
 def test_ctrl_c_cancels_the_diagnosis_and_says_so(rig, shots):

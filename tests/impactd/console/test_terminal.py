@@ -13,6 +13,13 @@ import pytest
 
 from impactd.cli import app
 
+STEPS = (
+    "from impactd.console.progress_bar import progress, progress_by_step\n"
+    "tell = progress_by_step()\n"
+    "for at, what in enumerate(('A (1 of 2): x', 'A (1 of 2): y', 'B (2 of 2): z')):\n"
+    "    tell(what, at / 3)\n"
+    "progress('', last=True)\nprint('done')"
+)
 COLOUR = "\x1b["
 BAR = (
     "import time\nfrom impactd.console.progress_bar import progress\n"
@@ -61,6 +68,15 @@ def test_a_bar_is_for_terminals_and_leaves_no_trace():
     words = [sys.executable, "-c", BAR]
     piped = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
     assert (piped.stdout, piped.stderr) == ("done\n", "")
+
+
+def test_long_work_tells_its_steps_to_a_log():
+    """One line where a step begins, on standard error; on a terminal it is the bar."""
+    words = [sys.executable, "-c", STEPS]
+    piped = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
+    assert piped.stdout == "done\n"
+    assert piped.stderr.splitlines() == ["A (1 of 2): x", "B (2 of 2): z"]
+    assert "A (1 of 2): x" in on_a_terminal(*words)
 
 
 def test_every_command_speaks_json():

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import subprocess
 import sys
 
+import jsonschema_rs
 import pytest
 
+from analysis.discovery.method_steps import MethodStep
 from impactd.console.diagnoses import summary
 
 
 def test_a_campaign_is_diagnosed_offline(leaky_campaign, tmp_path):
-    """JSON and page are written, the summary is printed, a pipe sees no progress."""
+    """JSON and page are written, the summary is printed, a log gets one line a step."""
     out, report = tmp_path / "found.json", tmp_path / "report.html"
     command = [sys.executable, "-m", "impactd", "diagnose", leaky_campaign]
     made = subprocess.run(
@@ -23,12 +26,53 @@ def test_a_campaign_is_diagnosed_offline(leaky_campaign, tmp_path):
         timeout=240,
     )
     assert made.returncode == 0, made.stderr
-    assert made.stderr == ""
+    lines = [line.partition(": ")[0] for line in made.stderr.splitlines()]
+    headings = [step.heading for step in MethodStep]
+    assert set(lines) <= set(headings)
+    assert [h for h in headings if h in lines] == list(dict.fromkeys(lines))
+    assert {"Noise (1 of 9)", "Base fit (2 of 9)", "Candidates (4 of 9)"} <= set(lines)
+    assert all(a != b for a, b in itertools.pairwise(lines))
+    assert "(4 of 9)" not in made.stdout
     assert "IDENTIFIED" in made.stdout
     found = json.loads(out.read_text())
     assert found["format"] == "impactd-diagnosis/1"
     assert found["effects"][0]["id"] == "coupler_highpass"
     assert report.read_text().startswith("<!doctype html>")
+
+
+def test_with_a_budget_it_is_the_best_verdict_so_far(leaky_campaign, tmp_path):
+    """Less than the base fit takes: a document all the same, with the words that it is one."""
+    out, report = tmp_path / "found.json", tmp_path / "report.html"
+    command = [sys.executable, "-m", "impactd", "diagnose", leaky_campaign, "--budget", "0.001"]
+    made = subprocess.run(
+        [*command, "--json", out, "--report", report],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=240,
+    )
+    assert made.returncode == 0, made.stderr
+    assert "best verdict after" in made.stdout
+    found = json.loads(out.read_text())
+    assert found["ended_early"]["budget_s"] == 0.001
+    assert found["verdict"] == "unknown"
+    schema = subprocess.run(
+        [sys.executable, "-m", "impactd", "schema", "diagnosis"],
+        capture_output=True, text=True, check=True, timeout=60,
+    ).stdout  # fmt: skip
+    jsonschema_rs.validator_for(json.loads(schema)).validate(found)
+    assert "the time was over" in report.read_text()
+
+
+@pytest.mark.parametrize("seconds", ["0", "-3", "nan", "inf"])
+def test_a_budget_of_no_time_is_wrong_usage(leaky_campaign, seconds):
+    """It is refused with its value before anything is fitted."""
+    command = [sys.executable, "-m", "impactd", "diagnose", leaky_campaign, "--budget", seconds]
+    made = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert made.returncode == 2
+    said = " ".join(made.stderr.replace("│", " ").split())
+    assert f"{seconds} is no time to search in" in said
+    assert "positive number of seconds" in said
 
 
 def test_the_next_drop_is_told_in_words_with_the_command_that_makes_it(document):

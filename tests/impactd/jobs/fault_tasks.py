@@ -30,6 +30,14 @@ def slow(order: Json) -> Json:
     return order
 
 
+def hurries(order: Json) -> Json:
+    """Say three things in a row, each how far it is many times."""
+    for text in ("first", "second", "third"):
+        for done in range(100):
+            report(text, done / 100)
+    return order
+
+
 def leaves(_: Json) -> Json:
     """End the process without a word."""
     os._exit(3)

@@ -153,6 +153,22 @@ def test_two_workers_work_at_once_and_one_crash_harms_no_other() -> None:
         executor.shutdown()
 
 
+def test_what_is_new_is_told_at_once_and_how_far_it_is_now_and_then() -> None:
+    """A short step does not hide the one behind it, which may take minutes."""
+    heard: list[str] = []
+    executor = WorkerExecutor(
+        WorkerLimits(20.0, 300_000_000),
+        import_paths=[HERE],
+        on_progress=lambda _future, text, _share: heard.append(text),
+    )
+    try:
+        executor.submit(tasks.hurries, {}).result(LIVELINESS_S)
+    finally:
+        executor.shutdown()
+    assert list(dict.fromkeys(heard)) == ["first", "second", "third"]
+    assert len(heard) < 100
+
+
 def test_a_shutdown_ends_running_and_waiting_tasks() -> None:
     """Both say that they were stopped, no process is left, and nothing more is taken."""
     executor = WorkerExecutor(WorkerLimits(60.0, 300_000_000), import_paths=[HERE])
