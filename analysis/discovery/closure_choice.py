@@ -156,6 +156,30 @@ def _repairs(found: Learned, before: float | None) -> bool:
     return before is None or _error(found) < before
 
 
+def better(
+    learned: Learned | None, waveform: Learned | None, before: float | None
+) -> Learned | None:
+    """Return which of two closures repairs held-out shots better, None where neither does.
+
+    Parameters
+    ----------
+    learned : Learned or None
+        From `best_closure`.
+    waveform : Learned or None
+        The mean waveform of other hits.
+    before : float or None
+        Error of the present model on held-out shots. [unit of the signal]
+
+    Returns
+    -------
+    Learned or None
+        One of them.
+    """
+    if waveform is None or not _repairs(waveform, before):
+        return learned
+    return learned if learned is not None and _error(learned) <= _error(waveform) else waveform
+
+
 def candidates(answers: dict[Part, Explained]) -> list[Part]:
     """Return the closures worth learning, the most promising first.
 

@@ -10,6 +10,8 @@ FAMILIES = {
     "loss": "a force on the sphere alone",
     "cell": "the cell's own numbers",
     "speed": "the impact speed that a height promises",
+    "waveform": "a waveform locked to the record, from before touch-down on",
+    "mean_waveform": "the mean waveform of a pair's other hits, which takes the model's place",
     "locked": "anything at a fixed time after touch-down",
     "background": "what is on the line all the time",
     "template": "a waveform that repeats from shot to shot, locked to touch-down",

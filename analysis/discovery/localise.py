@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from analysis.discovery.closure import Learned
-from analysis.discovery.closure_choice import best_closure
+from analysis.discovery.closure_choice import best_closure, better
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.evidence import Evidence, Explained, gather
+from analysis.discovery.mean_waveform import MeanWaveform, mean_waveform
 from analysis.discovery.method_steps import MethodStep, Progress
 from analysis.discovery.omnibus import SLOTS
 from analysis.discovery.quality import heldout_or_none
@@ -25,8 +26,11 @@ from analysis.discovery.slots import (
     worth,
 )
 from analysis.discovery.trail import Step
+from analysis.discovery.waveform_closure import waveform_closure
 
 FORMULA_TERMS = 2
+MOST_MODES = 2
+"""Modes of variation that a waveform may have."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +50,11 @@ class Located:
         The family with shared coefficients that explains most, to first order.
     learned : Learned or None
         The closure that repairs held-out shots best.
+    by_columns : Learned or None
+        The same without the mean waveform, which says neither where a discrepancy lives nor what
+        makes it.
+    mean : MeanWaveform or None
+        What the mean of other hits predicts; None where nobody asked.
     structure : float
         Whitened squares of the residual beyond what noise alone would leave.
     formula : list of tuple
@@ -60,6 +69,8 @@ class Located:
     learned: Learned | None
     structure: float
     formula: list[tuple[str, float]] = field(default_factory=list)
+    by_columns: Learned | None = None
+    mean: MeanWaveform | None = None
 
     @property
     def hardly_anywhere(self) -> bool:
@@ -95,19 +106,14 @@ def locate(step: Step, progress: Progress) -> Located:
     evidence = gather(step.problem, step.fitted, wanted=FAMILIES)
     answers = ask_bank(evidence)
     odds = probabilities(features(answers, step.problem.shots))
-    shared = [e for e in answers.values() if e.scope != "shot" and e.family != "speed"]
-    closure = max(shared, key=worth)
-    common = answers.get((closure.family, "rig"), closure)
-    if CRITERIA.closure.owned_lead_ratio * worth(common) >= worth(closure):
-        closure = common
-    closure = evidence.explain(closure.family, closure.scope)
+    closure = _explains_most(evidence, answers)
     # where the time is over from here on: no closure, or the best of those learned by then
     before = heldout_or_none(step.problem, step.fitted)
-    learned = best_closure(step, evidence, answers, before, progress)
-    repaired = None if learned is None else _heldout_gain(step, learned, before)
-    gains = _gains(answers, learned, repaired)
-    if learned is not None and repaired is not None:
-        only = _peculiar(learned, repaired, max(map(worth, answers.values())))
+    by_columns = best_closure(step, evidence, answers, before, progress)
+    repaired = None if by_columns is None else _heldout_gain(step, by_columns, before)
+    gains = _gains(answers, by_columns, repaired)
+    if by_columns is not None and repaired is not None:
+        only = _peculiar(by_columns, repaired, max(map(worth, answers.values())))
         odds = only or odds
         gains |= {
             s: max(gains[s], repaired)
@@ -117,7 +123,30 @@ def locate(step: Step, progress: Progress) -> Located:
     slot = max(odds, key=lambda s: odds[s])
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
-    return Located(slot, odds, gains, closure, learned, structure, formula(evidence, closure))
+    progress("comparing with the mean waveform", 0.99)
+    mean = mean_waveform(step.problem, MOST_MODES)
+    learned = better(by_columns, waveform_closure(step, mean), before)
+    return Located(
+        slot,
+        odds,
+        gains,
+        closure,
+        learned,
+        structure,
+        formula(evidence, closure),
+        by_columns,
+        mean,
+    )
+
+
+def _explains_most(evidence: Evidence, answers: dict[Part, Explained]) -> Explained:
+    """Return the family with shared coefficients that explains most, the rig's where it does."""
+    shared = [e for e in answers.values() if e.scope != "shot" and e.family != "speed"]
+    closure = max(shared, key=worth)
+    common = answers.get((closure.family, "rig"), closure)
+    if CRITERIA.closure.owned_lead_ratio * worth(common) >= worth(closure):
+        closure = common
+    return evidence.explain(closure.family, closure.scope)
 
 
 def _peculiar(learned: Learned, repaired: float, most: float) -> dict[str, float]:

@@ -9,18 +9,20 @@ from typing import Any
 import numpy as np
 
 from analysis.discovery.candidates import Refit
+from analysis.discovery.closure import Learned
 from analysis.discovery.closure_curve import closure_curves
 from analysis.discovery.description import describe
 from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.evidence import Explained
 from analysis.discovery.localise import Located
+from analysis.discovery.mean_waveform import mean_waveform
 from analysis.discovery.named_model import definition_of
 from analysis.discovery.noise_words import noise_json
 from analysis.discovery.per_shot import parameters_by_shot, told_of_shots
 from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, to_the_end, why_not
 from analysis.discovery.trail import Step
-from analysis.discovery.verdict_sentence import sentence
+from analysis.discovery.verdict_sentence import beside_mean_waveform, sentence
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.measurand import Json, measurand
@@ -56,12 +58,17 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     located = diagnosis.located
     if diagnosis.verdict == "unknown" and (located or not diagnosis.search_ended):
         stated = with_closure(honest[1], located)
+    mean = mean_waveform(first.problem) if located is None or located.mean is None else located.mean
     next_drop = diagnosis.next_drop
     # these look at held-out shots, where the time allows: only then is it known whether it did
     candidates = _candidates(diagnosis, first)
     turns = [_turn(diagnosis, step) for step in diagnosis.steps]
     ended = diagnosis.watch.ended
-    said = [sentence(diagnosis, before, after), *_provisos(honest[1])]
+    said = [
+        sentence(diagnosis, before, after),
+        *beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
+        *_provisos(honest[1]),
+    ]
     document: Json = {
         "format": FORMAT,
         "verdict": diagnosis.verdict,
@@ -79,6 +86,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "also_possible_slots": [] if located is None else located.also,
         "before": _block(honest[0]),
         "after": stated,
+        "mean_waveform": mean.to_json(),
         "accepted_model": definition_of(after.problem, after.fitted) if accepted else None,
         "remaining": _remaining(diagnosis, last),
         "closure": _closure(diagnosis, before),
@@ -317,12 +325,21 @@ def _closure(diagnosis: Diagnosis, before: FitResult) -> Json | None:
     step = diagnosis.steps[-1]
     stated = _explained(located.closure)
     stated["formula"] = _formula(located)
-    learned = located.learned
+    learned, other = located.learned, located.by_columns
     if learned is None:
         return {**stated, "learned": False, "curves": {"shots": [], "force": None}}
     return {
         **stated,
         "learned": True,
+        **_numbers(step, learned),
+        "curves": closure_curves(step, learned),
+        "by_columns": None if other is None or other is learned else _numbers(step, other),
+    }
+
+
+def _numbers(step: Step, learned: Learned) -> Json:
+    """Return what a closure consists of, its coefficients and its error."""
+    return {
         "family": learned.family,
         "scope": learned.scope,
         "parts": [{"family": family, "scope": scope} for family, scope in learned.parts],
@@ -332,7 +349,6 @@ def _closure(diagnosis: Diagnosis, before: FitResult) -> Json | None:
             for label, values in learned.by_shot.items()
         },
         "heldout_rms_V": learned.heldout_rms,
-        "curves": closure_curves(step, learned),
     }
 
 

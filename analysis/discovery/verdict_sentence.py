@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+from analysis.discovery.closure import Learned
 from analysis.discovery.criteria import CRITERIA
 from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.family_words import FAMILIES
+from analysis.discovery.mean_waveform import MeanWaveform
 from analysis.discovery.noise_words import background_said, frequency
 from analysis.effects.library import library
+from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult
 
+UNITS = {
+    "voltage": ("mV", 1e3),
+    "force_N": ("N", 1.0),
+    "acceleration_m_per_s2": ("m/s^2", 1.0),
+}
+"""What signals are told in, and a number's factor in it."""
 COARSE_NOISE = (
     "what the converter's rounding leaves; its step is larger than the noise, so that quantisation "
     "limits what these data can show"
@@ -96,14 +105,56 @@ def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
 
 def _looks_like(diagnosis: Diagnosis, before: FitResult) -> str:
     """Return what takes most of it up on held-out shots, where something does."""
-    learned = diagnosis.located.learned if diagnosis.located is not None else None
+    located = diagnosis.located
+    if located is None:
+        return ""
+    said = _repair(located.by_columns, before, "It looks like {}")
+    if located.learned is located.by_columns:
+        return said
+    return said + _repair(
+        located.learned, before, "Best on other shots is {}" if said else "It looks like {}"
+    )
+
+
+def _repair(learned: Learned | None, before: FitResult, words: str) -> str:
+    """Return what a closure is and does on held-out shots, where that is worth a sentence."""
     if learned is None or not before.heldout_rms or not learned.heldout_rms:
         return ""
     fold = before.heldout_rms / learned.heldout_rms
     if fold < CRITERIA.words.heldout_fold:
         return ""
     like = ", and beside it ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
-    return f" It looks like {like}: with that the error on held-out shots falls {fold:.2g}-fold."
+    return f" {words.format(like)}: with that the error on held-out shots falls {fold:.2g}-fold."
+
+
+def beside_mean_waveform(
+    mean: MeanWaveform, after_rms: float | None, problem: JointProblem
+) -> list[str]:
+    """Return what must be said where no model predicts as well as a mean of the other hits.
+
+    Parameters
+    ----------
+    mean : MeanWaveform
+        Of the same shots.
+    after_rms : float or None
+        Error of the repaired model on held-out shots. [unit of the signal]
+    problem : JointProblem
+        Says what the signals are.
+
+    Returns
+    -------
+    list of str
+        One sentence, or none.
+    """
+    if mean.heldout_rms is None or after_rms is None or mean.heldout_rms > after_rms:
+        return []
+    quantities = {item.shot.quantity for item in problem.shots}
+    unit, factor = UNITS[quantities.pop()] if len(quantities) == 1 else ("of each record", 1.0)
+    does = "better" if mean.heldout_rms < after_rms else "as well"
+    return [
+        f"A mean of the other hits, without any model, does {does} on held-out shots: "
+        f"{factor * mean.heldout_rms:.3g} against {factor * after_rms:.3g} {unit}."
+    ]
 
 
 def _structured(diagnosis: Diagnosis) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,26 +129,33 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
     from the full solution on and never uphill; the fold's own nuisances are then fitted anew with
     everything shared fixed.
     """
-    folds = heldout_folds(problem)
-    if not folds:
-        return None
     squares, count = 0.0, 0
-    for fold in folds:
-        kept = [i for i in range(len(problem.shots)) if i not in fold]
-        others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
-        learned = joint.fit(
-            others,
-            fitted.nuisances[kept],
-            theta=fitted.theta,
-            max_iterations=FOLD_STEPS,
-            damping=joint.LEAST_DAMPING,
-            blocks=[fitted.blocks[i] for i in kept],
-        )
+    for fold, learned in heldout_fits(problem, fitted):
         for i in fold:
             r = refit_nuisances(problem, i, learned.theta, fitted.nuisances[i])
             squares += float(r @ r)
             count += r.size
-    return math.sqrt(squares / count)
+    return math.sqrt(squares / count) if count else None
+
+
+def heldout_fits(
+    problem: JointProblem, fitted: joint.Fitted
+) -> Iterator[tuple[list[int], joint.Fitted]]:
+    """Yield the shots of each fold and the fit of all others, from the full solution on."""
+    for fold in heldout_folds(problem):
+        kept = [i for i in range(len(problem.shots)) if i not in fold]
+        others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
+        yield (
+            fold,
+            joint.fit(
+                others,
+                fitted.nuisances[kept],
+                theta=fitted.theta,
+                max_iterations=FOLD_STEPS,
+                damping=joint.LEAST_DAMPING,
+                blocks=[fitted.blocks[i] for i in kept],
+            ),
+        )
 
 
 def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array) -> Array:

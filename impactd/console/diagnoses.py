@@ -14,7 +14,7 @@ from impactd.console.fits import moduli_table
 from impactd.console.progress_bar import progress, progress_by_step
 from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import measured, print_json, table
-from impactd.diagnosis.repair import is_repaired
+from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""
@@ -183,11 +183,12 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
     keys = ("rms_V", "heldout_rms_V", "nrmse", "r2", "chi2_per_dof")
     unit = _unit(document)
     shown = (f"rms / {unit}", f"held out / {unit}", *keys[2:])
+    mean = document.get("mean_waveform") or {}
+    models = [(block["model"], *(block.get(key) for key in keys)) for block in blocks]
+    models.append((MEAN_WAVEFORM, *(mean.get(key) for key in keys)))
     parts.append(
-        table(
-            ("model", *shown),
-            [(block["model"], *(block.get(key) for key in keys)) for block in blocks],
-        )
+        table(("model", *shown), models)
+        + (f"\nno {MEAN_WAVEFORM}: {mean['reason']}" if mean.get("reason") else "")
         + f"\nnoise before the trigger: {document['noise_rms_V']:.4g} {unit} rms"
         + "".join(f"\n{line}" for line in document.get("noise", {}).get("said", []))
     )

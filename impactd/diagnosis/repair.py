@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+MEAN_WAVEFORM = "mean of the other hits"
+"""What stands beside before and after: a prediction without any model."""
+
 
 def is_repaired(document: dict[str, Any]) -> bool:
     """Return whether a diagnosis names effects or learned a closure.

@@ -37,7 +37,8 @@ $headline
 $found
 <h2>The error before and after</h2>
 <p class="soft">Held out: the error on shots that the parameters shared by all shots were not
-fitted to. With nothing missing it equals the noise before the trigger.</p>
+fitted to. With nothing missing it equals the noise before the trigger. The mean of the other hits
+needs no model: of each hit only its size, shift, stretch and offset are fitted.</p>
 <div class="wide">$quality</div>
 <h2>What was seen</h2>
 $seen

@@ -8,7 +8,7 @@ from typing import Any
 
 from impactd.console.tables import measured
 from impactd.diagnosis.markup import bullets, p_words, table
-from impactd.diagnosis.repair import is_repaired
+from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
 
@@ -53,7 +53,9 @@ def headline(document: Json) -> str:
         if after is not before and after.get("heldout_rms_V") is not None:
             steps.append(_short(after["heldout_rms_V"], unit))
         shown = " → ".join(steps if is_repaired(document) else steps[:1])
-        cards.append((f"{shown} {unit.label}", f"error on held-out shots; {noise}"))
+        cards.append(
+            (f"{shown} {unit.label}", f"error on held-out shots; {noise}{_mean(document)}")
+        )
     for name, old in before.get("moduli", {}).items():
         new = after.get("moduli", {}).get(name, {})
         if old["status"] != "fitted":
@@ -69,6 +71,13 @@ def headline(document: Json) -> str:
         for value, label in cards
     )
     return f'<div class="figures">{body}</div>'
+
+
+def _mean(document: Json) -> str:
+    """Return what the mean of other hits leaves, behind other figures."""
+    mean = (document.get("mean_waveform") or {}).get("heldout_rms_V")
+    unit = unit_of(document)
+    return "" if mean is None else f"; {MEAN_WAVEFORM} {_short(mean, unit)} {unit.label}"
 
 
 def _short(value: float, unit: Unit) -> str:
@@ -144,16 +153,22 @@ def quality(document: Json) -> str:
         ("rms_V", f"rms residual / {unit.label}", unit.factor, ".4g"),
         ("heldout_rms_V", f"held out / {unit.label}", unit.factor, ".4g"),
     )
+    mean = document.get("mean_waveform") or {}
     rows = []
     for key, label, factor, form in (*sized, *_QUALITY):
         cells = [
             "-" if value is None else format(value * factor, form)
-            for value in (document["before"].get(key), document["after"].get(key))
+            for value in (one.get(key) for one in (document["before"], document["after"], mean))
         ]
         noise = format(document["noise_rms_V"] * factor, form) if key.endswith("rms_V") else ""
         rows.append((label, *cells, noise))
     names = [html.escape(document[side]["model"]) for side in ("before", "after")]
-    return table(("", f"before: {names[0]}", f"after: {names[1]}", "noise"), rows)
+    head = ("", f"before: {names[0]}", f"after: {names[1]}", MEAN_WAVEFORM, "noise")
+    if not mean.get("reason"):
+        return table(head, rows)
+    return (
+        f'{table(head, rows)}<p class="soft">No {MEAN_WAVEFORM}: {html.escape(mean["reason"])}.</p>'
+    )
 
 
 def moduli(document: Json) -> str:

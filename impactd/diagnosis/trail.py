@@ -109,20 +109,32 @@ def closure(document: Json) -> str:
     learned = document["closure"]
     if learned is None:
         return ""
+    before = document["before"].get("heldout_rms_V")
+    other = learned.get("by_columns")
+    kept = f" Where the model is kept, it is {_parts(other)}." if other else ""
+    return (
+        "<h2>The learned closure</h2>"
+        f"<p>What no name explains is best taken up by {_parts(learned)}."
+        f"{_share_of(learned, before)}{kept}{_share_of(other or {}, before)}</p>{_formula(learned)}"
+    )
+
+
+def _parts(learned: Json) -> str:
+    """Return what a closure consists of, and whose its numbers are."""
     parts = learned.get("parts") or [{k: learned[k] for k in ("family", "scope")}]
-    said = ", and ".join(
+    return ", and ".join(
         f"<b>{html.escape(FAMILIES.get(part['family'], part['family']))}</b> "
         f"({html.escape(OWNERS.get(part['scope'], 'one set for each ' + part['scope']))})"
         for part in parts
     )
-    share = ""
-    before, after = document["before"].get("heldout_rms_V"), learned.get("heldout_rms_V")
-    if before and after:
-        share = f" On held-out shots it brings the residual down {before / after:.3g}-fold."
-    return (
-        "<h2>The learned closure</h2>"
-        f"<p>What no name explains is best taken up by {said}.{share}</p>{_formula(learned)}"
-    )
+
+
+def _share_of(learned: Json, before: float | None) -> str:
+    """Return how far a closure brings the error on held-out shots down."""
+    after = learned.get("heldout_rms_V")
+    if not before or not after:
+        return ""
+    return f" On held-out shots it brings the residual down {before / after:.3g}-fold."
 
 
 def _formula(learned: Json) -> str:

@@ -28,6 +28,7 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "evidence.SHOT_RANK_TOLERANCE": "rounding: the rank of a matrix",
     "evidence.RANK_TOLERANCE": "rounding: the rank of a matrix",
     "late_blow.0.5": "where a basis has enough samples to be looked for",
+    "mean_waveform.SETTLED": "when a search has converged",
     "noise_words.1000.0": "how a frequency is written",
     "slot_columns.IMPULSE_EVEN_US": "the knots of a basis",
     "slot_columns.IMPULSE_UNTIL_US": "the knots of a basis",
@@ -35,6 +36,7 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "stack.MIDDLE_UNTIL": "the bins of a picture",
     "starting.RISES_AFTER": "the shape of a pulse, for a start",
     "tuned.LARGEST_SHARE": "the highest frequency that a basis has",
+    "waveform_fit.AGREED": "when a search has converged",
 }
 """Real numbers that stand in a comparison, and what they are instead."""
 ROUNDING_OR_CONVERSION = {0.0, 1.0, 1e-300, 0.6745}

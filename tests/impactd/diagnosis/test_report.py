@@ -69,6 +69,40 @@ def test_the_page_tells_the_whole_story(document):
         assert said in text
 
 
+def test_the_mean_of_the_other_hits_stands_beside_before_and_after(document):
+    """In the headline and in the table; where there is none, the reason is said."""
+    mean = f"{document['mean_waveform']['heldout_rms_V'] * 1e3:.4g}"
+    text = " ".join(read(page(document)).text)
+    assert "mean of the other hits" in text
+    assert mean in text
+    few = copy.deepcopy(document)
+    few["mean_waveform"] = {"heldout_rms_V": None, "shots": 0, "reason": "2 shots leave none"}
+    assert "No mean of the other hits: 2 shots leave none." in " ".join(read(page(few)).text)
+    older = copy.deepcopy(document)
+    del older["mean_waveform"]
+    assert mean not in " ".join(read(page(older)).text)
+
+
+def test_a_waveform_in_the_models_place_stands_beside_what_keeps_the_model(document):
+    """Both closures are named, each with what it does on held-out shots."""
+    unknown = copy.deepcopy(document)
+    held = document["before"]["heldout_rms_V"]
+    unknown.update(verdict="unknown", effects=[])
+    unknown["closure"] = {
+        "family": "waveform",
+        "scope": "pair",
+        "coefficients": {},
+        "by_shot": {},
+        "heldout_rms_V": held / 8,
+        "by_columns": {"family": "creep", "scope": "rig", "heldout_rms_V": held / 3},
+    }
+    text = " ".join(" ".join(read(page(unknown)).text).split())
+    assert "the mean waveform of a pair's other hits" in text
+    assert "down 8-fold" in text
+    assert "Where the model is kept, it is" in text
+    assert "down 3-fold" in text
+
+
 def test_the_page_says_what_each_uncertainty_is_made_of(document):
     """The found modulus has its inputs, the part no repetition lessens, and what improves it."""
     text = " ".join(read(page(document)).text)

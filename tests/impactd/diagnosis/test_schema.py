@@ -14,3 +14,4 @@ def test_a_diagnosis_is_as_its_schema_says(document):
     validator = jsonschema_rs.validator_for(json.loads(text))
     validator.validate(document)
     assert not validator.is_valid({**document, "verdict": "certain"})
+    assert not validator.is_valid({**document, "mean_waveform": {"heldout_rms_V": "none"}})
