@@ -7,6 +7,7 @@ of shots they were not learned on: a mean of few hits follows these, noise inclu
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 import numpy as np
@@ -50,7 +51,8 @@ def waveform_closure(step: Step, mean: MeanWaveform) -> Learned | None:
         found += [(ON_TOP, one) for one in predictions(step.problem, folds, most)]
     except np.linalg.LinAlgError:
         pass  # a fold leaves the model without a solution
-    family, best = min(found, key=lambda one: one[1].heldout_rms)
+    known = [one for one in found if math.isfinite(one[1].heldout_rms)]
+    family, best = min(known, key=lambda one: one[1].heldout_rms)
     return _as_closure(step, family, best)
 
 

@@ -202,6 +202,12 @@ class Outcome:
         return next(rung for rung in self.rungs if rung.key == "kv2")
 
     @property
+    def mean_waveform_rms_v(self) -> float | None:
+        """Return the error of a mean of the other drops' records, without any model. [V]"""
+        found: float | None = self.diagnosis.get("mean_waveform", {}).get("heldout_rms_V")
+        return found
+
+    @property
     def judgement(self) -> Judgement:
         """Return whether the verdict was right."""
         return judge(self.diagnosis, self.truth.get("effects") or [])

@@ -14,6 +14,7 @@ from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import CLOSED, Outcome, Row
 from impactd.demo.page import PAGE
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
+from impactd.diagnosis.repair import MEAN_WAVEFORM
 
 _KNOWN = ' <span class="soft">(known before)</span>'
 
@@ -78,6 +79,10 @@ def _ladder(outcome: Outcome) -> str:
         rows.append(
             f'<tr class="{rung.key}">' + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
         )
+    mean = outcome.mean_waveform_rms_v
+    if mean is not None:
+        empty = "<td>-</td>" * 5
+        rows.append(f"<tr><td>{MEAN_WAVEFORM}</td><td>{1e3 * mean:.4g}</td>{empty}</tr>")
     head = (
         "<tr><th>model</th><th>error on held-out drops / mV</th>"
         "<th>specimen E/(1-ν²) ± u / GPa</th><th>truth / GPa</th><th>off by</th>"

@@ -11,6 +11,7 @@ from impactd.console.tables import measured
 from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import CLOSED, Outcome
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
+from impactd.diagnosis.repair import MEAN_WAVEFORM
 
 Json = dict[str, Any]
 
@@ -155,6 +156,9 @@ def _show_ladder(console: Console, outcome: Outcome) -> None:
             inside(found, truth_pa),
             f"{holds} of {stated}" if stated else "-",
         )
+    mean = outcome.mean_waveform_rms_v
+    if mean is not None:
+        table.add_row(MEAN_WAVEFORM, f"{1e3 * mean:.4g}", *["-"] * 5)
     console.print()
     console.print(table)
 

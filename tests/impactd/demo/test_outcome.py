@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import io
 import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
 from impactd.demo.figures import draw_moduli
 from impactd.demo.outcome import Estimate
 from impactd.demo.report import write_report
+from impactd.demo.terminal import show
 from impactd.demo.words import gigapascals, off_by
 
 Make = Callable[..., Any]
@@ -53,6 +56,20 @@ def test_moduli_name_the_model_they_come_from(outcome_of: Make, diagnosis_of: Ma
     assert [rung["rung"] for rung in content["ladder"]] == ["hsd", "kv", "kv2", "after"]
 
 
+def test_the_mean_of_the_other_drops_stands_below_the_ladder(
+    outcome_of: Make, diagnosis_of: Make
+) -> None:
+    """Where the diagnosis has it; it is no rung, as it has no moduli."""
+    mean = {"heldout_rms_V": 31.4e-3, "shots": 3, "reason": None}
+    outcome = outcome_of(diagnosis_of("adequate", mean_waveform=mean))
+    assert outcome.mean_waveform_rms_v == 31.4e-3
+    assert outcome.last.name == "closed KV"
+    console = Console(record=True, width=160, file=io.StringIO())
+    show(console, outcome)
+    assert "mean of the other hits" in console.export_text()
+    assert outcome_of(diagnosis_of("adequate")).mean_waveform_rms_v is None
+
+
 def test_a_withheld_modulus_stays_withheld(outcome_of: Make, diagnosis_of: Make) -> None:
     """Nothing is printed in place of a number that the fit would not state."""
     sphere, surface = outcome_of(diagnosis_of("adequate")).materials
@@ -65,7 +82,8 @@ def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
     outcome_of: Make, diagnosis_of: Make, tmp_path: Path
 ) -> None:
     """Pictures are inside, the one link is the diagnosis, and the truth is told."""
-    outcome = outcome_of(diagnosis_of("unknown"), "x_sphere_spin")
+    mean = {"heldout_rms_V": 31.4e-3, "shots": 3, "reason": None}
+    outcome = outcome_of(diagnosis_of("unknown", mean_waveform=mean), "x_sphere_spin")
     picture = tmp_path / "moduli.png"
     draw_moduli(picture, outcome)
     write_report(tmp_path / "report.html", outcome, {"moduli": picture, "trace": picture})
@@ -74,6 +92,7 @@ def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
     assert page.count("href=") == 1
     assert 'href="diagnosis.html"' in page
     assert "x_sphere_spin" in page
+    assert "<td>mean of the other hits</td><td>31.4</td>" in page
     assert "http" not in page.replace("HTTP", "")
     assert "$" not in page
 
