@@ -89,7 +89,7 @@ def test_a_waveform_in_the_models_place_stands_beside_what_keeps_the_model(docum
     held = document["before"]["heldout_rms_V"]
     unknown.update(verdict="unknown", effects=[])
     unknown["closure"] = {
-        "family": "waveform",
+        "family": "mean_waveform",
         "scope": "pair",
         "coefficients": {},
         "by_shot": {},
