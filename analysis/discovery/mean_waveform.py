@@ -210,7 +210,9 @@ def learned(hits: Sequence[Hit]) -> tuple[Waveform, list[Placed]]:
     wave, before = _mean(wave, hits, placed), math.inf
     for turn in range(MOST_ROUNDS):
         placed = [
-            fit_hit(wave, hit, [(one.place, one.pace), *(wave.starts(hit) if turn == 0 else ())], 1)
+            fit_hit(wave, hit, wave.starts(hit), 1)
+            if turn == 0
+            else fit_hit(wave, hit, [(one.place, one.pace)], 1, one.sizes)
             for hit, one in zip(hits, placed, strict=True)
         ]
         wave, squares = _mean(wave, hits, placed), sum(one.squares for one in placed)

@@ -186,7 +186,9 @@ class Placed:
     squares: float
 
 
-def fit_hit(wave: Waveform, hit: Hit, starts: Sequence[Start], steps: int) -> Placed:
+def fit_hit(
+    wave: Waveform, hit: Hit, starts: Sequence[Start], steps: int, sizes: Array | None = None
+) -> Placed:
     """Return a waveform fitted to a hit by least squares.
 
     Parameters
@@ -199,16 +201,19 @@ def fit_hit(wave: Waveform, hit: Hit, starts: Sequence[Start], steps: int) -> Pl
         Where to begin; the best is taken.
     steps : int
         Of Gauss and Newton, at most.
+    sizes : ndarray, shape (2 + modes,), optional
+        About what will be found, where that is known.
 
     Returns
     -------
     Placed
         Never worse than the best start.
     """
-    guess = np.zeros(len(wave.splines))
-    found = [_at(wave, hit, start, guess)[0] for start in dict.fromkeys(starts)]
-    best = min(found, key=lambda one: one.squares)
-    best, products = _at(wave, hit, (best.place, best.pace), best.sizes)
+    guess = np.zeros(len(wave.splines)) if sizes is None else sizes
+    found = [_at(wave, hit, start, guess) for start in dict.fromkeys(starts)]
+    best, products = min(found, key=lambda one: one[0].squares)
+    if sizes is None:  # slopes are those of sizes
+        best, products = _at(wave, hit, (best.place, best.pace), best.sizes)
     for _ in range(steps):
         later, longer = _solved(products, len(products) - 1)[-2:]
         longer = float(np.clip(longer, -LARGEST_STRETCH * best.pace, LARGEST_STRETCH * best.pace))
