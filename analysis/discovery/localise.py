@@ -123,7 +123,7 @@ def locate(step: Step, progress: Progress) -> Located:
     slot = max(odds, key=lambda s: odds[s])
     samples = sum(s.white.size for s in step.evidence.shots)
     structure = max(step.evidence.chi2 - samples, *gains.values(), 1.0)
-    progress("comparing with the mean waveform", 0.99)
+    progress(MethodStep.VERDICT.told("is it better than a mean of the other hits?"), 0.99)
     mean = mean_waveform(step.problem, MOST_MODES)
     learned = better(by_columns, waveform_closure(step, mean), before)
     return Located(

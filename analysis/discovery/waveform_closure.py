@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from analysis.discovery.closure import Learned
 from analysis.discovery.mean_waveform import Fold, MeanWaveform, Prediction, predictions
+from analysis.discovery.time_budget import BudgetSpentError
 from analysis.discovery.trail import Step
 from analysis.discovery.waveform_fit import Hit
 from analysis.fit.campaign_fit import heldout_fits, refit_nuisances
@@ -49,8 +50,8 @@ def waveform_closure(step: Step, mean: MeanWaveform) -> Learned | None:
     try:
         folds = _residuals(step.problem, step.fitted)
         found += [(ON_TOP, one) for one in predictions(step.problem, folds, most)]
-    except np.linalg.LinAlgError:
-        pass  # a fold leaves the model without a solution
+    except (np.linalg.LinAlgError, BudgetSpentError):
+        pass  # a fold leaves the model without a solution, or the time is over
     known = [one for one in found if math.isfinite(one[1].heldout_rms)]
     family, best = min(known, key=lambda one: one[1].heldout_rms)
     return _as_closure(step, family, best)
