@@ -49,6 +49,7 @@ def each_step(tell: Callable[[str], object]) -> Callable[[str, float | None], No
     heading = ""
 
     def progress(text: str, share: float | None) -> None:
+        """Tell a text where its heading is another than that of the one before."""
         nonlocal heading
         del share
         now = text.partition(": ")[0]

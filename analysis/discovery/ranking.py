@@ -106,6 +106,7 @@ def ranked(
     last = [] if whole is None else whole
 
     def told(what: str, share: float) -> None:
+        """Tell what is being done, the step before it."""
         progress(step.told(what), share)
 
     return _later_rounds(ground, best, Part(places, base), told, last, bent=bent, far=far)

@@ -27,10 +27,11 @@ def test_a_campaign_is_diagnosed_offline(leaky_campaign, tmp_path):
     )
     assert made.returncode == 0, made.stderr
     lines = [line.partition(": ")[0] for line in made.stderr.splitlines()]
-    headings = [step.heading for step in MethodStep]
-    assert set(lines) <= set(headings)
-    assert [h for h in headings if h in lines] == list(dict.fromkeys(lines))
-    assert {"Noise (1 of 9)", "Base fit (2 of 9)", "Candidates (4 of 9)"} <= set(lines)
+    assert set(lines) <= {step.heading for step in MethodStep}
+    assert lines[:4] == [
+        "Noise (1 of 9)", "Base fit (2 of 9)", "Is there structure? (3 of 9)",
+        "Candidates (4 of 9)",
+    ]  # fmt: skip
     assert all(a != b for a, b in itertools.pairwise(lines))
     assert "(4 of 9)" not in made.stdout
     assert "IDENTIFIED" in made.stdout
