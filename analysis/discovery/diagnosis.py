@@ -27,6 +27,7 @@ from analysis.fit.problem import build
 from analysis.fit.start import prepare
 from analysis.model import solver
 from analysis.model.impact_model import model_named
+from analysis.undetermined import tells_no_modulus
 
 AKIN = {
     "release": ("speed",),
@@ -92,6 +93,15 @@ class Diagnosis:
         return self.background is not None and self.background.clear
 
     @property
+    def leaves_noise(self) -> bool:
+        """Whether the model that stands leaves nothing in the windows but noise.
+
+        What is on the line all the time may stand beside it: no impact causes that.
+        """
+        named = self.verdict in ("identified", "family")
+        return named or not self.steps[-1].omnibus.structured
+
+    @property
     def confusable(self) -> list[str]:
         """Return ids that the data cannot tell from those that were named."""
         return sorted({name for owner in self.owners for name in self.confusable_with(owner)})
@@ -150,6 +160,8 @@ def diagnose_campaign(
 def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
     """Return the verdict, and what it rests on."""
     trail, usual = _base(campaign, base, told)
+    if tells_no_modulus(trail.last.problem, trail.last.fitted):
+        told(MethodStep.STRUCTURE.told("no modulus can be told; what else do they show?"), 0.05)
     if trail.last.problem.model.kind == solver.HSD and not trail.adequate:
         told(MethodStep.CANDIDATES.told("trying crystal_dynamics"), 0.1)
         with contextlib.suppress(BudgetSpentError):
@@ -241,7 +253,8 @@ def _judge(trail: Trail, progress: Watch) -> Diagnosis:
     """
     steps, chosen = trail.steps, trail.chosen
     if trail.adequate and not chosen:
-        return Diagnosis("adequate", steps, [])
+        told = not tells_no_modulus(trail.last.problem, trail.last.fitted)
+        return Diagnosis("adequate" if told else "not_identifiable", steps, [])
     if chosen and trail.adequate:
         progress(MethodStep.ON_TOP.told("holding every name against others"), 0.95)
         near: dict[str, list[Refit]] = {}

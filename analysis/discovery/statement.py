@@ -16,6 +16,7 @@ from analysis.discovery.diagnosis import Diagnosis
 from analysis.discovery.evidence import Explained
 from analysis.discovery.localise import Located
 from analysis.discovery.mean_waveform import mean_waveform
+from analysis.discovery.moduli_stated import STRUCTURE, hold_for_all, members, withhold_sought
 from analysis.discovery.named_model import definition_of
 from analysis.discovery.noise_words import noise_json
 from analysis.discovery.per_shot import parameters_by_shot, told_of_shots
@@ -25,10 +26,10 @@ from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import beside_mean_waveform, sentence
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed
-from analysis.fit.measurand import Json, measurand
+from analysis.fit.measurand import Json
 from analysis.fit.physical_range import advice
 from analysis.fit.result import FitResult
-from analysis.fit.statements import effect_parameters_json, parameters_json, withheld
+from analysis.fit.statements import effect_parameters_json, parameters_json
 
 FORMAT = "impactd-diagnosis/1"
 
@@ -53,11 +54,16 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     after = before if last is first else quality(last.problem, last.fitted)
     # the loop itself takes masses, heights and the like as exact; what it states does not
     honest = inputs_freed(before), inputs_freed(after)
-    stated = _block(honest[1])
-    accepted = diagnosis.chosen and not honest[1].out_of_range
+    base, stated = _block(honest[0]), _block(honest[1])
+    accepted = diagnosis.chosen and diagnosis.leaves_noise and not honest[1].out_of_range
     located = diagnosis.located
-    if diagnosis.verdict == "unknown" and (located or not diagnosis.search_ended):
-        stated = with_closure(honest[1], located)
+    if not diagnosis.leaves_noise:
+        withhold_sought(base, honest[0])
+        withhold_sought(stated, honest[1])
+    elif diagnosis.rivals:
+        hold_for_all(stated, members(diagnosis, honest[1]))
+    if diagnosis.verdict == "unknown" and located is not None:
+        _add_closure(stated, honest[1], located)
     mean = mean_waveform(first.problem) if located is None or located.mean is None else located.mean
     next_drop = diagnosis.next_drop
     # these look at held-out shots, where the time allows: only then is it known whether it did
@@ -67,6 +73,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     said = [
         sentence(diagnosis, before, after),
         *beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
+        *_on_moduli(stated, honest[1]),
         *_provisos(honest[1]),
     ]
     document: Json = {
@@ -74,6 +81,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "verdict": diagnosis.verdict,
         "sentence": " ".join(said if ended is None else [*said, ended.sentence]),
         "ended_early": None if ended is None else ended.to_json(),
+        "undetermined": [one.to_json() for one in honest[1].undetermined],
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.background),
@@ -84,7 +92,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "slot": diagnosis.slot,
         "slots": {} if located is None else _slots(last, located),
         "also_possible_slots": [] if located is None else located.also,
-        "before": _block(honest[0]),
+        "before": base,
         "after": stated,
         "mean_waveform": mean.to_json(),
         "accepted_model": definition_of(after.problem, after.fitted) if accepted else None,
@@ -141,37 +149,22 @@ def _block(result: FitResult) -> Json:
     }
 
 
-def with_closure(result: FitResult, located: Located | None) -> Json:
-    """Return the figures of a model with its learned closure.
+def _on_moduli(block: Json, result: FitResult) -> list[str]:
+    """Return why moduli that were sought are not stated: what is missing, what is in the way."""
+    held = [name for name, one in block["moduli"].items() if one.get("reason") == STRUCTURE]
+    said = [one.sentence for one in result.undetermined]
+    return [*said, f"Withheld is the modulus of {', '.join(held)}: {STRUCTURE}."] if held else said
 
-    Parameters
-    ----------
-    result : FitResult
-        The model without it.
-    located : Located or None
-        With the closure, where one could be learned; None where the time was over before.
 
-    Returns
-    -------
-    dict
-        As a block. Moduli that were to be found are withheld, because nobody knows how far
-        something unnamed moves them, unless leaving out a statement that the shots contradict
-        leaves noise and moves them little; those of references are as they were stated.
+def _add_closure(block: Json, result: FitResult, located: Located) -> None:
+    """Give a block the figures of its model with the learned closure, in place.
+
+    Its parameters go: they are those of the model without the closure.
     """
-    block = _block(result)
-    explained = result.explained_by_a_statement
-    block["moduli"] = {
-        name: _as_stated(result, name, entry)
-        if entry["status"] == "reference"
-        else entry
-        if explained and entry["without_conflicts"]["stable"]
-        else _held(entry)
-        for name, entry in block["moduli"].items()
-    }
-    block.update(parameters={}, pairs={}, budget=None)
-    learned = None if located is None else located.learned
+    block.update(parameters={}, pairs={})
+    learned = located.learned
     if learned is None or not learned.rms < result.rms:
-        return block
+        return
     share = learned.rms / result.rms
     block.update(
         model=f"{result.model}+closure({learned.family} by {learned.scope})",
@@ -180,29 +173,6 @@ def with_closure(result: FitResult, located: Located | None) -> Json:
         r2=1.0 - (1.0 - result.r2) * share**2,
         chi2_per_dof=learned.chi2 / result.degrees_of_freedom,
         heldout_rms_V=learned.heldout_rms,
-    )
-    return block
-
-
-def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
-    """Return a reference's modulus as the campaign states it, not as a misfit bends it."""
-    campaign = result.problem.campaign
-    material = campaign.spheres.get(name) or campaign.surfaces.get(name)
-    known = getattr(material, "youngs_modulus_pa", None)
-    if known is None:
-        return _held(entry)
-    return {
-        "youngs_modulus_Pa": measurand(known.value, known.u, "Pa"),
-        "plane_strain_modulus_Pa": None,
-        "side": entry["side"],
-        "status": "reference",
-    }
-
-
-def _held(entry: Json) -> Json:
-    return withheld(
-        entry["side"],
-        "something unnamed acts on these shots, and nobody knows how far it moves this",
     )
 
 

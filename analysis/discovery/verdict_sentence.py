@@ -71,6 +71,15 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
         return f"Found in part: {names}; {fall}{ends}."
     if diagnosis.verdict == "unknown":
         return _unknown(diagnosis, before)
+    return _not_identifiable(after)
+
+
+def _not_identifiable(result: FitResult) -> str:
+    if result.undetermined and not result.out_of_range:
+        return (
+            f"The model {result.model} explains the data, but no modulus that was sought can be "
+            "told from them."
+        )
     return "These data could not show whether the model is complete."
 
 

@@ -107,12 +107,12 @@ def poissons_ratio(surface: Surface | None) -> float:
     return (stated or UNKNOWN_POISSONS_RATIO).value
 
 
-def _frame_of(shot: Shot, window: Window, campaign: Campaign) -> ShotFrame:
+def _frame_of(shot: Shot, window: Window, campaign: Campaign, *, scaled: bool) -> ShotFrame:
     sphere = campaign.spheres.get(shot.sphere or "")
     surface = campaign.surfaces.get(shot.surface or "")
     mass = sphere.mass_kg if sphere else None
     gravity = campaign.gravity_m_per_s2
-    if mass is None and shot.quantity != "acceleration_m_per_s2":
+    if not scaled or (mass is None and shot.quantity != "acceleration_m_per_s2"):
         gravity = 0.0  # speeds are in reduced units: nothing to compare 9.8 m/s^2 with
     return ShotFrame(
         shot.sample_rate_hz,
@@ -181,14 +181,18 @@ def fit_shot(
     Returns
     -------
     FitShot
-        In reduced units where radius or mass are not known.
+        In reduced units where radius or mass are not known, or volts are all there is.
     """
     sphere = campaign.spheres.get(shot.sphere or "")
     window = cut(shot)
-    frame = replace(_frame_of(shot, window, campaign), place=place)
+    scaled = known_gain or shot.quantity != "voltage"
+    frame = replace(_frame_of(shot, window, campaign, scaled=scaled), place=place)
     physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
+    gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
     speed, in_air = None, False
-    if shot.impact_speed_m_per_s is not None:
+    if gain is not None and shot.quantity == "voltage":
+        pass  # the speed is in the volts' units, and no height promises one
+    elif shot.impact_speed_m_per_s is not None:
         measured = shot.impact_speed_m_per_s
         speed = Prior(math.log(measured.value), max(measured.u / measured.value, 1e-6))
     elif shot.drop_height_m is not None:
@@ -205,7 +209,6 @@ def fit_shot(
         heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
     elif closed:
         frame = replace(frame, coupon_on_crystal_kg=frame.coupon_mass_kg or 0.0)
-    gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
     return FitShot(
         shot,
         window,
@@ -213,7 +216,7 @@ def fit_shot(
         noise,
         gain,
         heavy,
-        sphere.radius_m if physical and sphere else None,
+        sphere.radius_m if physical and scaled and sphere else None,
         speed,
         in_air,
     )

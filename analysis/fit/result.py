@@ -22,6 +22,7 @@ from analysis.fit.shot_fit import MISFIT_ABOVE, ShotFit, collect
 from analysis.fit.statements import WITHHOLD_ABOVE
 from analysis.identifiability import Identifiability, identifiability
 from analysis.model import solver
+from analysis.undetermined import Undetermined, undetermined
 
 __all__ = [
     "MISFIT_ABOVE",
@@ -180,6 +181,8 @@ class FitResult:
         if self._void:
             return {}
         found = statements.moduli_json(self.problem, self.fitted)
+        for one in self.undetermined:
+            found[one.key] = statements.withheld(one.side, one.sentence)
         if self.out_of_range:
             statements.withhold_fitted(found, "; ".join(o.sentence for o in self.out_of_range))
         if self.without_conflicts is not None:
@@ -192,6 +195,11 @@ class FitResult:
     def out_of_range(self) -> list[OutOfRange]:
         """Return the numbers that nothing can have; with any, no modulus is stated."""
         return out_of_range(self.problem, self.fitted)
+
+    @cached_property
+    def undetermined(self) -> list[Undetermined]:
+        """Return the moduli that were sought and that no quieter record would tell either."""
+        return undetermined(self.problem, self.fitted)
 
     @cached_property
     def conflicts(self) -> list[Conflict]:

@@ -56,15 +56,30 @@ def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
     dict
         By material; a name that is both a sphere's and a surface's is preceded by which it is.
     """
-    names = [n for n in problem.names if n.startswith(("sphere.", "surface."))]
-    plain = [n.split(".", 1)[1] for n in names]
     found: Json = {}
-    for name, short in zip(names, plain, strict=True):
-        side = name.partition(".")[0]
+    for name in problem.names:
+        side, _, short = name.partition(".")
+        if side not in ("sphere", "surface"):
+            continue
         materials = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-        key = short if plain.count(short) == 1 else f"{side}:{short}"
+        key = key_of(name, problem.names)
         found[key] = _modulus(*log_of(problem, fitted, name), side, materials[short])
     return found
+
+
+def key_of(name: str, names: Sequence[str]) -> str:
+    """Return how a result calls a material's modulus.
+
+    Parameters
+    ----------
+    name : str
+        ``sphere.<name>`` or ``surface.<name>``.
+    names : sequence of str
+        All globals.
+    """
+    side, _, short = name.partition(".")
+    both = {f"sphere.{short}", f"surface.{short}"} <= set(names)
+    return f"{side}:{short}" if both else short
 
 
 def withheld(side: str, reason: str) -> Json:
@@ -221,7 +236,7 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
             }
         else:
             values, chain = problem.shared_local(item, fitted.theta)
-            k = math.exp(values[0])
+            k = math.exp(values[0]) / item.frame.mass_kg
             u = math.sqrt(float(chain[0] @ fitted.covariance @ chain[0]))
             entry["stiffness_over_mass"] = measurand(k, k * u, "N m^-1.5 kg^-1")
         found[item.pair] = entry

@@ -56,14 +56,12 @@ def headline(document: Json) -> str:
         cards.append(
             (f"{shown} {unit.label}", f"error on held-out shots; {noise}{_mean(document)}")
         )
-    for name, old in before.get("moduli", {}).items():
-        new = after.get("moduli", {}).get(name, {})
-        if old["status"] != "fitted":
-            continue
-        if document["effects"] and new.get("plane_strain_modulus_Pa"):
-            cards.append((_change(old, new), f"{name}: what the repair moves its modulus by"))
-        elif new.get("status") == "withheld":
-            cards.append(("withheld", f"{name}: its modulus, while something unnamed acts"))
+    for name, new in after.get("moduli", {}).items():
+        if new["status"] == "withheld":
+            cards.append(("withheld", f"{name}: its modulus; the table of moduli says why"))
+        elif new["status"] == "fitted" and document["effects"]:
+            change = _change(before.get("moduli", {}).get(name, {}), new)
+            cards.append((change, f"{name}: what the repair moves its modulus by"))
     p_value = document["p_value"]
     cards.append((p_words(p_value), "that a complete model leaves such a residual"))
     body = "".join(

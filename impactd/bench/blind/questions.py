@@ -16,6 +16,8 @@ Group = Sequence[Trial]
 Test = Callable[[Trial], bool]
 Measure = Callable[[Trial], float | None]
 
+VERDICTS = ("adequate", "identified", "family", "partial", "unknown")
+"""Those of campaigns whose references are stated, as in all trials."""
 LOUD = 3.0
 """Times the noise, from which no closure is kept from a threefold fall by the noise alone."""
 
@@ -184,6 +186,17 @@ def _modulus(trials: Group) -> Iterator[Answer | None]:
             stated = [t for t in single if getattr(t, quantity).get(when) is not None]
             yield _share(question, stated, _covers(quantity, when), goals.get(f"cover {when}", ""))
     yield _share("library: modulus withheld after", single, lambda t: t.plane.get("after") is None)
+    yield from _every_verdict(trials)
+
+
+def _every_verdict(trials: Group) -> Iterator[Answer | None]:
+    """Ask, of all trials, of the modulus that a verdict leaves standing."""
+    stated = [t for t in trials if t.plane.get("after") is not None]
+    question = "95 % interval of E/(1-nu^2) covers, whatever the verdict"
+    yield _share(question, stated, _covers("plane", "after"), ">= 0.92")
+    for verdict in VERDICTS:
+        own = [t for t in stated if t.verdict == verdict]
+        yield _share(f"- {verdict}", own, _covers("plane", "after"))
 
 
 def _time(trials: Group) -> Iterator[Answer | None]:

@@ -10,15 +10,17 @@ import pytest
 
 from analysis import fit_campaign
 from analysis.campaign import Campaign, Quantity
-from analysis.discovery.evidence import Explained
-from analysis.discovery.localise import Located
-from analysis.discovery.statement import _provisos, with_closure
+from analysis.discovery.moduli_stated import withhold_sought
+from analysis.discovery.statement import _block, _provisos
 from analysis.fit.result import FitResult
 
-NOWHERE = Located(
-    "contact", {"contact": 1.0}, {"contact": 0.0}, Explained("gain", "rig", 0.0, 1, 1.0, 0.0, {}),
-    None, 1.0,
-)  # fmt: skip
+
+def _withheld(result: FitResult) -> dict[str, Any]:
+    """Return the specimen's modulus of a fit that leaves structure."""
+    block = _block(result)
+    withhold_sought(block, result)
+    specimen: dict[str, Any] = block["moduli"]["specimen"]
+    return specimen
 
 
 def _misstated(made: tuple[Any, Campaign], relative_u: float) -> Campaign:
@@ -57,8 +59,7 @@ def test_a_modulus_that_does_not_rest_on_the_culprit_is_stated(
 ) -> None:
     """What stays when the culprit is left out is stated, with an interval about the truth."""
     assert contradicted.explained_by_a_statement
-    block = with_closure(contradicted, NOWHERE)
-    specimen = block["moduli"]["specimen"]
+    specimen = _withheld(contradicted)
     assert specimen["status"] == "fitted"
     assert specimen["without_conflicts"]["stable"]
     low, high = specimen["youngs_modulus_Pa"]["interval95"]
@@ -85,7 +86,7 @@ def test_a_modulus_that_rests_on_the_culprit_is_withheld(
     low, high = specimen["without_conflicts"]["youngs_modulus_Pa"]["interval95"]
     assert low <= made[0].moduli["specimen"][0] <= high
     assert "specimen rests on it" in resting.to_json()["sentence"]
-    assert with_closure(resting, NOWHERE)["moduli"]["specimen"]["status"] == "withheld"
+    assert _withheld(resting)["status"] == "withheld"
 
 
 def test_where_more_than_the_statement_is_wrong_moduli_are_withheld(
@@ -98,4 +99,4 @@ def test_where_more_than_the_statement_is_wrong_moduli_are_withheld(
     )
     found = fit_campaign(dataclasses.replace(wrong, shots=shots), "kv", heldout=False)
     assert not found.explained_by_a_statement
-    assert with_closure(found, NOWHERE)["moduli"]["specimen"]["status"] == "withheld"
+    assert _withheld(found)["status"] == "withheld"
