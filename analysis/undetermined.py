@@ -188,8 +188,9 @@ def _is_sought(campaign: Campaign, side: str, short: str | None) -> bool:
     own = listed.get(short or "")
     if own is None or own.youngs_modulus_pa is not None:
         return False
-    all_of_them = [*campaign.spheres.values(), *campaign.surfaces.values()]
-    return own.poissons_ratio is not None or any(m.youngs_modulus_pa for m in all_of_them)
+    references = [m.youngs_modulus_pa for m in campaign.spheres.values()]
+    references += [m.youngs_modulus_pa for m in campaign.surfaces.values()]
+    return own.poissons_ratio is not None or any(references)
 
 
 def _what_is_missing(problem: JointProblem, item: FitShot) -> tuple[str, str]:

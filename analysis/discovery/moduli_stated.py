@@ -116,7 +116,7 @@ def members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
         Each of the others has one of the names replaced.
     """
     last = diagnosis.steps[-1].fitted.cost
-    found = []
+    found: list[Member] = []
     for taken in diagnosis.chosen:
         rivals = diagnosis.rivals.get(taken.owner, [])
         if rivals and not found:
