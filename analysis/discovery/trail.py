@@ -29,6 +29,7 @@ from analysis.discovery.reformed import reformed
 from analysis.discovery.time_budget import BudgetSpentError, unwatched
 from analysis.discovery.widened import widened
 from analysis.fit import joint
+from analysis.fit.freed_inputs import at_likeliest_inputs
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
@@ -147,10 +148,18 @@ def look(problem: JointProblem, fitted: joint.Fitted) -> Step:
 
     Notes
     -----
-    Made to its end whatever the time: what was fitted is worth nothing without it.
+    Made to its end whatever the time: what was fitted is worth nothing without it. What masses,
+    radii and heights explain that differ from their statements by what these allow is no structure:
+    such an answer is that of the fit in which they are where the shots put them.
     """
-    evidence = gather(unwatched(problem), fitted)
-    return Step(problem, fitted, evidence, ask(evidence))
+    whole = unwatched(problem)
+    evidence = gather(whole, fitted)
+    found = Step(problem, fitted, evidence, ask(evidence))
+    if not found.omnibus.structured or joint.is_hopeless(problem, fitted.cost):
+        return found
+    evidence = gather(*at_likeliest_inputs(whole, fitted))
+    freed = ask(evidence)
+    return found if freed.structured else Step(problem, fitted, evidence, freed)
 
 
 def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:

@@ -16,6 +16,8 @@ from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, collect, outcome_of
 from analysis.model import solver
 
+SETTLING_STEPS = 8
+"""Of a fit that frees inputs: from where they are exact it takes two or three."""
 LEAST_SHARE = 1e-12
 """Of the largest variance, below which a covariance has no direction but rounding."""
 
@@ -40,7 +42,11 @@ def with_inputs(problem: JointProblem) -> JointProblem:
     )
     if not inputs or problem.inputs:
         return problem
-    inputs, own = _with_calibration(problem, inputs)
+    return _widened_by(problem, *_with_calibration(problem, inputs))
+
+
+def _widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> JointProblem:
+    """Return a problem with inputs as globals behind its own, of which ``own`` is the precision."""
     size, more = len(problem.names), len(inputs)
     precision = np.zeros((size + more, size + more))
     precision[:size, :size] = own
@@ -54,6 +60,47 @@ def with_inputs(problem: JointProblem) -> JointProblem:
         prior_precision=precision,
         inputs=inputs,
     )
+
+
+def at_likeliest_inputs(
+    problem: JointProblem, fitted: joint.Fitted
+) -> tuple[JointProblem, joint.Fitted]:
+    """Return a fit with masses, heights and the like where the shots and their statements put them.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        Where they are exactly as stated.
+
+    Returns
+    -------
+    problem : JointProblem
+        Its shots moved within what their statements allow; no input is a parameter.
+    fitted : Fitted
+        Its solution. Both as given where no number has an uncertainty, or there is no solution.
+    """
+    stated, _ = stated_numbers(
+        problem.campaign, problem.shots, by_ratio=problem.model.coupon_share_at is not None
+    )
+    # the converter's gain is the cell's to all shots alike
+    inputs = tuple(one for one in stated if one.kind != "converter_gain")
+    if not inputs or problem.inputs or not fitted.blocks:
+        return problem, fitted
+    wide = _widened_by(problem, inputs, problem.prior_precision)
+    more = wide.start[len(problem.names) :]
+    freed = joint.fit(
+        wide,
+        fitted.nuisances,
+        theta=np.concatenate([fitted.theta, more]),
+        max_iterations=SETTLING_STEPS,
+        damping=joint.LEAST_DAMPING,
+        tolerance=joint.ROUGH_TOLERANCE,
+    )
+    moved = dataclasses.replace(
+        problem, shots=[wide.item_at(item, freed.theta) for item in problem.shots]
+    )
+    near = joint.fit(moved, freed.nuisances, theta=freed.theta[: fitted.theta.size])
+    return (moved, near) if freed.blocks and near.blocks else (problem, fitted)
 
 
 def _with_calibration(
