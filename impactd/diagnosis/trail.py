@@ -111,11 +111,11 @@ def closure(document: Json) -> str:
         return ""
     before = document["before"].get("heldout_rms_V")
     other = learned.get("by_columns")
-    kept = f" Where the model is kept, it is {_parts(other)}." if other else ""
+    few = f" Without it the best is {_parts(other)}." if other else ""
     return (
         "<h2>The learned closure</h2>"
         f"<p>What no name explains is best taken up by {_parts(learned)}."
-        f"{_share_of(learned, before)}{kept}{_share_of(other or {}, before)}</p>{_formula(learned)}"
+        f"{_share_of(learned, before)}{few}{_share_of(other or {}, before)}</p>{_formula(learned)}"
     )
 
 
