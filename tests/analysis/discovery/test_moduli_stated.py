@@ -60,6 +60,13 @@ def test_a_model_that_leaves_noise_states_its_modulus(leaky: Diagnosis) -> None:
     assert found["accepted_model"] is not None
 
 
+def test_a_disturbed_line_alone_withholds_nothing(clean: Diagnosis) -> None:
+    """What is there without an impact stands in the noise; the windows hold nothing else."""
+    disturbed = dataclasses.replace(clean, verdict="unknown")
+    found = diagnosis_json(disturbed, software="impactd test")
+    assert found["after"]["moduli"]["specimen"]["status"] == "fitted"
+
+
 @pytest.fixture(scope="module")
 def family(leaky: Diagnosis) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """The block of a family, and what each of its members says by itself."""

@@ -136,6 +136,22 @@ def test_other_verdicts_have_a_page_too(document):
     read(page(adequate))
 
 
+def test_a_withheld_modulus_is_among_the_figures_that_matter(document):
+    """Who reads only the top of the page sees that there is no modulus, and why further down."""
+    withheld = copy.deepcopy(document)
+    for block in (withheld["before"], withheld["after"]):
+        block["moduli"]["specimen"] = {
+            "youngs_modulus_Pa": None,
+            "plane_strain_modulus_Pa": None,
+            "side": "surface",
+            "status": "withheld",
+            "reason": "State the modulus of acetal.",
+        }
+    text = " ".join(read(page(withheld)).text)
+    assert "specimen: its modulus; the table of moduli says why" in text
+    assert "State the modulus of acetal." in text
+
+
 def test_what_people_typed_is_escaped(document):
     """A file name cannot put a script into the page."""
     nasty = copy.deepcopy(document)
