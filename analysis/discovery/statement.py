@@ -22,6 +22,7 @@ from analysis.discovery.noise_words import noise_json
 from analysis.discovery.per_shot import parameters_by_shot, told_of_shots
 from analysis.discovery.quality import heldout_or_none, quality
 from analysis.discovery.reasons import not_refitted, to_the_end, why_not
+from analysis.discovery.time_budget import BudgetSpentError
 from analysis.discovery.trail import Step
 from analysis.discovery.verdict_sentence import beside_mean_waveform, sentence
 from analysis.effects.library import library
@@ -29,7 +30,11 @@ from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.measurand import Json
 from analysis.fit.physical_range import advice
 from analysis.fit.result import FitResult
-from analysis.fit.statements import effect_parameters_json, parameters_json
+from analysis.fit.statements import (
+    effect_parameters_json,
+    parameters_json,
+    withhold_fitted,
+)
 
 FORMAT = "impactd-diagnosis/1"
 
@@ -53,7 +58,9 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     before = quality(first.problem, first.fitted)
     after = before if last is first else quality(last.problem, last.fitted)
     # the loop itself takes masses, heights and the like as exact; what it states does not
-    honest = inputs_freed(before), inputs_freed(after)
+    honest = (_honest(before, first),) * 2
+    if after is not before:
+        honest = honest[0], _honest(after, last)
     base, stated = _block(honest[0]), _block(honest[1])
     accepted = diagnosis.chosen and diagnosis.leaves_noise and not honest[1].out_of_range
     located = diagnosis.located
@@ -62,6 +69,8 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         withhold_sought(stated, honest[1])
     elif diagnosis.rivals:
         hold_for_all(stated, members(diagnosis, honest[1]))
+    if diagnosis.open_names:
+        withhold_fitted(stated["moduli"], "the name beside which it was found is not certain")
     if diagnosis.verdict == "unknown" and located is not None:
         _add_closure(stated, honest[1], located)
     mean = mean_waveform(first.problem) if located is None or located.mean is None else located.mean
@@ -112,6 +121,22 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     }
     finite: Json = _finite(document)
     return finite
+
+
+def _honest(result: FitResult, step: Step) -> FitResult:
+    """Return a fit in which masses, heights and the like are as uncertain as stated.
+
+    Whether its moduli rest on statements that the shots contradict takes one more fit, and is asked
+    only where the time allows.
+    """
+    freed = inputs_freed(result)
+    problem = dataclasses.replace(freed.problem, checkpoint=step.problem.checkpoint)
+    timed = dataclasses.replace(freed, problem=problem)
+    try:
+        timed.moduli()
+    except BudgetSpentError:
+        return dataclasses.replace(freed, statements_asked=False)
+    return timed
 
 
 def _provisos(result: FitResult) -> list[str]:

@@ -75,13 +75,12 @@ class EndedEarly:
         """Return it in words for people."""
         if self.verdict_stands:
             return (
-                f"The time budget of {self.budget_s:.3g} s was spent after the search had ended: "
-                f"the verdict stands, but some errors on held-out shots or the next drop are "
-                f"missing ({self.doing})."
+                f"The budget of {self.budget_s:.3g} s was spent when the search had ended: the "
+                "verdict stands, but some errors on held-out shots or the next drop are missing."
             )
         return (
             f"This is the best verdict after {self.after_s:.3g} s; the search had not ended: it "
-            f"was at: {self.doing}."
+            f'was at "{self.doing}".'
         )
 
     def to_json(self) -> Json:

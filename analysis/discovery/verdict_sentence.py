@@ -96,7 +96,7 @@ def _not_compared(diagnosis: Diagnosis) -> str:
 def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
     if diagnosis.located is not None or not diagnosis.search_ended:
         what = (
-            "that no effect of the library explains" if diagnosis.search_ended else "without name"
+            "that no effect of the library explains" if diagnosis.search_ended else "not yet named"
         )
         return (
             f"The model {before.model} misses something {what}"

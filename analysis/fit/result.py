@@ -108,6 +108,8 @@ class FitResult:
         1 where it does not.
     heldout_rms : float or None
         Residual of shots that the shared parameters had not seen. [unit of the signal]
+    statements_asked : bool
+        False where there was no time for the fit without contradicted statements.
     """
 
     model: str
@@ -117,6 +119,7 @@ class FitResult:
     shots: tuple[ShotFit, ...]
     misfit: float
     heldout_rms: float | None
+    statements_asked: bool = True
 
     # -- quality ---------------------------------------------------------------------------------
     @property
@@ -185,6 +188,13 @@ class FitResult:
             found[one.key] = statements.withheld(one.side, one.sentence)
         if self.out_of_range:
             statements.withhold_fitted(found, "; ".join(o.sentence for o in self.out_of_range))
+        if self.conflicts and not self.statements_asked:
+            statements.withhold_fitted(
+                found,
+                "nobody asked whether it rests on "
+                + ", ".join(c.path for c in self.conflicts)
+                + ", which the shots contradict",
+            )
         if self.without_conflicts is not None:
             statements.add_without_conflicts(found, self.without_conflicts.moduli())
             if self.explained_by_a_statement:
@@ -212,7 +222,7 @@ class FitResult:
 
         None too where the model is far from the shots without them as well.
         """
-        if not self.conflicts:
+        if not self.conflicts or not self.statements_asked:
             return None
         clear = fit_without(self.problem, self.fitted, self.conflicts, widened=self.misfit)
         if clear is None:

@@ -66,6 +66,15 @@ def test_a_modulus_that_does_not_rest_on_the_culprit_is_stated(
     assert low <= made[0].moduli["specimen"][0] <= high
 
 
+def test_where_nobody_asked_on_what_a_modulus_rests_it_is_withheld(contradicted: FitResult) -> None:
+    """Without the time for a fit without the culprit nothing is stated beside a contradiction."""
+    cut_short = dataclasses.replace(contradicted, statements_asked=False)
+    specimen = cut_short.moduli()["specimen"]
+    assert specimen["status"] == "withheld"
+    assert "surfaces.polycarbonate.youngs_modulus_Pa" in specimen["reason"]
+    assert not cut_short.explained_by_a_statement
+
+
 def test_the_sentence_says_who_it_is_and_what_stays(contradicted: FitResult) -> None:
     """The culprit, what the shots say of it, that noise is left without it, and what stays."""
     said = " ".join(_provisos(contradicted))

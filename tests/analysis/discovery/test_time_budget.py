@@ -87,7 +87,7 @@ def test_a_watch_ends_a_search_once_its_time_is_over_and_says_at_what() -> None:
         "doing": "Candidates (4 of 9): trying echo",
         "verdict_stands": False,
     }
-    assert "best verdict after 11 s; the search had not ended" in watch.ended.sentence
+    assert "after 11 s; the search had not ended: it was at" in watch.ended.sentence
     assert len(told) == 3
 
 
@@ -156,6 +156,7 @@ def test_a_name_that_was_not_held_against_others_is_one_of_a_family(leaky: Diagn
     told = diagnosis_json(dataclasses.replace(found, watch=watch), software="impactd test")
     assert "coupler_highpass was not held against" in told["sentence"]
     assert told["effects"][0]["confusable_with"] == found.confusable_with("coupler_highpass")
+    assert told["after"]["moduli"]["specimen"]["status"] == "withheld"
 
 
 def test_a_whole_search_leaves_no_name_uncompared(leaky: Diagnosis) -> None:
