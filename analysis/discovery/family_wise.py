@@ -118,8 +118,9 @@ def _p_values(evidence: Evidence, scores: list[Array], part: Part) -> Array:
             dof += own.rank
     else:
         system = evidence.system([part])
-        # next to nothing of a chain is not zero
-        load = sum(csr_array(c.T) @ s for c, s in zip(system.chains, scores, strict=True))
+        load = np.zeros((system.whole.shape[0], DRAWS))
+        for chain, score in zip(system.chains, scores, strict=True):
+            load += csr_array(chain.T) @ score  # next to nothing of a chain is not zero
         # the globals' own load is what fitting them has brought to nothing, priors included
         load[: system.globals_] = 0.0
         found = Projection(system.whole, system.globals_)
