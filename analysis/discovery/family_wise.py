@@ -120,7 +120,7 @@ def _p_values(evidence: Evidence, scores: list[Array], part: Part) -> Array:
         system = evidence.system([part])
         load = np.zeros((system.whole.shape[0], DRAWS))
         for chain, score in zip(system.chains, scores, strict=True):
-            load += csr_array(chain.T) @ score  # next to nothing of a chain is not zero
+            load += np.asarray(csr_array(chain.T) @ score)  # next to nothing of a chain is not zero
         # the globals' own load is what fitting them has brought to nothing, priors included
         load[: system.globals_] = 0.0
         found = Projection(system.whole, system.globals_)
