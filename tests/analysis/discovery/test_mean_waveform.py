@@ -200,6 +200,7 @@ def test_recordings_of_others_are_predicted_as_a_plain_mean_can(
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("name", "most"), [("repeated-shock", 29.0), ("drop-tower", 2650.0), ("board-impacts", 980.0)]
 )
