@@ -94,12 +94,8 @@ class Diagnosis:
 
     @property
     def leaves_noise(self) -> bool:
-        """Whether the model that stands leaves nothing in the windows but noise.
-
-        What is on the line all the time may stand beside it: no impact causes that.
-        """
-        named = self.verdict in ("identified", "family")
-        return named or not self.steps[-1].omnibus.structured
+        """Whether the model that stands leaves noise, and nothing else is on the line either."""
+        return self.verdict not in ("partial", "unknown")
 
     @property
     def confusable(self) -> list[str]:

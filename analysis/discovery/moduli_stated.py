@@ -21,7 +21,7 @@ from analysis.fit.measurand import NORMAL95, Json, measurand
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
 
-STRUCTURE = "the model misses something in these shots, and nobody knows how far that moves this"
+STRUCTURE = "more than noise is left in these shots, and nobody knows how far that moves this"
 MODULI = ("plane_strain_modulus_Pa", "youngs_modulus_Pa")
 OF_MODULI = ("sphere.", "surface.")
 """Beginnings of the parameters that are moduli."""
