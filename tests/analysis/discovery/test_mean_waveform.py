@@ -86,7 +86,7 @@ def strange(step: Step) -> Diagnosis:
         step.evidence.chi2,
         mean=mean,
     )
-    return Diagnosis("unknown", [step], [], {}, "sensor", located)
+    return Diagnosis("unknown", [step], [], slot="sensor", located=located)
 
 
 def test_a_waveform_that_hits_share_is_predicted_down_to_the_noise():
