@@ -16,7 +16,8 @@ from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
 from analysis.discovery.candidates import extended
 from analysis.discovery.diagnosis import _crystal
-from analysis.discovery.trail import look
+from analysis.discovery.time_budget import Watch
+from analysis.discovery.trail import Trail, look
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -125,7 +126,10 @@ def test_a_rigid_cell_is_not_said_to_ring(impact: Any) -> None:
     assert observation_from_fit(found, shot="1") is None
     model = model_named("hsd")
     problem = build(campaign, model)
-    crystal, _ = _crystal(campaign, look(problem, joint.fit(problem, prepare(problem))))
+    base = look(problem, joint.fit(problem, prepare(problem)))
+    trail, _ = _crystal(campaign, Trail([base], []), base.fitted, Watch())
+    (crystal,) = base.refits
+    assert not trail.chosen
     assert crystal.at_bound
     assert not crystal.usable
 
