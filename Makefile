@@ -18,12 +18,10 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 # How the recipes below call things; give your own on the command line, e.g. `make demo ARGS="--seed 7"`.
 ARGS ?=
 WORKERS ?= 2
-# Injected faults wait longer than they compute.
-FAULT_WORKERS ?= 4
 LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
 
-.PHONY: help demo serve bench check test test-faults test-system soak lint types contracts docstrings \
+.PHONY: help demo serve bench check test test-faults test-slow test-system soak lint types contracts docstrings \
   units audit lock sbom clean
 
 help:  ## list the targets
@@ -77,11 +75,13 @@ check: lint types contracts docstrings units audit  ## ruff, mypy, import contra
 test: check  ## `make check`, then the tests with warnings as errors
 	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ARGS)
 
-test-faults: $(TOOLS)  ## every injected fault with its figures, then all else of tens of seconds; half an hour
+test-faults: $(TOOLS)  ## every injected fault, with its figures at the end; half an hour
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
-	@$(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
+	@$(BIN)/pytest -n $(WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
 	  -m "not soak and not system" $(ARGS)
-	@$(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal -m "slow and not soak" --ignore=tests/faults $(ARGS)
+
+test-slow: $(TOOLS)  ## all else of tens of seconds: whole diagnoses, the guides, aborts at every seam
+	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow and not soak" --ignore=tests/faults $(ARGS)
 
 soak: $(TOOLS)  ## the faults whose counts take hours
 	@$(BIN)/pytest -s -m soak $(ARGS)
