@@ -18,6 +18,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 # How the recipes below call things; give your own on the command line, e.g. `make demo ARGS="--seed 7"`.
 ARGS ?=
 WORKERS ?= 2
+# Injected faults wait as long as they compute.
+FAULT_WORKERS ?= 4
 LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
 
@@ -77,7 +79,7 @@ test: check  ## `make check`, then the tests with warnings as errors
 
 test-faults: $(TOOLS)  ## every injected fault, with its figures at the end; half an hour
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
-	@$(BIN)/pytest -n $(WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
+	@$(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
 	  -m "not soak and not system" $(ARGS)
 
 test-slow: $(TOOLS)  ## all else of tens of seconds: whole diagnoses, the guides, aborts at every seam

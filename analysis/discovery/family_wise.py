@@ -18,8 +18,6 @@ from analysis.discovery.evidence import Evidence, Projection, ShotProjection
 
 DRAWS = 200
 """The number of tests is known to its fourteenth part, and so is a p-value."""
-JITTER = 1e-10
-"""Of a matrix with ones along its diagonal: more than rounding takes off its eigenvalues."""
 SEED = 20_311
 
 Array = NDArray[np.float64]
@@ -102,7 +100,9 @@ def _drawn(rng: np.random.Generator, matrix: Array) -> Array:
     """Return draws of a Gaussian with a covariance. Shape (n, draws)."""
     scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
     unit = np.where(scale > 0.0, scale, 1.0)
-    root = np.linalg.cholesky(matrix / np.outer(unit, unit) + JITTER * np.eye(scale.size))
+    # rounding and a coarse converter's stretches leave eigenvalues below zero
+    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
     return np.asarray(scale[:, None] * (root @ rng.standard_normal((scale.size, DRAWS))))
 
 
