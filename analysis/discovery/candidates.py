@@ -83,7 +83,7 @@ class Refit:
         """Whether it was fitted to all shots and its numbers are such as the effect can have."""
         return self.on_all_shots and not self.at_bound
 
-    def score(self, factor: float = 1.0) -> float:
+    def score(self, *, factor: float = 1.0) -> float:
         """Return twice the rise of ln Z, on so many times the shots."""
         gain, own = self.gain * factor, round(self.own * factor)
         shared = self.parameters - self.own
@@ -291,8 +291,11 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
 
 
 def _price(found: Refit, base: joint.Fitted) -> Price:
-    """Return what an effect's numbers cost at its fit; nothing where it went nowhere."""
-    if not found.fitted.blocks:
+    """Return what an effect's numbers cost at its fit; nothing where it explains less than none.
+
+    Such a fit is at no minimum, for the model holds its base, and Laplace's volume is not defined.
+    """
+    if not (found.fitted.blocks and found.fitted.cost <= base.cost):
         return NOTHING
     return price_of_effect(found.problem, found.fitted, base, found.effect)
 

@@ -60,12 +60,11 @@ def best_reached(start: Trail, reached: Sequence[Trail]) -> Trail:
         By the squares that are left, numbers paid for. It may end with an effect that was fitted to
         all shots and neither held against all others nor asked for another form or grouping.
     """
-    price = CRITERIA.comparison.price_of_number
     ways: list[tuple[float, Trail, Refit | None]] = []
     for trail in (start, *reached):
         ways.append((trail.score, trail, None))
         if len(trail.chosen) < MAX_EFFECTS:
-            ways += [(trail.score - r.score(price), trail, r) for r in useful(trail.last)[:1]]
+            ways += [(trail.score - r.score(), trail, r) for r in useful(trail.last)[:1]]
     _, trail, further = min(ways, key=lambda way: way[0])
     if further is None:
         return trail

@@ -49,7 +49,10 @@ PARTS = {
 RIDGE = 0.5
 """A closure's coefficients are of order one where it changes the signal by its own size."""
 RANK_TOLERANCE = 1e-9
+"""Least eigenvalue, of a matrix with ones along its diagonal, of a direction that the data see:
+sums over all shots are good to 1e-12."""
 SHOT_RANK_TOLERANCE = 1e-6
+"""The same of one shot, whose nuisances take off what its one-sided slopes leave, good to 1e-6."""
 
 
 @dataclass(frozen=True)

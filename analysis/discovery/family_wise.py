@@ -19,6 +19,7 @@ from analysis.discovery.evidence import Evidence, Projection, ShotProjection
 DRAWS = 200
 """The number of tests is known to its fourteenth part, and so is a p-value."""
 SEED = 20_311
+"""Any: it is kept, so that the same records have the same p-value."""
 
 Array = NDArray[np.float64]
 Part = tuple[str, str]

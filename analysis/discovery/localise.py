@@ -30,7 +30,7 @@ from analysis.discovery.waveform_closure import waveform_closure
 
 FORMULA_TERMS = 2
 MOST_MODES = 2
-"""Modes of variation that a waveform may have."""
+"""Modes of variation that a waveform may have. A choice: of three hits no more can be told."""
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,10 @@ def _log_determinant(problem: JointProblem, fitted: joint.Fitted) -> float:
 
 def _log_det(matrix: Array) -> float:
     """Return ln|H|; a direction that the data leave open counts for as little in every model."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values = np.linalg.eigvalsh(matrix / np.outer(scale, scale))
+    seen = np.diag(matrix) > 0.0
+    scale = np.sqrt(np.diag(matrix)[seen])
+    values = np.zeros(seen.size)
+    values[seen] = np.linalg.eigvalsh(matrix[np.ix_(seen, seen)] / np.outer(scale, scale))
     return float(2.0 * np.log(scale).sum() + np.log(np.maximum(values, LEAST_EIGENVALUE)).sum())
 
 

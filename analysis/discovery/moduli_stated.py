@@ -140,7 +140,7 @@ def hold_for_all(block: Json, family: Sequence[Member]) -> None:
     block : dict
         Of the first of them, changed in place.
     family : sequence of Member
-        Two or more; the value is their mean by evidence (BIC), the 95 % interval the least that is
+        Two or more; the value is their mean by evidence, the 95 % interval the least that is
         symmetric in the logarithm and holds those of all.
     """
     weights = _weights(family)

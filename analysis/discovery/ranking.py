@@ -225,7 +225,7 @@ def rank(found: Refit) -> tuple[bool, bool, float]:
 
 def _merit(found: Refit, factor: float) -> float:
     """Return the score that all shots would give; what left its range loses half of it."""
-    score = found.score(factor)
+    score = found.score(factor=factor)
     weight = CRITERIA.search.out_of_range_weight
     return weight * score if found.at_bound and score > 0 else score
 

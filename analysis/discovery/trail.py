@@ -157,7 +157,10 @@ def look(problem: JointProblem, fitted: joint.Fitted) -> Step:
     found = Step(problem, fitted, evidence, ask(evidence))
     if not found.omnibus.structured or joint.is_hopeless(problem, fitted.cost):
         return found
-    evidence = gather(*at_likeliest_inputs(whole, fitted))
+    settled, near = at_likeliest_inputs(whole, fitted)
+    if settled is whole:
+        return found  # every number is exact
+    evidence = gather(settled, near)
     freed = ask(evidence)
     return found if freed.structured else Step(problem, fitted, evidence, freed)
 

@@ -27,11 +27,24 @@ Start = tuple[float, float]
 SHARES = (1.0, 0.5, 0.25, 0.1)
 """Of a step, tried until one helps."""
 AGREED = 1e-5
-"""Relative fall of the squares at which a fit ends."""
+"""Relative fall of the squares at which a fit ends: an error is told to three digits."""
 LARGEST_STRETCH = 0.2
-"""Of one step."""
+"""Of one step. Chosen by trial: a wrong first slope may ask for a hit without length, and a step
+that does not help is shortened anyway."""
 RIDGE = 1e-13
 """On columns of length one: rounding, where two are alike."""
+
+
+@njit(cache=True, nogil=True)
+def _weights(t: float) -> tuple[float, float, float, float]:
+    """Return what four neighbouring coefficients of a cubic spline count at a share of a step."""
+    r = 1.0 - t
+    return (
+        r * r * r / 6.0,
+        (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0,
+        (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0,
+        t * t * t / 6.0,
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -42,14 +55,8 @@ def sampled(spline: Array, place: float, pace: float, count: int) -> Array:
     for j in range(count):
         at = min(max(place + pace * j, 0.0), last)
         i = min(int(at), spline.size - 4)
-        t = at - i
-        r = 1.0 - t
-        found[j] = (
-            r * r * r * spline[i]
-            + (4.0 - 6.0 * t * t + 3.0 * t * t * t) * spline[i + 1]
-            + (4.0 - 6.0 * r * r + 3.0 * r * r * r) * spline[i + 2]
-            + t * t * t * spline[i + 3]
-        ) / 6.0
+        w0, w1, w2, w3 = _weights(at - i)
+        found[j] = w0 * spline[i] + w1 * spline[i + 1] + w2 * spline[i + 2] + w3 * spline[i + 3]
     return found
 
 
@@ -65,9 +72,7 @@ def _products(splines: Array, sizes: Array, signal: Array, place: float, pace: f
         i = min(int(at), splines.shape[1] - 4)
         t = at - i
         r = 1.0 - t
-        w0, w3 = r * r * r / 6.0, t * t * t / 6.0
-        w1 = (4.0 - 6.0 * t * t + 3.0 * t * t * t) / 6.0
-        w2 = (4.0 - 6.0 * r * r + 3.0 * r * r * r) / 6.0
+        w0, w1, w2, w3 = _weights(t)
         slope = 0.0
         for k in range(shapes):
             a, b, c, d = splines[k, i], splines[k, i + 1], splines[k, i + 2], splines[k, i + 3]

@@ -34,9 +34,8 @@ def _soft(signal: Array, values: Values, context: ShotContext) -> Array:
     if not 0.0 < ceiling < np.inf:
         return signal.copy()
     width = values["softness"] * ceiling
-    with np.errstate(invalid="ignore"):  # no trace, no trace
-        at_rest = np.logaddexp(0.0, -ceiling / width)
-        found: Array = signal - width * (np.logaddexp(0.0, (signal - ceiling) / width) - at_rest)
+    at_rest = np.logaddexp(0.0, -ceiling / width)
+    found: Array = signal - width * (np.logaddexp(0.0, (signal - ceiling) / width) - at_rest)
     return found
 
 
@@ -50,7 +49,7 @@ def _rational(signal: Array, values: Values, context: ShotContext) -> Array:
     if not 0.0 < ceiling < np.inf:
         return signal.copy()
     # logarithms, because powers of a thousand overflow
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore"):
         depth = np.logaddexp(0.0, power * np.log(np.abs(signal) / ceiling))
     found: Array = signal * np.exp(-depth / power)
     return found

@@ -23,6 +23,7 @@ from analysis.fit.stated_effects import effect_prior
 from analysis.model import solver
 
 START_RESTITUTION = 0.75
+"""Where none was seen: the middle of what polymers do."""
 FREQUENCIES = 14
 DAMPING_RATIOS = (0.02, 0.07, 0.25)
 NEAR_CERTIFICATE = 0.3

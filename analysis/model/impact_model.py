@@ -299,6 +299,7 @@ class ImpactModel:
             raise OverflowError
         return Column(0, local, self.effect_values(local), self.context(local, frame))
 
+    @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
         """Return the trace of one shot.
 
@@ -314,7 +315,7 @@ class ImpactModel:
         Returns
         -------
         Prediction
-            NaN rebound when the contact did not end.
+            NaN rebound when the contact did not end; a signal that ran away has no number either.
         """
         model = self.felt_by(frame)
         try:
@@ -443,6 +444,7 @@ class ImpactModel:
             for e in self.effects
         }
 
+    @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def linearise(self, local: Array, frame: ShotFrame) -> tuple[Prediction, Array, Array]:
         """Return the trace with the derivatives of signal and rebound ratio.
 

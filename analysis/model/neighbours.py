@@ -407,10 +407,9 @@ def fill_neighbours(
     found, ends = add_first_contacts(table, model, solved, steps)
     gradient = np.zeros(centre.local.size)
     ratio = found[:, 1] / np.array([c.context.speed_m_per_s for c in solved])
-    with np.errstate(invalid="ignore"):  # a motion that ran away has no rebound, and no cost
-        for c, r in zip(solved[1:], ratio[1:], strict=True):
-            if c.step == LOG_STEP:  # touch-down does not change the rebound
-                gradient[c.row - 1] = (r - ratio[0]) / LOG_STEP
+    for c, r in zip(solved[1:], ratio[1:], strict=True):
+        if c.step == LOG_STEP:  # touch-down does not change the rebound
+            gradient[c.row - 1] = (r - ratio[0]) / LOG_STEP
     first = table[0]
     if model.has_second_contacts:
         first = table[0].copy()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Campaign
 from analysis.discovery.candidates import Refit, extended, refitted
-from analysis.discovery.marginal_likelihood import coordinate_width, log_integral
+from analysis.discovery.marginal_likelihood import Price, coordinate_width, log_integral
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem, build
@@ -128,4 +128,22 @@ def test_no_number_is_cheaper_for_being_unknown(campaign: Campaign) -> None:
     still = joint.fit(larger, nuisances, theta=theta, max_iterations=0)
     bare = Refit(effect, "recontact", "rig", larger, still, 0.0, 0, False, 0.0)
     price = refitted(bare, problem, base).price
+    assert price != Price()
     assert 0.0 <= price.shared + price.shots < 30.0
+
+
+def test_a_fit_that_ran_off_its_base_has_no_price(campaign: Campaign) -> None:
+    """Its normal matrix, huge and no longer positive, is not asked for a volume."""
+    problem = build(campaign, model_named("kv2"))
+    base = joint.fit(problem, prepare(problem))
+    effect = effect_named("recontact")
+    begin = {f"recontact.{p.name}": p.coordinate(p.high) for p in effect.parameters}
+    larger, theta, nuisances = extended(problem, base, effect, begin)
+    still = joint.fit(larger, nuisances, theta=theta, max_iterations=0)
+    far = [dataclasses.replace(b, matrix=-1e34 * b.matrix) for b in still.blocks]
+    lost = dataclasses.replace(still, blocks=far, cost=1e34)
+    found = refitted(
+        Refit(effect, "recontact", "rig", larger, lost, 0.0, 0, False, 0.0), problem, base
+    )
+    assert found.price == Price()
+    assert found.score() < 0.0

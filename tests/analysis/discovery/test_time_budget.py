@@ -172,6 +172,14 @@ def test_what_was_fitted_to_all_shots_is_not_lost(leaky: Diagnosis) -> None:
     assert reached.adequate
 
 
+def test_a_finished_trail_stands_before_a_refit_that_explains_half(leaky: Diagnosis) -> None:
+    """A refit counts with the gain it has on these shots."""
+    whole = Trail(leaky.steps, leaky.chosen)
+    half = dataclasses.replace(leaky.chosen[0], gain=leaky.chosen[0].gain / 2.0)
+    start = Trail([dataclasses.replace(leaky.steps[0], refits=[half])], [])
+    assert best_reached(start, [whole]) is whole
+
+
 def test_nothing_is_far_ahead_of_names_that_were_not_tried(leaky: Diagnosis) -> None:
     """A name beside which structure remains needs a whole comparison to be found in part."""
     assert _standing(leaky.steps, leaky.chosen) == 1
