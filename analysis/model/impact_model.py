@@ -172,7 +172,7 @@ class ImpactModel:
         In the order they were added.
     step_share : float
         Share of the steps that an error of 1e-6 of the peak needs; the error goes like its fifth
-        power. The discovery, which fits hundreds of models to noise of 1e-4, takes 0.75.
+        power. A diagnosis, which fits hundreds of models to noise of 1e-4, takes 0.75.
     """
 
     base: str

@@ -18,7 +18,7 @@ from analysis import fit_campaign as analysis_fit_campaign
 from analysis import with_bounces
 from analysis.base_models import BASE_MODELS
 from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface, Uncertainty
-from analysis.discovery.named_model import fit_named
+from analysis.diagnosis.named_model import fit_named
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from impactd.jobs.curves import curve_of

@@ -220,7 +220,7 @@ def _rung(block: Json) -> Rung:
 
 def _middle_rung(campaign: Campaign) -> Rung:
     """Return KV alone: what the paper would have reported of such a rig."""
-    shots = tuple(replace(s, restitution=None) for s in campaign.shots)  # as the discovery does
+    shots = tuple(replace(s, restitution=None) for s in campaign.shots)  # as a diagnosis does
     fit = fit_campaign(replace(campaign, shots=shots), "kv")
     held = fit.heldout_rms
     assert held is not None  # three heights

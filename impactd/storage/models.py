@@ -29,7 +29,7 @@ class NamedModel:
     version : int
         From 1; every diagnosis that ends in the same name makes the next one.
     definition : dict
-        What `analysis.discovery.named_model` builds it from: owners and numbers of its effects.
+        What `analysis.diagnosis.named_model` builds it from: owners and numbers of its effects.
     provenance : dict
         Diagnosis, shots and files it was found in, and the software.
     created_utc : str

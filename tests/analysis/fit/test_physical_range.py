@@ -14,10 +14,10 @@ import pytest
 
 from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
-from analysis.discovery.candidates import extended
-from analysis.discovery.diagnosis import _crystal
-from analysis.discovery.time_budget import Watch
-from analysis.discovery.trail import Trail, look
+from analysis.diagnosis.candidates.refit import extended
+from analysis.diagnosis.procedure import _crystal
+from analysis.diagnosis.stepwise.forward import Selection, make_step
+from analysis.diagnosis.time_budget import Watch
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -126,8 +126,8 @@ def test_a_rigid_cell_is_not_said_to_ring(impact: Any) -> None:
     assert observation_from_fit(found, shot="1") is None
     model = model_named("hsd")
     problem = build(campaign, model)
-    base = look(problem, joint.fit(problem, prepare(problem)))
-    trail, _ = _crystal(campaign, Trail([base], []), base.fitted, Watch())
+    base = make_step(problem, joint.fit(problem, prepare(problem)))
+    trail, _ = _crystal(campaign, Selection([base], []), base.fitted, Watch())
     (crystal,) = base.refits
     assert not trail.chosen
     assert crystal.at_bound

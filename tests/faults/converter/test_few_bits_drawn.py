@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.discovery.diagnosis import diagnose_campaign
-from analysis.discovery.trail import look
+from analysis.diagnosis.procedure import diagnose_campaign
+from analysis.diagnosis.stepwise.forward import make_step
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
@@ -50,7 +50,7 @@ def test_no_draw_of_a_right_rig_has_structure(
         folder = write_campaign_folder(tmp_path / str(seed), simulate_campaign(settings, seed))
         problem = build(read_campaign(folder), model_named(base))
         nuisances = prepare(problem)
-        found.append(look(problem, joint.fit(problem, nuisances)).omnibus.p_value)
+        found.append(make_step(problem, joint.fit(problem, nuisances)).score_test.p_value)
     assert min(found) > 1e-3
     # chance leaves 2 of them, and 7 or more once in 400 times
     assert sum(p < 0.1 for p in found) < 7
@@ -63,4 +63,4 @@ def test_eight_bits_still_name_an_effect(tmp_path: Path) -> None:
     found = diagnose_campaign(read_campaign(folder), "kv")
     assert found.verdict == "identified"
     (effect,) = found.chosen
-    assert effect.owner == "coupler_highpass"
+    assert effect.effect_id == "coupler_highpass"

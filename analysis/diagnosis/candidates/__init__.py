@@ -1,0 +1,1 @@
+"""Named effects as hypotheses: from a first-order look to a fit that is priced."""

@@ -1,0 +1,280 @@
+"""Where refits begin: what a linear look promises, and usual sizes where it promises nothing."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.candidates.proposals import Proposal, default_starts, rescoped, scopes_of
+from analysis.diagnosis.candidates.refit import (
+    KNOWN_BEFORE,
+    extended,
+    price_of_scatter,
+)
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.score_test.linearised import Linearised
+from analysis.effects.effect import Effect
+from analysis.fit import joint
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.settle import settle
+
+Array = NDArray[np.float64]
+
+STARTS_PER_OWNER = 2
+STRUCTURE_STARTS = 4
+USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
+"""Where an unknown plastic begins when the records themselves mislead."""
+USUAL_STARTS, FAR_STARTS = 4, 8
+SETTLED = 3
+"""Shots on which far starts are put in order."""
+RISES_AFTER = 0.2
+"""Share of a pulse's width after touch-down at which it has risen by 5 %, or so."""
+WELL_BELOW = 0.7
+"""Share of the largest excursion that a ceiling, if there is one, does not touch."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """One way to begin fitting one effect.
+
+    Attributes
+    ----------
+    proposal : Proposal
+        Effect, form and coordinates.
+    scope : str
+        Group of its amplitude.
+    coefficients : dict
+        Amplitude by group; empty for the proposal's own.
+    promised : float
+        Linear gain less its price.
+    begin : Fitted or None
+        Where the present model begins, if not at its best.
+    """
+
+    proposal: Proposal
+    scope: str
+    coefficients: dict[str, float]
+    promised: float
+    begin: joint.Fitted | None = None
+
+
+def starts(
+    linearised: Linearised, tried: list[Proposal], *, alone: bool = False
+) -> dict[str, list[Start]]:
+    """Return for each library entry where to begin, the most promising first.
+
+    Parameters
+    ----------
+    linearised : Linearised
+        Of the present model, with the proposals' columns.
+    tried : list of Proposal
+        What may be tried.
+    alone : bool
+        The shots are one material's: its numbers are that one's, or each shot's.
+
+    Returns
+    -------
+    dict
+        Group to starts; groups in order of their best promise.
+    """
+    found: dict[str, list[Start]] = {}
+    for proposal in tried:
+        linearised.problem.checkpoint()
+        for scope in scopes_of(proposal.effect):
+            if alone and scope in ("surface", "sphere"):
+                continue
+            seen = linearised.explain(proposal.key, scope, heldout=False)
+            sizes = {_group(label): value for label, value in seen.coefficients.items()}
+            own = seen.dof if scope == "shot" else 0
+            paid = CRITERIA.comparison.price_of_number * (seen.dof - own)
+            promised = seen.gain - paid - price_of_scatter(own, seen.gain)
+            found.setdefault(proposal.effect_id, []).append(Start(proposal, scope, sizes, promised))
+    for some in found.values():
+        some.sort(key=lambda s: -s.promised)
+    return dict(sorted(found.items(), key=lambda item: -item[1][0].promised))
+
+
+def _group(label: str) -> str:
+    return label.rpartition("[")[2].rstrip("]") if label.endswith("]") else ""
+
+
+def distinct(
+    own: list[Start],
+    few: JointProblem,
+    base: joint.Fitted,
+    *,
+    bent: bool,
+    begins: list[joint.Fitted],
+) -> list[Start]:
+    """Return the best few that differ in form or start, one for the whole rig among them."""
+    structure = own[0].proposal.effect.structure is not None
+    wanted = STRUCTURE_STARTS if structure else STARTS_PER_OWNER
+    found: list[Start] = []
+    for entry in own:
+        if all(entry.proposal.key != f.proposal.key for f in found):
+            found.append(entry)
+        if len(found) == wanted:
+            break
+    if all(f.scope != "rig" for f in found):
+        found += [s for s in own if s.scope == "rig"][:1]
+    return found + (_usual(own, few, base, begins) if bent else [])
+
+
+def _usual(
+    own: list[Start], few: JointProblem, base: joint.Fitted, begins: list[joint.Fitted]
+) -> list[Start]:
+    """Return starts at an effect's usual sizes, whatever the linear look says of them."""
+    found = []
+    top = max(s.window.peak for s in few.shots)
+    for effect in {s.proposal.effect.id: s.proposal.effect for s in own}.values():
+        if effect.basis is not None:
+            continue
+        likely = next(s for s in own if s.proposal.effect.id == effect.id)
+        coordinates = default_starts(effect, top)
+        places: list[joint.Fitted | None] = [*(begins if ends_the_signal(effect) else begins[:1])]
+        if effect.structure is None or not begins:
+            places.append(None)
+        for place in places:
+            kept = FAR_STARTS if place and len(effect.parameters) > 1 else USUAL_STARTS
+            nearest = coordinates
+            if len(coordinates) > kept:
+                settled = place is not None and effect.structure is not None
+                nearest = _mildest(effect, coordinates, few, place or base, settled=settled)
+                nearest = _of_both_signs(nearest)[:kept]
+            found += [
+                Start(
+                    dataclasses.replace(likely.proposal, coordinates=at),
+                    likely.scope,
+                    {},
+                    likely.promised,
+                    begin=place,
+                )
+                for at in nearest
+            ]
+    return found
+
+
+def _mildest(
+    effect: Effect,
+    coordinates: list[tuple[float, ...]],
+    few: JointProblem,
+    base: joint.Fitted,
+    *,
+    settled: bool,
+) -> list[tuple[float, ...]]:
+    """Return starts in order of the misfit they begin with, those that change nothing last.
+
+    A yield pressure that nothing reaches, a ceiling above all peaks: from there no slope leads on.
+    Far from the data the shots' own parameters are settled first.
+    """
+    own = rescoped(effect, "rig")
+    if settled and len(few.shots) > SETTLED:
+        some = list(range(0, len(few.shots), math.ceil(len(few.shots) / SETTLED)))
+        few = dataclasses.replace(few, shots=[few.shots[i] for i in some])
+        base = dataclasses.replace(base, nuisances=base.nuisances[some])
+    nuisances = base.nuisances
+    if settled:
+        nuisances = settle(few, base.theta, nuisances, kept=KNOWN_BEFORE)
+    without = joint.total_cost(few, base.theta, nuisances)
+    found = []
+    for at in coordinates:
+        names = (f"{own.id}.{p.name}" for p in own.parameters)
+        larger, theta, start = extended(few, base, own, dict(zip(names, at, strict=True)))
+        if settled:
+            start = settle(larger, theta, start, kept=KNOWN_BEFORE)
+        cost = joint.total_cost(larger, theta, start)
+        nothing = not math.isfinite(cost) or abs(cost - without) < CRITERIA.search.start_difference
+        found.append((nothing, cost, at))
+    return [at for _, _, at in sorted(found)]
+
+
+def _of_both_signs(ordered: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """Return starts with the two signs of the size in turn; no slope leads from one to the other.
+
+    A mode that takes away begins with a larger misfit than one that adds, nearly everywhere.
+    """
+    below = [at for at in ordered if at[0] < 0.0]
+    above = [at for at in ordered if at[0] >= 0.0]
+    pairs = itertools.zip_longest(*sorted((below, above), key=lambda own: own[:1] != ordered[:1]))
+    return [at for pair in pairs for at in pair if at is not None]
+
+
+def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
+    """Return a model at what was known before any record: where a large effect's fit may begin.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Prepared.
+    nuisances : ndarray, shape (shots, p)
+        Where the shots' own parameters begin.
+
+    Returns
+    -------
+    Fitted
+        Not fitted at all: the means of what is known well, the prepared start for the rest.
+    """
+    known = np.diag(problem.prior_precision) > CRITERIA.search.known_prior_u**-2
+    theta = np.where(known, problem.prior_mean, problem.start)
+    for at, name in enumerate(problem.names):
+        if not known[at] and name.startswith(("sphere.", "surface.")):
+            theta[at] = math.log(USUAL_MODULUS_PA)
+    nuisances = nuisances.copy()
+    for row, item in enumerate(problem.shots):
+        if item.speed_prior is not None:
+            nuisances[row, 0] = item.speed_prior.mean
+        nuisances[row, 1] = math.log(USUAL_RESTITUTION)
+        nuisances[row, 2] = _touch_down_us(item, float(nuisances[row, 2]))
+    nothing = np.zeros((theta.size, theta.size))
+    return joint.Fitted(theta, nuisances, [], nothing, math.inf, 0, False)
+
+
+def _touch_down_us(item: FitShot, prepared_us: float) -> float:
+    """Return the prepared touch-down, or one from where the pulse rises if the two contradict."""
+    width_us = 1e6 * item.window.width_s
+    rise_us = 1e6 * item.window.rise_index / item.frame.sample_rate_hz
+    risen = rise_us - RISES_AFTER * width_us
+    return risen if abs(prepared_us - risen) > RISES_AFTER * width_us else prepared_us
+
+
+def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
+    """Return the model fitted to what lies well within the campaign's largest excursion.
+
+    Where the signal has an end, what is above it says nothing, and a model that must follow it is
+    drawn far away; records and predictions that are cut alike below it agree whatever is above.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        With the present model.
+    begin : Fitted
+        Where it begins.
+
+    Returns
+    -------
+    Fitted
+        To the cut records; ``begin`` where they cannot be fitted.
+    """
+    level = WELL_BELOW * max(s.window.peak for s in problem.shots)
+    shots = []
+    for item in problem.shots:
+        low, high = item.frame.rail or (-math.inf, math.inf)
+        rail = (max(low, -level), min(high, level))
+        signal = np.clip(item.window.signal, *rail)
+        window = dataclasses.replace(item.window, signal=signal)
+        frame = dataclasses.replace(item.frame, rail=rail)
+        shots.append(dataclasses.replace(item, window=window, frame=frame))
+    cut = dataclasses.replace(problem, shots=shots)
+    nuisances = settle(cut, begin.theta, begin.nuisances)
+    found = joint.fit(cut, nuisances, theta=begin.theta)
+    return found if found.blocks else begin
+
+
+def ends_the_signal(effect: Effect) -> bool:
+    """Tell whether an effect sets an end to the signal, in the signal's own unit."""
+    return any(p.peak_starts for p in effect.parameters)

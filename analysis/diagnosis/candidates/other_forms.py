@@ -1,0 +1,166 @@
+"""Which form of an effect? Once one form has brought a fit near, the others begin from there.
+
+From afar only one form may have found its way: a yield force does where a yield pressure, whose
+threshold moves with a modulus that the yield itself hides, never acts. And the fit of one form may
+have ended in a valley beside the deepest one.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.candidates.refit import Refit, extended, refitted
+from analysis.effects.effect import Effect
+from analysis.effects.library import library
+from analysis.fit import joint
+from analysis.fit.nuisances import carried_over
+from analysis.fit.physical_range import HARDLY
+from analysis.fit.problem import JointProblem
+
+STEPS = 25
+STARTS_FITTED = 2
+FINER = 3
+"""Starts between each two of a threshold's own."""
+
+
+def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
+    """Return an effect's refit in the form that explains most.
+
+    Parameters
+    ----------
+    problem, base : JointProblem, Fitted
+        The model without the effect.
+    found : Refit
+        On the same shots.
+
+    Returns
+    -------
+    Refit
+        ``found`` itself where no other form does better, or its numbers belong to single shots.
+    """
+    entry = library()[found.effect_id]
+    scopes = [p.scope for p in found.effect.parameters]
+    if not scopes or "shot" in scopes:
+        return found
+    best = found
+    for form in (entry, *entry.variants):
+        other_place = form.id != found.effect.id or any(p.valleys for p in form.parameters)
+        if form.by_name or problem.model.base not in form.bases:
+            continue
+        if other_place and form.basis is None and form.parameters:
+            other = _in_form(_owned(form, found.effect), problem, base, found)
+            if not other.at_bound and other.score() > best.score():
+                best = other
+    return best
+
+
+def _owned(form: Effect, like: Effect) -> Effect:
+    """Return a form whose numbers belong to whom those of the known form belong."""
+    scopes = {p.name: p.scope for p in like.parameters}
+    first = like.parameters[0].scope
+    parameters = tuple(
+        dataclasses.replace(p, scope=scopes.get(p.name, first if at == 0 else "rig"))
+        for at, p in enumerate(form.parameters)
+    )
+    return dataclasses.replace(form, parameters=parameters, only=like.only)
+
+
+def _starts(form: Effect, found: Refit) -> list[tuple[float, ...]]:
+    """Return coordinates to begin at: as fitted, or in other valleys; else the form's usual."""
+    top = max(s.window.peak for s in found.problem.shots)
+    lists = []
+    for parameter in form.parameters:
+        shared = _fitted(found, parameter.name)
+        usual = [top * s for s in parameter.peak_starts] or list(parameter.starts)
+        if shared is not None and parameter.valleys:
+            value = parameter.value(shared)
+            lists.append([parameter.coordinate(value * v) for v in (1.0, *parameter.valleys)])
+        elif shared is not None:
+            lists.append([shared])
+        elif parameter.threshold:
+            low, high = math.log(parameter.low), math.log(max(usual))
+            dense = np.exp(np.linspace(low, high, FINER * len(usual)))
+            lists.append([parameter.coordinate(float(v)) for v in dense])
+        else:
+            lists.append([parameter.coordinate(v) for v in usual])
+    return list(product(*lists))
+
+
+def _fitted(found: Refit, parameter: str) -> float | None:
+    """Return the largest fitted coordinate of a number over its groups, None if there is none."""
+    name = f"{found.effect.id}.{parameter}"
+    values = [
+        float(v)
+        for n, v in zip(found.problem.names, found.fitted.theta, strict=True)
+        if n.partition("[")[0] == name
+    ]
+    return max(values, key=abs, default=None)
+
+
+def _in_form(form: Effect, problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
+    """Return the refit in another form, from the cheapest starts beside the known form's best.
+
+    What the known form cannot say it has bent everything else to say: where that leads nowhere,
+    the other form begins once more from where everything was without either.
+    """
+    larger, before, plain = extended(problem, base, form, {})
+    known = dict(zip(found.problem.names, found.fitted.theta, strict=True))
+    beside = np.array([known.get(n, v) for n, v in zip(larger.names, before, strict=True)])
+    bent = carried_over(found.problem.model, larger.model, found.fitted.nuisances)
+    best: joint.Fitted | None = None
+    for rest, nuisances in ((beside, bent), (before, plain)):
+        if best is None or best.cost >= found.fitted.cost:
+            here = _cheapest(larger, form, found, rest, nuisances)
+            best = min((b for b in (best, here) if b is not None), key=_cost, default=None)
+    if best is None:
+        return found
+    other = dataclasses.replace(found, effect=form, problem=larger, fitted=best)
+    return refitted(other, problem, base)
+
+
+def _cost(fitted: joint.Fitted) -> float:
+    return fitted.cost
+
+
+def _cheapest(
+    larger: JointProblem,
+    form: Effect,
+    found: Refit,
+    rest: NDArray[np.float64],
+    nuisances: NDArray[np.float64],
+) -> joint.Fitted | None:
+    """Return the best of the fits from the cheapest starts, all but the form's numbers given."""
+    neutral = _neutral_groups(found)
+    ways: list[tuple[float, int, NDArray[np.float64]]] = []
+    for start in _starts(form, found):
+        theta = rest.copy()
+        for parameter, value in zip(form.parameters, start, strict=True):
+            for j, name in enumerate(larger.names):
+                if name.partition("[")[0] == f"{form.id}.{parameter.name}":
+                    group = name.partition("[")[2]
+                    theta[j] = 0.0 if group in neutral and parameter.form != "log" else value
+        ways.append((joint.total_cost(larger, theta, nuisances), len(ways), theta))
+    fits = [
+        joint.fit(larger, nuisances, theta=theta, max_iterations=STEPS)
+        for cost, _, theta in sorted(ways)[:STARTS_FITTED]
+        if math.isfinite(cost)
+    ]
+    return min(fits, key=_cost, default=None)
+
+
+def _neutral_groups(found: Refit) -> set[str]:
+    """Return the groups on whom the known form hardly acts, as they stand behind a name."""
+    parameter = found.effect.parameters[0]
+    name = f"{found.effect.id}.{parameter.name}"
+    sizes = {
+        n.partition("[")[2]: abs(float(v))
+        for n, v in zip(found.problem.names, found.fitted.theta, strict=True)
+        if n.partition("[")[0] == name
+    }
+    most = max(sizes.values(), default=0.0)
+    return {group for group, size in sizes.items() if group and size < HARDLY * most}

@@ -1,0 +1,218 @@
+"""What can be tried on top of a model, and what each would add to first order."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.effects.effect import Effect, EffectParameter
+from analysis.effects.library import library
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.impact_model import ImpactModel
+
+Array = NDArray[np.float64]
+
+STARTS_TRIED = 75
+AMPLITUDE_STEP = 0.05
+"""Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
+SCOPES_TRIED = ("rig", "surface", "sphere")
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """One effect from one start: what it would add to each shot, to first order.
+
+    Attributes
+    ----------
+    effect : Effect
+        In the form that is tried.
+    effect_id : str
+        Id of the library's entry, without the form.
+    coordinates : tuple of float
+        Where the effect's parameters start.
+    amplitude : int or None
+        Which parameter the column's coefficient multiplies; None where the whole column is a
+        difference and a coefficient of one means the start itself.
+    """
+
+    effect: Effect
+    effect_id: str
+    coordinates: tuple[float, ...]
+    amplitude: int | None
+
+    @property
+    def key(self) -> str:
+        """Return a name that is unique among proposals."""
+        return f"{self.effect.id}@{','.join(f'{c:.4g}' for c in self.coordinates)}"
+
+
+def amplitude_of(effect: Effect) -> int | None:
+    """Return which parameter of an effect is its size; None where none is neutral at a point."""
+    for at, parameter in enumerate(effect.parameters):
+        sloped = not (parameter.peak_starts or parameter.threshold)
+        if parameter.form in ("linear", "inverse") and sloped:
+            return at
+    return None
+
+
+def _starts(parameter: EffectParameter, top: float) -> tuple[float, ...]:
+    if parameter.peak_starts:
+        return tuple(top * s for s in parameter.peak_starts)
+    return parameter.starts
+
+
+def default_starts(effect: Effect, top: float) -> list[tuple[float, ...]]:
+    """Return an effect's usual numbers as coordinates, every combination of its starts.
+
+    Parameters
+    ----------
+    effect : Effect
+        Any.
+    top : float
+        Largest excursion of the campaign, for sizes in the signal's own unit.
+
+    Returns
+    -------
+    list of tuple of float
+        At most `STARTS_TRIED`.
+    """
+    lists = [_starts(p, top) for p in effect.parameters]
+    return [
+        tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
+        for values in itertools.islice(itertools.product(*lists), STARTS_TRIED)
+    ]
+
+
+def can_be_tried(effect: Effect, problem: JointProblem) -> str | None:
+    """Return why an effect cannot be tried on these data, None where it can."""
+    if effect.replaces_base:
+        return "it is a base model of its own"
+    if problem.model.base not in effect.bases:
+        return f"it has no meaning in the base model {problem.model.base}"
+    for need in effect.needs:
+        if any(getattr(s.frame, need) is None for s in problem.shots):
+            return f"{need} is not known for every shot"
+    if effect.speed is not None and any(s.speed_prior is None for s in problem.shots):
+        return "drop heights are not known for every shot"
+    return None
+
+
+def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
+    """Return what can be tried on top of a model, and why the rest cannot.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        The present model and its data.
+
+    Returns
+    -------
+    found : list of Proposal
+        All effects, forms and starts.
+    refused : dict
+        Reason by effect id.
+    """
+    top = max(s.window.peak for s in problem.shots)
+    present = {e.id.partition(":")[0] for e in problem.model.effects}
+    found, refused = [], {}
+    for listed in library().values():
+        if listed.id in present or listed.by_name:
+            continue
+        why = can_be_tried(listed, problem)
+        if why is not None:
+            refused[listed.id] = why
+            continue
+        for effect in (listed, *listed.variants):
+            if effect.by_name or problem.model.base not in effect.bases:
+                continue
+            amplitude = amplitude_of(effect)
+            lists = [
+                _starts(p, top)[:1] if at == amplitude else _starts(p, top)
+                for at, p in enumerate(effect.parameters)
+            ]
+            for values in itertools.islice(itertools.product(*lists), STARTS_TRIED):
+                at = tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
+                found.append(Proposal(effect, listed.id, at, amplitude))
+    return found, refused
+
+
+def column(
+    proposal: Proposal, model: ImpactModel, local: Array, item: FitShot, base: Array
+) -> tuple[Array, Array]:
+    """Return what a proposal adds to one shot per unit coefficient: signal and promised speed.
+
+    Parameters
+    ----------
+    proposal : Proposal
+        What is tried.
+    model : ImpactModel
+        The present model.
+    local : ndarray, shape (p,)
+        The shot's fitted local parameters.
+    item : FitShot
+        The shot.
+    base : ndarray, shape (n,)
+        The present model's signal.
+
+    Returns
+    -------
+    signal : ndarray, shape (n, q)
+        q is 1, or the number of free sizes of an effect with a basis.
+    speed : ndarray, shape (q,)
+        Shift of ln v0.
+    """
+    effect = proposal.effect
+    if effect.basis is not None:
+        found = effect.basis(item.frame.samples, model.context(local, item.frame))
+        return found * item.window.peak, np.zeros(found.shape[1])
+    at = len(model.shared)
+    coordinates = np.array(proposal.coordinates)
+    step = 1.0
+    if proposal.amplitude is not None:
+        step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
+        coordinates[proposal.amplitude] = step
+    tried = model.with_effect(rescoped(effect, "rig"))
+    moved = np.concatenate([local[:at], coordinates, local[at:]])
+    signal = tried.predict(moved, item.frame).signal
+    shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
+    if not np.isfinite(signal).all():
+        signal = base
+    return ((signal - base) / step)[:, None], np.array([shift / step])
+
+
+def rescoped(effect: Effect, scope: str) -> Effect:
+    """Return an effect whose amplitude belongs to someone else; its other numbers stay the rig's.
+
+    Parameters
+    ----------
+    effect : Effect
+        Any.
+    scope : str
+        rig, surface, sphere or shot; without an amplitude all numbers go to that group.
+
+    Returns
+    -------
+    Effect
+        With every number that is no amplitude owned by the rig.
+    """
+    amplitude = amplitude_of(effect)
+    parameters = tuple(
+        dataclasses.replace(p, scope=scope if amplitude is None or at == amplitude else "rig")
+        for at, p in enumerate(effect.parameters)
+    )
+    return dataclasses.replace(effect, parameters=parameters)
+
+
+def scopes_of(effect: Effect) -> tuple[str, ...]:
+    """Return the groups worth trying: of contact and mounting the materials too."""
+    if effect.basis is not None:
+        return ("shot",)
+    if effect.slot == "contact":
+        return SCOPES_TRIED
+    if effect.slot == "mounting":
+        return ("rig",) if amplitude_of(effect) is None else ("rig", "surface", "shot")
+    return ("rig",)

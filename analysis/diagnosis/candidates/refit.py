@@ -1,0 +1,406 @@
+"""Named effects as hypotheses: an honest refit of what a cheap look promised."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.candidates.effect_range import left_its_range
+from analysis.diagnosis.candidates.marginal_likelihood import Price, price_of_effect
+from analysis.diagnosis.candidates.proposals import Proposal, rescoped
+from analysis.diagnosis.candidates.rebounds import fitted_below_one
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.effects.effect import Effect
+from analysis.fit import joint
+from analysis.fit.blocks import shot_cost
+from analysis.fit.nuisances import carried_over
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.settle import settle
+from analysis.fit.stated_effects import effect_prior, stated_effects
+
+Array = NDArray[np.float64]
+KNOWN_BEFORE = ("ln_v0", "ln_e")
+"""What of a shot height and materials tell better than a model that is far from the record."""
+HELD = 1e-3
+"""How far an effect's coordinates may move from a far start while the rest comes near."""
+COORDINATE_U = 20.0
+"""Width that only keeps an effect's coordinate finite."""
+NOTHING = Price()
+
+
+@dataclass(frozen=True)
+class Refit:
+    """A model with one more effect, fitted for real.
+
+    Attributes
+    ----------
+    effect : Effect
+        Added, with the scope that was fitted.
+    effect_id : str
+        Id of the library's entry.
+    scope : str
+        Group of its amplitude.
+    problem, fitted : JointProblem, Fitted
+        The fit.
+    gain : float
+        Fall of the cost against the model without it.
+    parameters : int
+        How many numbers it has, over all groups.
+    at_bound : bool
+        A number left its physical range.
+    linear_gain : float
+        What the cheap look had promised.
+    on_all_shots : bool
+        False where only a part of the shots was fitted, the gain scaled to all.
+    own : int
+        How many of the numbers belong to one shot each.
+    common : float
+        Of the gain, what one size for all of these shots takes up as well; 0 where nobody asked.
+    price : Price
+        What its shared numbers cost.
+    """
+
+    effect: Effect
+    effect_id: str
+    scope: str
+    problem: JointProblem
+    fitted: joint.Fitted
+    gain: float
+    parameters: int
+    at_bound: bool
+    linear_gain: float
+    on_all_shots: bool = True
+    own: int = 0
+    common: float = 0.0
+    price: Price = NOTHING
+
+    @property
+    def usable(self) -> bool:
+        """Whether it was fitted to all shots and its numbers are such as the effect can have."""
+        return self.on_all_shots and not self.at_bound
+
+    def score(self, *, factor: float = 1.0) -> float:
+        """Return twice the rise of ln Z, on so many times the shots."""
+        gain, own = self.gain * factor, round(self.own * factor)
+        shared = self.parameters - self.own
+        # so many more shots leave each number's variance so much smaller
+        paid = self.price.shared + shared * math.log(factor) + self.price.shots * factor
+        if self.common > 0.0:  # around a size that they share, the shots' own only scatter
+            paid += CRITERIA.comparison.price_of_number
+        return gain - paid - price_of_scatter(own, gain - self.common * factor)
+
+
+def price_of_scatter(own: int, gain: float) -> float:
+    """Return what numbers that every shot has for itself cost in whitened squares.
+
+    Parameters
+    ----------
+    own : int
+        How many. They are sizes of one scatter: with its width the data's own, ln Z falls
+        by 1 + ln(squares they take up, each) for each of them.
+    gain : float
+        Whitened squares that all of them take up.
+
+    Returns
+    -------
+    float
+        With the price of the scatter's width; 0 of none.
+    """
+    if not own:
+        return 0.0
+    width = CRITERIA.comparison.price_of_number
+    return width + own * (1.0 + math.log(max(gain / own, 1.0)))
+
+
+def own_numbers(effect: Effect) -> int:
+    """Return how many numbers of an effect every shot has for itself."""
+    return effect.basis_size + sum(p.scope == "shot" for p in effect.parameters)
+
+
+def extended(
+    problem: JointProblem, fitted: joint.Fitted, effect: Effect, coordinates: dict[str, float]
+) -> tuple[JointProblem, Array, Array]:
+    """Return a problem with one more effect, and where to start it.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The present model at its best.
+    effect : Effect
+        To be added, scopes set.
+    coordinates : dict
+        Start of each new global or number of a shot, by its name.
+
+    Returns
+    -------
+    problem : JointProblem
+        Same shots, same knowledge.
+    theta, nuisances : ndarray
+        Where to start.
+    """
+    model = problem.model.with_effect(effect)
+    larger = dataclasses.replace(problem, model=model, names=list(problem.names))
+    first = len(problem.model.shared)
+    for row in range(first, len(model.shared)):
+        larger.names.extend(larger.effect_keys(row))
+    new = larger.names[len(problem.names) :]
+    start = np.array([coordinates.get(n, 0.0) for n in new])
+    size, old = len(larger.names), len(problem.names)
+    for j, stated in stated_effects(larger):
+        if j >= old:
+            start[j - old] = stated.prior.mean
+    larger.prior_precision = np.zeros((size, size))
+    larger.prior_precision[:old, :old] = problem.prior_precision
+    for j in range(old, size):
+        larger.prior_precision[j, j] = COORDINATE_U**-2
+    larger.prior_mean = np.concatenate([problem.prior_mean, start])
+    for j, name in enumerate(new, start=old):
+        prior = effect_prior(larger, name)
+        if prior is not None:
+            larger.prior_precision[j, j], larger.prior_mean[j] = prior.u**-2, prior.mean
+    theta = np.concatenate([fitted.theta, start])
+    larger.start = theta
+    nuisances = carried_over(problem.model, model, fitted.nuisances, coordinates)
+    return larger, theta, nuisances
+
+
+def refit(
+    problem: JointProblem,
+    fitted: joint.Fitted,
+    proposal: Proposal,
+    *,
+    scope: str,
+    coefficients: dict[str, float],
+    linear_gain: float,
+    max_iterations: int = 25,
+    begin: joint.Fitted | None = None,
+) -> Refit:
+    """Return the model with one more effect, all parameters fitted again.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The present model at its best.
+    proposal : Proposal
+        Effect, form and start.
+    scope : str
+        Who owns the amplitude.
+    coefficients : dict
+        Size of the amplitude by group, from the cheap look.
+    linear_gain : float
+        What the cheap look promised.
+    max_iterations : int
+        Steps allowed.
+    begin : Fitted, optional
+        Where the present model's own parameters start; by default at its best. An effect that
+        changes everything has drawn that best far from where it belongs.
+
+    Returns
+    -------
+    Refit
+        Whether it helped or not.
+    """
+    free = proposal.effect.basis is not None
+    effect = proposal.effect if free else rescoped(proposal.effect, scope)
+    start: dict[str, float] = {}
+    groups = {
+        "rig": [""],
+        "surface": sorted({f"[{s.shot.surface}]" for s in problem.shots}),
+        "sphere": sorted({f"[{s.shot.sphere}]" for s in problem.shots}),
+    }
+    for at, (parameter, coordinate) in enumerate(
+        zip(effect.parameters, proposal.coordinates, strict=True)
+    ):
+        for group in groups.get(parameter.scope, [""]):
+            value = coordinate
+            if at == proposal.amplitude:
+                found = coefficients.get(group.strip("[]"), coordinate)
+                # an outlandish first-order size only says "large": start from the usual one
+                large = CRITERIA.search.outlandish_ratio * abs(coordinate)
+                value = found if abs(found) < large else coordinate
+            elif (
+                parameter.threshold
+                and coefficients.get(group.strip("[]"), 1.0) < CRITERIA.search.group_present_share
+            ):
+                value = 0.0
+            start[f"{effect.id}.{parameter.name}{group}"] = value
+    larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
+    if begin is not None:
+        nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
+        theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
+    result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
+    result = fitted_below_one(larger, result, max_iterations)
+    bare = Refit(effect, proposal.effect_id, scope, larger, result, 0.0, 0, False, linear_gain)
+    return refitted(bare, problem, fitted)
+
+
+def _drawn_near(
+    problem: JointProblem, theta: Array, nuisances: Array, own: list[str], max_iterations: int
+) -> tuple[Array, Array]:
+    """Return where everything else comes to while an effect's own numbers are held at a start.
+
+    As long as the materials are far off, an effect's first steps make up for them and lead away.
+    """
+    at = [j for j in map(problem.index, own) if j is not None]
+    held = dataclasses.replace(
+        problem,
+        prior_mean=problem.prior_mean.copy(),
+        prior_precision=problem.prior_precision.copy(),
+    )
+    held.prior_mean[at] = theta[at]
+    held.prior_precision[at, at] = HELD**-2
+    near = joint.fit(held, nuisances, theta=theta, max_iterations=max_iterations)
+    return (near.theta, near.nuisances) if near.blocks else (theta, nuisances)
+
+
+def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
+    """Return a refit with its gain, its numbers and whether they are physical, as its fit says.
+
+    Parameters
+    ----------
+    found : Refit
+        Effect, scope, problem and fit are right; the rest need not be.
+    problem, base : JointProblem, Fitted
+        The model without the effect, on the same shots.
+
+    Returns
+    -------
+    Refit
+        A fit that went nowhere has a gain of minus infinity.
+    """
+    result = found.fitted
+    felt = sum(found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots)
+    own = own_numbers(found.effect) * felt
+    return dataclasses.replace(
+        found,
+        gain=base.cost - result.cost if math.isfinite(result.cost) else -math.inf,
+        parameters=len(found.problem.names) - len(problem.names) + own,
+        at_bound=not result.blocks
+        or left_its_range(found.problem, result, found.effect)
+        or (
+            found.effect.basis is None
+            and base.cost - result.cost < CRITERIA.comparison.least_gain_per_shot * own
+        ),
+        own=own,
+        price=_price(found, base),
+    )
+
+
+def _price(found: Refit, base: joint.Fitted) -> Price:
+    """Return what an effect's numbers cost at its fit; nothing where it explains less than none.
+
+    Such a fit is at no minimum, for the model holds its base, and Laplace's volume is not defined.
+    """
+    if not (found.fitted.blocks and found.fitted.cost <= base.cost):
+        return NOTHING
+    return price_of_effect(found.problem, found.fitted, base, found.effect)
+
+
+def refit_elsewhere(
+    found: Refit,
+    *,
+    few: list[int],
+    many: list[int],
+    few_base: joint.Fitted,
+    base: joint.Fitted,
+    problem: JointProblem,
+    max_iterations: int,
+    anchors: tuple[Array, Array] | None = None,
+) -> Refit:
+    """Return a refit carried on on more shots.
+
+    Parameters
+    ----------
+    found : Refit
+        Of an effect on few shots.
+    few, many : list of int
+        Places of the shots in the whole campaign, before and now.
+    few_base, base : Fitted
+        The model without the effect, fitted to the few and to the many.
+    problem : JointProblem
+        The model without the effect, with the many shots.
+    max_iterations : int
+        Steps allowed.
+    anchors : tuple of ndarray, optional
+        Nuisances of the few and of the many shots that a new shot's are guessed from: it moves from
+        its anchor as the shot most like it did. By default the model without the effect, which is
+        no anchor where the effect changes everything.
+
+    Returns
+    -------
+    Refit
+        With the gain on the many. A shot that was not among the few starts where the effect moved
+        the one most like it.
+    """
+    if not found.fitted.blocks:
+        return found
+    wide = dataclasses.replace(found.problem, shots=problem.shots)
+    nuisances = np.zeros((len(many), found.fitted.nuisances.shape[1]))
+    shared = [found.problem.model.nuisances.index(n) for n in problem.model.nuisances]
+    old, new = anchors or (few_base.nuisances, base.nuisances)
+    nuisances[:, shared] = new
+    for row, place in enumerate(many):
+        near = _most_alike(problem.shots[row], place, found.problem.shots, few)
+        nuisances[row] += found.fitted.nuisances[near]
+        nuisances[row, shared] -= old[near]
+        like = _from(found.problem.shots[near], found.fitted.nuisances[near], problem.shots[row])
+        costs = [
+            shot_cost(wide, wide.shots[row], found.fitted.theta, own)
+            for own in (nuisances[row], like)
+        ]
+        if costs[1] < costs[0]:  # an anchor that leads nowhere, as where a top is cut, is none
+            nuisances[row] = like
+    nuisances = settle(wide, found.fitted.theta, nuisances)
+    result = joint.fit(wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations)
+    result = fitted_below_one(wide, result, max_iterations)
+    return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)
+
+
+def _from(near: FitShot, nuisances: Array, target: FitShot) -> Array:
+    """Return a shot's own numbers for another: as they are, but with the speed of its height."""
+    own = nuisances.copy()
+    if near.speed_prior is not None and target.speed_prior is not None:
+        own[0] += target.speed_prior.mean - near.speed_prior.mean
+    return own
+
+
+def _most_alike(target: FitShot, place: int, shots: list[FitShot], places: list[int]) -> int:
+    """Return which of some shots is most like another: same pair, near height, near in time."""
+    height = target.shot.drop_height_m or 0.0
+
+    def distance(at: int) -> tuple[bool, float, int]:
+        own = shots[at]
+        off = abs((own.shot.drop_height_m or 0.0) - height)
+        return own.pair != target.pair, off, abs(places[at] - place)
+
+    return min(range(len(places)), key=distance)
+
+
+def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> Refit:
+    """Return a refit carried on from where it stopped.
+
+    Parameters
+    ----------
+    base : Fitted
+        The model without the effect.
+    found : Refit
+        Not yet converged.
+    max_iterations : int
+        Steps allowed.
+
+    Returns
+    -------
+    Refit
+        At least as good.
+    """
+    result = joint.fit(
+        found.problem, found.fitted.nuisances, theta=found.fitted.theta,
+        max_iterations=max_iterations,
+    )  # fmt: skip
+    bad = not result.blocks or left_its_range(found.problem, result, found.effect)
+    further = dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
+    return dataclasses.replace(further, price=_price(further, base))

@@ -1,0 +1,319 @@
+"""Which effect first? A tournament of honest refits: many starts on few shots, the best on all.
+
+Repeats of a drop say the same about a model's form, so early rounds look at few shots, chosen so
+that every pair and, as far as it goes, every height takes part. Scores are compared only within one
+set of shots. What a linear look promises puts the starts in order; it is a promise only, and where
+the residual is many times the noise the usual sizes of every effect are tried beside it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.candidates.multistart import (
+    Start,
+    below_a_ceiling,
+    distinct,
+    ends_the_signal,
+    starts,
+)
+from analysis.diagnosis.candidates.proposals import Proposal, amplitude_of, proposals
+from analysis.diagnosis.candidates.refit import (
+    Refit,
+    continued,
+    refit,
+    refit_elsewhere,
+)
+from analysis.diagnosis.candidates.subsets import Part, PresentModel, part_of, thinned
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.score_test.linearised import linearise
+from analysis.effects.effect import Effect
+from analysis.effects.library import effect_named
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem
+
+FEW, MORE = 9, 18
+"""Shots of the first two rounds."""
+FIRST_STEPS, SECOND_STEPS = 4, 8
+SHORTLIST = 7
+INTO_SECOND, INTO_LAST = 7, 3
+AFAR_KEPT, AFAR_STEPS = 4, 14
+ALWAYS_TRIED = 6
+
+Array = NDArray[np.float64]
+
+
+def ranked(
+    present: PresentModel,
+    tried: list[Proposal],
+    progress: Progress,
+    *,
+    first: bool = True,
+    alone: bool = False,
+    whole: list[Refit] | None = None,
+) -> list[Refit]:
+    """Return library effects refitted on top of a model, best first.
+
+    Parameters
+    ----------
+    present : PresentModel
+        The present model, and where it would be without a record.
+    tried : list of Proposal
+        What may be tried.
+    progress : callable
+        Told what is being done and a share between 0 and 1.
+    first : bool
+        Nothing was added yet: then every effect is tried where slopes mislead.
+    alone : bool
+        As for `starts`.
+    whole : list of Refit, optional
+        Filled with those that are fitted to all shots: what is left where the time is over before.
+
+    Returns
+    -------
+    list of Refit
+        The first few fitted to all shots; the rest, behind them, to a part of the shots, their
+        gain scaled to all.
+    """
+    places = thinned(present.problem, FEW)
+    few, base = part_of(present.problem, present.fitted, places)
+    linearised = linearise(few, base, tried)
+    entries = starts(linearised, tried, alone=alone)
+    samples = sum(s.white.size for s in linearised.shots)
+    bent = linearised.chi2 - samples > CRITERIA.search.curved_squares
+    far = linearised.chi2 > CRITERIA.search.far_squares_per_sample * samples
+    begins = _begins(present, few, base, places) if far else []
+    order = list(entries) if bent and first else _short(entries)
+    best: list[Refit] = []
+    step = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
+    for at, effect_id in enumerate(order):
+        least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
+        if at >= ALWAYS_TRIED and least - samples < CRITERIA.search.curved_squares:
+            break  # nothing is left for another to explain
+        progress(step.told(f"trying {effect_id}"), 0.6 * at / len(order))
+        tries = [
+            refit(
+                few,
+                base,
+                start.proposal,
+                scope=start.scope,
+                coefficients=start.coefficients,
+                linear_gain=start.promised,
+                max_iterations=FIRST_STEPS,
+                begin=start.begin,
+            )
+            for start in distinct(entries[effect_id], few, base, bent=bent, begins=begins)
+        ]
+        best += _best_forms(tries, base, bent=bent, far=far)
+    last = [] if whole is None else whole
+
+    def told(what: str, share: float) -> None:
+        """Tell what is being done, the step before it."""
+        progress(step.told(what), share)
+
+    return _later_rounds(present, best, Part(places, base), told, last, bent=bent, far=far)
+
+
+def _begins(
+    present: PresentModel, few: JointProblem, base: joint.Fitted, places: list[int]
+) -> list[joint.Fitted]:
+    """Return where far starts begin: the usual place, then, for a signal that ends, below it."""
+    usual = present.begin(places, base)
+    return [usual, below_a_ceiling(few, usual)]
+
+
+def rivals_refitted(
+    problem: JointProblem, fitted: joint.Fitted, taken: Refit, effect_ids: set[str] | None = None
+) -> list[Refit]:
+    """Return the other effects of a slot, each form fitted to all shots, best first.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model that one of them was added to.
+    taken : Refit
+        That one.
+    effect_ids : set of str, optional
+        Only these others.
+
+    Returns
+    -------
+    list of Refit
+        One an effect, from the most promising start of each form; the rig's sizes, which is what
+        most effects are.
+    """
+    tried = [
+        p
+        for p in proposals(problem)[0]
+        if p.effect.slot == taken.effect.slot
+        and p.effect_id != taken.effect_id
+        and (effect_ids is None or p.effect_id in effect_ids)
+    ]
+    found = []
+    for own in starts(linearise(problem, fitted, tried), tried).values():
+        forms: dict[str, Start] = {}
+        for start in own:
+            if start.scope == "rig":
+                forms.setdefault(start.proposal.effect.id, start)
+        found += [
+            refit(
+                problem,
+                fitted,
+                start.proposal,
+                scope=start.scope,
+                coefficients=start.coefficients,
+                linear_gain=start.promised,
+            )
+            for start in forms.values()
+        ]
+    found.sort(key=rank)
+    found[:INTO_LAST] = [
+        r if r.fitted.converged else continued(fitted, r) for r in found[:INTO_LAST]
+    ]
+    return one_form_each(sorted(found, key=rank))
+
+
+def lookalikes_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> list[Refit]:
+    """Return what an effect has to be told from beside the library, each fitted to all shots.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model that the effect was added to.
+    taken : Refit
+        The effect.
+
+    Returns
+    -------
+    list of Refit
+        One a lookalike, under its own id.
+    """
+    found = []
+    for effect in effect_named(taken.effect_id).lookalikes:
+        at = tuple(p.coordinate(p.starts[0]) for p in effect.parameters)
+        proposal = Proposal(effect, effect.id, at, amplitude_of(effect))
+        found.append(
+            refit(problem, fitted, proposal, scope="rig", coefficients={}, linear_gain=0.0)
+        )
+    return found
+
+
+def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool, far: bool) -> list[Refit]:
+    """Return the best start of each form of an effect, some steps further where slopes mislead."""
+    found = []
+    for form in sorted({r.effect.id for r in tries}):
+        own = sorted((r for r in tries if r.effect.id == form), key=rank)
+        if far and (own[0].effect.structure is not None or len(own[0].effect.parameters) > 1):
+            # from afar the way is long, and the first steps do not show which start gets there
+            own = [continued(base, r, max_iterations=AFAR_STEPS) for r in own[:AFAR_KEPT]]
+        elif bent and not own[0].fitted.converged:
+            own = [continued(base, own[0], max_iterations=SECOND_STEPS)]
+        found.append(min(own, key=rank))
+    return found
+
+
+def _short(entries: dict[str, list[Start]]) -> list[str]:
+    """Return the groups worth a refit where slopes can be trusted."""
+    order = list(entries)
+    # a structure below the sphere changes everything at once: its slope promises little
+    far = [o for o in order[SHORTLIST:] if entries[o][0].proposal.effect.structure is not None]
+    return order[:SHORTLIST] + far
+
+
+def rank(found: Refit) -> tuple[bool, bool, float]:
+    """Return what puts refits in order: physical ones first, then those fitted to all shots."""
+    return not found.on_all_shots, found.at_bound, -found.score()
+
+
+def _merit(found: Refit, factor: float) -> float:
+    """Return the score that all shots would give; what left its range loses half of it."""
+    score = found.score(factor=factor)
+    weight = CRITERIA.search.out_of_range_weight
+    return weight * score if found.at_bound and score > 0 else score
+
+
+def _anchors(
+    present: PresentModel, few: Part, many: Part, effect: Effect, *, far: bool
+) -> tuple[Array, Array] | None:
+    """Return where shots' own parameters are before any fit, if that is the better guide."""
+    if not far:
+        return None
+    found = []
+    for part in (few, many):
+        begin = present.begin(part.places, part.base)
+        if ends_the_signal(effect):
+            shots = [present.problem.shots[i] for i in part.places]
+            begin = below_a_ceiling(dataclasses.replace(present.problem, shots=shots), begin)
+        found.append(begin.nuisances)
+    return found[0], found[1]
+
+
+def _later_rounds(
+    present: PresentModel,
+    best: list[Refit],
+    part: Part,
+    progress: Progress,
+    last: list[Refit],
+    *,
+    bent: bool,
+    far: bool,
+) -> list[Refit]:
+    """Carry the best on: some steps on more shots, then to the end on all, into ``last``."""
+    problem, fitted = present.problem, present.fitted
+    whole = len(problem.shots)
+    factor = whole / len(part.places)
+    first = sorted(best, key=lambda r: -_merit(r, factor))
+    behind = [_scaled(r, factor) for r in first[INTO_SECOND:]]
+    second: list[Refit] = []
+    more = thinned(problem, MORE if bent else whole)
+    large, base_large = part_of(problem, fitted, more)
+    for at, one in enumerate(first[:INTO_SECOND]):
+        progress(f"refining {one.effect_id}", 0.6 + 0.2 * at / INTO_SECOND)
+        moved = refit_elsewhere(
+            one, few_base=part.base, few=part.places, many=more, problem=large, base=base_large,
+            max_iterations=SECOND_STEPS,
+            anchors=_anchors(present, part, Part(more, base_large), one.effect, far=far),
+        )  # fmt: skip
+        second.append(moved)
+    factor = whole / len(more)
+    second.sort(key=lambda r: -_merit(r, factor))
+    lead = max((_merit(r, factor) for r in second), default=0.0)
+    everything = list(range(whole))
+    for at, one in enumerate(second):
+        worth = at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
+        if not worth:
+            behind.append(_scaled(one, factor))
+            continue
+        progress(f"refining {one.effect_id} on all shots", 0.8 + 0.2 * at / INTO_LAST)
+        moved = one
+        if len(more) < whole:
+            moved = refit_elsewhere(
+                one, few_base=base_large, few=more, many=everything, problem=problem, base=fitted,
+                max_iterations=25,
+                anchors=_anchors(
+                    present, Part(more, base_large), Part(everything, fitted), one.effect, far=far
+                ),
+            )  # fmt: skip
+        last.append(moved if moved.fitted.converged else continued(fitted, moved))
+    return one_form_each([*sorted(last, key=rank), *sorted(behind, key=rank)])
+
+
+def one_form_each(refits: list[Refit]) -> list[Refit]:
+    """Return the refits without an effect's lesser forms."""
+    found: dict[str, Refit] = {}
+    for one in refits:
+        found.setdefault(one.effect_id, one)
+    return list(found.values())
+
+
+def _scaled(found: Refit, factor: float) -> Refit:
+    """Return a refit on a part of the shots with the gain that all would give."""
+    own = round(found.own * factor)
+    count = found.parameters - found.own + own
+    return dataclasses.replace(
+        found, gain=found.gain * factor, parameters=count, own=own, on_all_shots=factor == 1.0
+    )

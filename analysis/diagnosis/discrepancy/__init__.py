@@ -1,0 +1,1 @@
+"""What repairs a residual without a name: flexible columns and waveforms."""

@@ -1,0 +1,64 @@
+"""How well one turn of the loop fits, by the same figures as any other fit."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
+from analysis.fit.campaign_fit import heldout_rms, solve
+from analysis.fit.joint import Fitted
+from analysis.fit.problem import JointProblem
+from analysis.fit.result import FitResult, outcome_of
+from analysis.fit.shot_fit import collect
+
+
+def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
+    """Return the error on held-out shots, None where a fold leaves the model without a solution.
+
+    None as well where the time is over.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        Any candidate, also one that ended at the edge of what can be evaluated.
+
+    Returns
+    -------
+    float or None
+        [unit of the signal]
+    """
+    if not fitted.blocks:
+        return None
+    try:
+        return heldout_rms(problem, fitted)
+    except (np.linalg.LinAlgError, BudgetSpentError):
+        return None
+
+
+def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
+    """Return a turn of the loop as the fit result that `fit_campaign` would have made of it.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        A model at its best, the noise as measured.
+    heldout : bool
+        Also compute the error on held-out shots.
+
+    Returns
+    -------
+    FitResult
+        Covariance widened where the residual exceeds the noise.
+    """
+    name = problem.model.name
+    if not fitted.blocks:
+        return FitResult(name, outcome_of(problem, fitted), problem, fitted, (), 1.0, None)
+    # a document rests on these numbers, whatever the time; held-out shots can be spared
+    own = unwatched(dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots)))
+    found, scale = solve(own, fitted.nuisances)
+    timed = dataclasses.replace(own, checkpoint=problem.checkpoint)
+    held = heldout_or_none(timed, found) if heldout else None
+    shots = collect(own, found, scale=scale)
+    return FitResult(name, outcome_of(own, found), own, found, shots, scale, held)

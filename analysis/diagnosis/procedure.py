@@ -1,0 +1,332 @@
+"""The loop: fit, ask, name, repair, ask again; and say so when nothing fits."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from dataclasses import dataclass, field
+
+from analysis.base_models import DEFAULT_BASE
+from analysis.campaign import Campaign
+from analysis.diagnosis.candidates.marginal_likelihood import Price
+from analysis.diagnosis.candidates.multistart import usual_place
+from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.localisation.location import Located, locate
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.next_drop import NextDrop, propose
+from analysis.diagnosis.noise_check import Background, check_noise
+from analysis.diagnosis.stepwise.backward import each_held_against_others
+from analysis.diagnosis.stepwise.early_end import not_held_against, searched
+from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
+from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
+from analysis.effects.library import effect_named, library
+from analysis.fit import joint
+from analysis.fit.physical_range import out_of_range
+from analysis.fit.problem import build
+from analysis.fit.start import prepare
+from analysis.model import solver
+from analysis.model.impact_model import model_named
+from analysis.undetermined import tells_no_modulus
+
+AKIN = {
+    "release": ("speed",),
+    "contact": ("contact", "loss"),
+    "mounting": ("cell",),
+    "sensor": ("cell", "response", "static", "dynamic"),
+    "electronics": ("response", "static", "dynamic"),
+}
+"""Families of the score test test that an effect of a slot looks like."""
+SLOT = "electronics"
+"""Where what is on the line all the time gets in."""
+STEP_SHARE = 0.75
+"""Solver errors of 4e-6 of the peak, the same in every model that is compared."""
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What was found.
+
+    Attributes
+    ----------
+    verdict : str
+        adequate, identified, family, partial, unknown or not_identifiable.
+    steps : list of Step
+        The selection; the last step is the model that stands.
+    chosen : list of Refit
+        The effects that were added, in order.
+    rivals : dict
+        For each effect chosen that has some, the refits that the data cannot tell from it.
+    open_names : dict
+        For each effect that has some, the names it was not held against, as the time was over.
+    slot : str or None
+        Where the discrepancy lives.
+    located : Located or None
+        Where it lives and the learned discrepancy, where no name explains all.
+    next_drop : NextDrop or None
+        The drop that would tell the likeliest names apart.
+    check_noise : Background or None
+        What is on the line all the time; None where nobody looked.
+    watch : Watch
+        Knows whether the search ended early.
+    """
+
+    verdict: str
+    steps: list[Step]
+    chosen: list[Refit]
+    rivals: dict[str, list[Refit]] = field(default_factory=dict)
+    open_names: dict[str, list[str]] = field(default_factory=dict)
+    slot: str | None = None
+    located: Located | None = None
+    next_drop: NextDrop | None = None
+    check_noise: Background | None = None
+    watch: Watch = field(default_factory=Watch)
+
+    @property
+    def search_ended(self) -> bool:
+        """Whether the search for names came to its end."""
+        return self.watch.ended is None or self.watch.ended.verdict_stands
+
+    @property
+    def disturbed(self) -> bool:
+        """Whether something is on the line all the time that is no noise."""
+        return self.check_noise is not None and self.check_noise.clear
+
+    @property
+    def leaves_noise(self) -> bool:
+        """Whether the model that stands leaves noise, and nothing else is on the line either."""
+        return self.verdict not in ("partial", "unknown")
+
+    @property
+    def confusable(self) -> list[str]:
+        """Return ids that the data cannot tell from those that were named."""
+        return sorted(
+            {name for effect_id in self.effect_ids for name in self.confusable_with(effect_id)}
+        )
+
+    @property
+    def effect_ids(self) -> list[str]:
+        """Return the ids of the effects that were named."""
+        return [taken.effect_id for taken in self.chosen]
+
+    def confusable_with(self, effect_id: str) -> list[str]:
+        """Return ids that the data cannot tell from a named one, or that nobody compared."""
+        near = [r.effect_id for r in self.rivals.get(effect_id, [])]
+        return [*near, *(o for o in self.open_names.get(effect_id, []) if o not in near)]
+
+
+def _without_restitution(campaign: Campaign) -> Campaign:
+    """Return the campaign without stated rebounds: a trace tells its own loss better."""
+    shots = tuple(dataclasses.replace(s, restitution=None) for s in campaign.shots)
+    return dataclasses.replace(campaign, shots=shots)
+
+
+def diagnose_campaign(
+    campaign: Campaign,
+    base: str = DEFAULT_BASE,
+    *,
+    progress: Progress | None = None,
+    budget: TimeBudget | None = None,
+) -> Diagnosis:
+    """Close the loop on a campaign.
+
+    Parameters
+    ----------
+    campaign : Campaign
+        Recordings and what is known.
+    base : str
+        Model to start from.
+    progress : callable, optional
+        Told what is being done and a share between 0 and 1.
+    budget : TimeBudget, optional
+        How long it may search. The base fit is made in any case.
+
+    Returns
+    -------
+    Diagnosis
+        Always with a verdict.
+    """
+    told = Watch(progress, budget)
+    found = dataclasses.replace(_found(campaign, base, told), watch=told)
+    told.judged = True
+    told(MethodStep.NEXT_DROP.told("which would tell most?"), 0.98)
+    with contextlib.suppress(BudgetSpentError):
+        found = dataclasses.replace(found, next_drop=_next_drop(found))
+    return found
+
+
+def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
+    """Return the verdict, and what it rests on."""
+    selection, usual = _base(campaign, base, told)
+    if tells_no_modulus(selection.last.problem, selection.last.fitted):
+        told(MethodStep.STRUCTURE.told("no modulus can be told; what else do they show?"), 0.05)
+    if selection.last.problem.model.kind == solver.HSD and not selection.adequate:
+        told(MethodStep.CANDIDATES.told("trying crystal_dynamics"), 0.1)
+        with contextlib.suppress(BudgetSpentError):
+            selection, usual = _crystal(campaign, selection, usual, told)
+    seen = check_noise(selection.last.problem.shots)
+    if _is_all(seen, selection.last):
+        selection.last.refused = dict.fromkeys(
+            library(), "what is on the line anyway may look like it"
+        )
+        verdict = "partial" if selection.chosen else "unknown"
+        return Diagnosis(verdict, selection.steps, selection.chosen, slot=SLOT, check_noise=seen)
+    if selection.last.impossible and not selection.last.score_test.structured:
+        # noise is left, but by a model that nothing real can be: the data cannot show it
+        return Diagnosis("not_identifiable", selection.steps, selection.chosen, check_noise=seen)
+    if not selection.adequate:
+        selection = searched(selection, usual, told)
+    return _beside(seen, _judge(selection, told))
+
+
+def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.Fitted]:
+    """Return the base model fitted to all shots, and where it would be without a record.
+
+    What is fitted on top of it ends when the time is over; it does not.
+    """
+    model = dataclasses.replace(model_named(base), step_share=STEP_SHARE)
+    told(MethodStep.NOISE.told("from the stretches before the trigger"), 0.0)
+    problem = build(_without_restitution(campaign), model)
+    told(MethodStep.BASE_FIT.told(f"{base} on all shots"), 0.0)
+    nuisances = prepare(problem)
+    fitted = joint.fit(problem, nuisances)
+    told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
+    return Selection([make_step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
+
+
+def _is_all(seen: Background, step: Step) -> bool:
+    """Return whether what is on the line anyway may be all that a model leaves beside noise.
+
+    It may look like anything in the windows, and no name is worth looking for.
+    """
+    structure = max((a.gain - a.dof for a in step.score_test.answers.values()), default=0.0)
+    samples = sum(shot.white.size for shot in step.linearised.shots)
+    return seen.clear and (not step.score_test.structured or structure < seen.share * samples)
+
+
+def _beside(seen: Background, found: Diagnosis) -> Diagnosis:
+    """Return a verdict that what is on the line anyway stands beside: it is not the whole."""
+    named = found.verdict in ("identified", "family")
+    verdict = "partial" if named and seen.clear else found.verdict
+    return dataclasses.replace(found, verdict=verdict, check_noise=seen)
+
+
+def _next_drop(found: Diagnosis) -> NextDrop | None:
+    """Return the drop that would separate what is confused, or the two best guesses."""
+    if found.verdict == "family":
+        for taken in found.chosen:
+            if taken.effect_id in found.rivals:
+                last = found.steps[-1]
+                whole = dataclasses.replace(taken, problem=last.problem, fitted=last.fitted)
+                return propose([whole, *found.rivals[taken.effect_id]])
+    if found.verdict in ("unknown", "partial"):
+        return propose([r for r in found.steps[0].refits if r.usable][:3])
+    return None
+
+
+def _crystal(
+    campaign: Campaign, selection: Selection, usual: joint.Fitted, told: Watch
+) -> tuple[Selection, joint.Fitted]:
+    """Return the selection with the cell no longer rigid, and its usual place, where that helps."""
+    effect, step = effect_named("crystal_dynamics"), selection.last
+    model = dataclasses.replace(model_named(effect.replaces_base), step_share=STEP_SHARE)
+    problem = told.over(build(_without_restitution(campaign), model))
+    nuisances = prepare(problem)
+    fitted = joint.fit(problem, nuisances)
+    count = len(problem.names) - len(step.problem.names)
+    gain = step.fitted.cost - fitted.cost
+    bad = not fitted.blocks or bool(out_of_range(problem, fitted))
+    price = Price(CRITERIA.comparison.price_of_number * count)
+    found = Refit(effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price)
+    step.refits = [found]
+    if found.usable and found.score() > CRITERIA.comparison.least_lead:
+        selection = selection.on(found)
+    return selection, usual_place(problem, nuisances)
+
+
+def _judge(selection: Selection, progress: Watch) -> Diagnosis:
+    """Return the verdict that a selection allows.
+
+    A chain of effects earns its names only if it ends in noise. Where it does not, what was piled
+    on top of the first effect is taken off again: it only mimicked what is missing. A name that was
+    not held against all others, as the time was over, is one of a family.
+    """
+    steps, chosen = selection.steps, selection.chosen
+    if selection.adequate and not chosen:
+        told = not tells_no_modulus(selection.last.problem, selection.last.fitted)
+        return Diagnosis("adequate" if told else "not_identifiable", steps, [])
+    if chosen and selection.adequate:
+        progress(MethodStep.ON_TOP.told("holding every name against others"), 0.95)
+        near: dict[str, list[Refit]] = {}
+        with contextlib.suppress(BudgetSpentError):
+            selection, near = each_held_against_others(selection)
+        unheld = {} if progress.ended is None else not_held_against(selection)
+        verdict = "family" if near or unheld else "identified"
+        slot = selection.chosen[0].effect.slot
+        return Diagnosis(verdict, selection.steps, selection.chosen, near, unheld, slot)
+    crystal = [c for c in chosen if c.effect.replaces_base]
+    rest = chosen[len(crystal) :]
+    standing = _standing(steps[len(crystal) :], rest)
+    if standing:
+        kept = len(crystal) + standing
+        located = _located(steps[kept], progress)
+        slot = rest[0].effect.slot
+        return Diagnosis("partial", steps[: kept + 1], chosen[:kept], slot=slot, located=located)
+    located = _located(steps[len(crystal)], progress)
+    if crystal:
+        slot, known = crystal[0].effect.slot, steps[: len(crystal) + 1]
+        return Diagnosis("partial", known, crystal, slot=slot, located=located)
+    where = None if located is None else located.slot
+    return Diagnosis("unknown", steps[:1], [], slot=where, located=located)
+
+
+def _located(step: Step, progress: Watch) -> Located | None:
+    """Return where a residual lives, None where the time is over before any slot was asked."""
+    try:
+        return locate(step, progress)
+    except BudgetSpentError:
+        return None
+
+
+def _standing(steps: list[Step], chosen: list[Refit]) -> int:
+    """Return how many effects, from the first, are certain although something else remains.
+
+    Each must take up far more than what is left, and be far ahead of every other name. Two that
+    together mimic a third thing take up much as well, so more is asked of more than one.
+    """
+    for count in range(len(chosen), 0, -1):
+        if steps[count].impossible or any(step.unfinished for step in steps[:count]):
+            continue  # far ahead of all others is only what was compared with all
+        left = steps[count].score_test.left
+        looks_like = steps[count].score_test.strongest.family
+        explained = steps[0].fitted.cost - steps[count].fitted.cost
+        akin = any(looks_like in AKIN[c.effect.slot] for c in chosen[:count])
+        if akin and left > CRITERIA.partial.akin_left_share * explained:
+            continue  # what remains is of the kind that was named: the name only resembles it
+        share, ahead = (
+            (CRITERIA.partial.one_left_share, 0.0)
+            if count == 1
+            else (CRITERIA.partial.several_left_share, CRITERIA.partial.several_lead_ratio)
+        )
+        if all(
+            _stands(steps[at], steps[at + 1], chosen[at], left, share=share, ahead=ahead)
+            for at in range(count)
+        ):
+            return count
+    return 0
+
+
+def _stands(
+    before: Step, after: Step, taken: Refit, left: float, *, share: float, ahead: float
+) -> bool:
+    if taken.effect.basis is not None:
+        return False  # sizes that are free in every shot follow much that they are not
+    explained = before.fitted.cost - after.fitted.cost
+    others = max(
+        (r.gain for r in before.refits if r.effect_id != taken.effect_id and not r.at_bound),
+        default=0.0,
+    )
+    clear = explained - others > max(
+        CRITERIA.partial.ahead_squares, CRITERIA.partial.ahead_of_left_ratio * left
+    )
+    return left < share * explained and clear and explained > ahead * others

@@ -1,0 +1,1 @@
+"""Is there structure in a residual, or only noise?"""

@@ -1,0 +1,1 @@
+"""Effects on top of one another, forward and backward."""

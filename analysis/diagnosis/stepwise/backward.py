@@ -1,0 +1,217 @@
+"""What a selection's names must stand: being left out, and every other effect of their slots.
+
+What could stand in for an effect is seen only beside all the others that act.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from analysis.diagnosis.candidates.refit import Refit, continued
+from analysis.diagnosis.candidates.successive_halving import lookalikes_refitted, rivals_refitted
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
+from analysis.effects.effect import Effect
+from analysis.fit import joint
+from analysis.fit.nuisances import carried_over
+from analysis.model.impact_model import ImpactModel
+
+
+def without_needless(selection: Selection) -> Selection:
+    """Return a selection without an effect that another has made needless.
+
+    The last one too: it may do no more than open a way to where the one before it ends in noise.
+    """
+    if len(selection.chosen) < 2 or not selection.adequate:
+        return selection
+    for place, old in enumerate(selection.chosen):
+        if old.effect.replaces_base:
+            continue
+        shorter = _reduced(selection.last, old.effect)
+        if shorter is None or shorter.impossible:
+            continue
+        if shorter.fitted.cost - selection.last.fitted.cost < CRITERIA.comparison.least_lead:
+            others = [c for at, c in enumerate(selection.chosen) if at != place]
+            steps = [*selection.steps[: len(others)], shorter]
+            gain = steps[-2].fitted.cost - shorter.fitted.cost
+            others[-1] = dataclasses.replace(
+                others[-1], gain=gain, problem=shorter.problem, fitted=shorter.fitted
+            )
+            return held_against_others(Selection(steps, others))
+    return selection
+
+
+def held_against_unfinished(selection: Selection) -> Selection:
+    """Return a selection whose last effect has stood against what was given up half-way.
+
+    Parameters
+    ----------
+    selection : Selection
+        Any.
+
+    Returns
+    -------
+    Selection
+        As `held_against_others` returns it, for others of its slot that a part of the shots spoke
+        for and that were never fitted to all.
+    """
+    if not selection.chosen or not selection.adequate:
+        return selection
+    step, taken = selection.steps[-2], selection.chosen[-1]
+    effect_ids = {
+        r.effect_id
+        for r in step.refits
+        if r.effect.slot == taken.effect.slot
+        and not (r.on_all_shots or r.at_bound)
+        and r.gain > CRITERIA.stepwise.partly_fitted_share * taken.gain
+    }
+    return (
+        held_against_others(selection, effect_ids - {taken.effect_id}) if effect_ids else selection
+    )
+
+
+def held_against_others(selection: Selection, effect_ids: set[str] | None = None) -> Selection:
+    """Return a selection whose last effect has stood against every other of its slot.
+
+    An effect that was found beside one that has since been taken off was never compared with what
+    else could do the work alone.
+
+    Parameters
+    ----------
+    selection : Selection
+        Ending in noise.
+    effect_ids : set of str, optional
+        Only these others.
+
+    Returns
+    -------
+    Selection
+        With the others among the refits of the last turn; one that does better takes its place.
+    """
+    step, taken = selection.steps[-2], selection.chosen[-1]
+    others = rivals_refitted(step.problem, step.fitted, taken, effect_ids)
+    new = {o.effect_id for o in others}
+    step.refits[:] = [*others, *(r for r in step.refits if r.effect_id not in new)]
+    best = max(others, key=lambda r: r.score(), default=taken)
+    if best.at_bound or best.score() <= taken.score():
+        return selection
+    ahead = Selection(selection.steps[:-1], selection.chosen[:-1]).on(best)
+    if not ahead.adequate:
+        return selection
+    step.refits.append(taken)
+    return ahead
+
+
+def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str, list[Refit]]]:
+    """Return a selection of which every effect has stood against others, and what they leave open.
+
+    What could stand in for an effect is seen only beside all the others that act, and at its turn
+    not all of them were known yet: each is taken as if it had been the last.
+
+    Parameters
+    ----------
+    selection : Selection
+        Ending in noise.
+
+    Returns
+    -------
+    selection : Selection
+        The same, or one in another order, of which another effect has taken a place.
+    near : dict
+        Id to the refits that the data cannot tell from it, without those that have none.
+    """
+    near = _rivals(selection)
+    for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
+        turned = _as_last(selection, taken)
+        if turned is None:
+            continue
+        held = held_against_others(turned)
+        if held.chosen[-1].effect_id != turned.chosen[-1].effect_id:
+            selection = held
+            near = {
+                effect_id: found
+                for effect_id, found in near.items()
+                if effect_id != taken.effect_id
+            }
+        near |= _rivals(held)
+    return selection, near
+
+
+def _as_last(selection: Selection, taken: Refit) -> Selection | None:
+    """Return a selection with the same end, one effect found last; None where it cannot be."""
+    others = [c for c in selection.chosen if c is not taken]
+    shorter = _reduced(selection.last, taken.effect)
+    if shorter is None:
+        return None
+    last = selection.last
+    gain = shorter.fitted.cost - last.fitted.cost
+    moved = dataclasses.replace(taken, gain=gain, problem=last.problem, fitted=last.fitted)
+    return Selection([*selection.steps[: len(others)], shorter, last], [*others, moved])
+
+
+def _reduced(step: Step, dropped: Effect) -> Step | None:
+    """Return a step's model without an effect, fitted again; None where it cannot be."""
+    kept = tuple(e for e in step.problem.model.effects if e.id != dropped.id)
+    model = dataclasses.replace(step.problem.model, effects=kept)
+    keep = [
+        j
+        for j, name in enumerate(step.problem.names)
+        if not _is_effect(name, step.problem.model) or _is_effect(name, model)
+    ]
+    problem = dataclasses.replace(
+        step.problem,
+        model=model,
+        names=[step.problem.names[j] for j in keep],
+        start=step.fitted.theta[keep],
+        prior_mean=step.problem.prior_mean[keep],
+        prior_precision=step.problem.prior_precision[keep][:, keep],
+    )
+    nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
+    fitted = joint.fit(problem, nuisances, theta=problem.start)
+    return make_step(problem, fitted) if fitted.blocks else None
+
+
+def _is_effect(name: str, model: ImpactModel) -> bool:
+    return any(name.startswith(f"{e.id}.") for e in model.effects)
+
+
+def behind(taken: Refit, other: Refit) -> float:
+    """Return by how many squares another effect falls short, in gain or with its numbers paid.
+
+    Parameters
+    ----------
+    taken, other : Refit
+        On top of the same model.
+
+    Returns
+    -------
+    float
+        The lesser of the two; infinite where it was not fitted to all shots. [1]
+    """
+    if other.effect_id == taken.effect_id or not other.on_all_shots:
+        return math.inf
+    return min(
+        taken.score() - other.score(),
+        taken.gain - other.gain,
+    )
+
+
+def _rivals(selection: Selection) -> dict[str, list[Refit]]:
+    """Return what the data cannot tell from the last effect chosen, under its id if anything.
+
+    It is fitted on where it is close behind, and where that does not come to an end it is near as
+    long as it draws nearer: along a bent valley every step is small, and the way is long.
+    """
+    step, taken = selection.steps[-2], selection.chosen[-1]
+    step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
+    near = []
+    for at, one in enumerate(step.refits):
+        within = CRITERIA.stepwise.confusable_within
+        if behind(taken, one) < CRITERIA.stepwise.unfinished_within and not one.fitted.converged:
+            step.refits[at] = further = continued(step.fitted, one)
+            if not further.fitted.converged:
+                within += CRITERIA.stepwise.unfinished_growth * (further.gain - one.gain)
+        if not step.refits[at].at_bound and behind(taken, step.refits[at]) < within:
+            near.append(step.refits[at])
+    return {taken.effect_id: near} if near else {}

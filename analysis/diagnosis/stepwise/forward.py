@@ -1,0 +1,314 @@
+"""Forward selection: effects on top of one another until noise is left or nothing helps.
+
+A first effect that takes up most is usually right where one effect acts. Where two act, each large,
+the one that takes up most may be neither; so a few first effects get a second one each before
+the search gives up.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from analysis.diagnosis.candidates.other_forms import best_form
+from analysis.diagnosis.candidates.proposals import Proposal, proposals
+from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidates.subsets import PresentModel
+from analysis.diagnosis.candidates.successive_halving import one_form_each, rank, ranked
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.grouping_search.grouping import best_grouping
+from analysis.diagnosis.grouping_search.one_material import (
+    can_be_one_materials,
+    explains_all,
+    single_materials,
+    tried_alone,
+)
+from analysis.diagnosis.grouping_search.split_by_material import split_by_material
+from analysis.diagnosis.grouping_search.without_material import (
+    WithoutMaterial,
+    without_each_material,
+)
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.score_test.linearised import Linearised, linearise
+from analysis.diagnosis.score_test.score_test import ScoreTest, run_score_test
+from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
+from analysis.fit import joint
+from analysis.fit.freed_inputs import at_likeliest_inputs
+from analysis.fit.physical_range import out_of_range
+from analysis.fit.problem import JointProblem
+
+MAX_EFFECTS = 3
+FIRSTS_TRIED = 2
+"""First effects that get a second one before the search gives up."""
+HUM = "mains_hum"
+
+
+@dataclass
+class Step:
+    """One turn of the loop.
+
+    Attributes
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model of this turn, at its best.
+    linearised : Linearised
+        Its residual.
+    score_test : ScoreTest
+        Whether there is structure.
+    refits : list of Refit
+        What was tried on top, best first.
+    refused : dict
+        Why other effects could not be tried.
+    without : list of WithoutMaterial
+        The same model without each material's shots, where that was asked.
+    unfinished : bool
+        The time was over before all that can be tried was compared.
+    """
+
+    problem: JointProblem
+    fitted: joint.Fitted
+    linearised: Linearised
+    score_test: ScoreTest
+    refits: list[Refit] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+    without: list[WithoutMaterial] = field(default_factory=list)
+    unfinished: bool = False
+
+    @property
+    def impossible(self) -> bool:
+        """Whether one of its numbers is outside what it can be."""
+        return bool(out_of_range(self.problem, self.fitted))
+
+
+@dataclass
+class Selection:
+    """Steps, and the effects that lead from each to the next.
+
+    Attributes
+    ----------
+    steps : list of Step
+        One more than effects.
+    chosen : list of Refit
+        In order.
+    """
+
+    steps: list[Step]
+    chosen: list[Refit]
+
+    @property
+    def last(self) -> Step:
+        """Return the step that the selection has reached."""
+        return self.steps[-1]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether it has ended in noise, or in less than its effects' forms are good for.
+
+        A model with a number that nothing can have does not count, whatever it leaves.
+        """
+        if self.last.impossible:
+            return False
+        if not self.last.score_test.structured:
+            return True
+        left = self.last.score_test.left
+        explained = self.steps[0].fitted.cost - self.last.fitted.cost
+        return bool(self.chosen) and left < min(
+            CRITERIA.structure.form_error_share * explained, CRITERIA.structure.form_error_squares
+        )
+
+    @property
+    def score(self) -> float:
+        """Return the whitened squares left, numbers paid for."""
+        paid = sum(r.gain - r.score() for r in self.chosen)
+        return self.last.fitted.cost + paid
+
+    def on(self, found: Refit) -> Selection:
+        """Return the selection one effect further, its numbers owned by whom the data ask for."""
+        step = make_step(found.problem, found.fitted)
+        if step.score_test.structured:
+            wide = best_form(self.last.problem, self.last.fitted, found)
+            wide = best_grouping(self.last.problem, self.last.fitted, wide)
+            lead = wide.score() - found.score()
+            if lead > 0.0:
+                wider = make_step(wide.problem, wide.fitted)
+                # where the same effect ends in noise it needs no lead
+                if lead > CRITERIA.comparison.least_lead or not wider.score_test.structured:
+                    found, step = wide, wider
+        return Selection([*self.steps, step], [*self.chosen, found])
+
+
+def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
+    """Return a fitted model with the answer to whether its residual is noise.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        The model at its best.
+
+    Returns
+    -------
+    Step
+        Nothing tried on top yet.
+
+    Notes
+    -----
+    Made to its end whatever the time: what was fitted is worth nothing without it. What masses,
+    radii and heights explain that differ from their statements by what these allow is no structure:
+    such an answer is that of the fit in which they are where the shots put them.
+    """
+    whole = unwatched(problem)
+    linearised = linearise(whole, fitted)
+    found = Step(problem, fitted, linearised, run_score_test(linearised))
+    if not found.score_test.structured or joint.is_hopeless(problem, fitted.cost):
+        return found
+    settled, near = at_likeliest_inputs(whole, fitted)
+    if settled is whole:
+        return found  # every number is exact
+    linearised = linearise(settled, near)
+    freed = run_score_test(linearised)
+    return found if freed.structured else Step(problem, fitted, linearised, freed)
+
+
+def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
+    """Fill in what library effects bring on top of a step, as far as the time goes."""
+    found: list[Refit] = []
+    try:
+        _compare(step, usual, progress, found)
+    except BudgetSpentError:
+        step.unfinished = True
+        raise
+    finally:
+        step.refits += one_form_each(sorted(found, key=rank))
+
+
+def _compare(step: Step, usual: joint.Fitted, progress: Progress, found: list[Refit]) -> None:
+    """Fit library effects on top of a step, each into ``found`` once it is fitted to all shots."""
+    tried: list[Proposal]
+    tried, step.refused = proposals(step.problem)
+    present = PresentModel(step.problem, step.fitted, usual)
+    first = not step.problem.model.effects
+    at = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
+    progress(at.told("does one material make the difference?"), 0.0)
+    step.without = without_each_material(present)
+    for apart in single_materials(present, step.without):
+        found += tried_alone(apart, present, progress, first=first)
+        found.sort(key=rank)
+        tried = [p for p in tried if not can_be_one_materials(p.effect)]
+        if found and explains_all(found[0], present):
+            tried = []
+        if found and (not tried or _ends_in_noise(found[0])):
+            break
+    if not tried:
+        return
+    whole: list[Refit] = []
+    try:
+        found += ranked(present, tried, progress, first=first, whole=whole)
+    except BudgetSpentError:
+        found += whole
+        raise
+
+
+def _ends_in_noise(found: Refit) -> bool:
+    return found.usable and not make_step(found.problem, found.fitted).score_test.structured
+
+
+def useful(step: Step) -> list[Refit]:
+    """Return the refits of a step that may be taken, best first."""
+    return [r for r in step.refits if r.usable and r.score() >= CRITERIA.comparison.least_lead]
+
+
+def select(
+    start: Selection,
+    usual: joint.Fitted,
+    progress: Progress,
+    reached: list[Selection] | None = None,
+) -> Selection:
+    """Search for effects on top of where a selection stands.
+
+    Parameters
+    ----------
+    start : Selection
+        Structured at its end.
+    usual : Fitted
+        The base model at what was known before any record.
+    progress : callable
+        Told what is being done and a share between 0 and 1.
+    reached : list of Selection, optional
+        Filled with selections on the way: what is left where the time is over before the end.
+
+    Returns
+    -------
+    Selection
+        The first that ends in noise, fewest effects first; else the best that was found.
+    """
+    found: list[Selection] = [] if reached is None else reached
+    try_effects(start.last, usual, progress)
+    firsts = useful(start.last)
+    for first in firsts[:1]:
+        progress(MethodStep.COMPARE.told(f"forms and groupings of {first.effect_id}"), 0.9)
+        found.append(start.on(first))
+    if found and (found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS):
+        return found[0]
+    apart = _split_by_material(start, usual, progress)
+    if apart is not None and (apart.adequate or not found):
+        return apart
+    if not found:
+        return start
+    for place, first in enumerate(firsts[:FIRSTS_TRIED]):
+        if first.gain < CRITERIA.stepwise.first_effect_share * firsts[0].gain:
+            break
+        found.append(_with_second(found[0] if place == 0 else start.on(first), usual, progress))
+        if found[-1].adequate:
+            return found[-1]
+    best = min(found, key=lambda t: t.score)
+    if len(best.chosen) < MAX_EFFECTS and _nearly(start, best):
+        third = _with_second(best, usual, progress)
+        # the third of a chain is where what the first two leave for their forms would get a name
+        return best if third.last.score_test.structured else third
+    return best
+
+
+def _split_by_material(
+    start: Selection, usual: joint.Fitted, progress: Progress
+) -> Selection | None:
+    """Return a selection of two effects of which one is one material's, None without."""
+
+    def alone(
+        problem: JointProblem, fitted: joint.Fitted, place: joint.Fitted, told: Progress
+    ) -> Refit | None:
+        some = Selection([make_step(problem, fitted)], [])
+        if some.adequate:
+            return None  # then that material makes all the difference, and was tried alone
+        try_effects(some.last, place, told)
+        for first in useful(some.last)[:FIRSTS_TRIED]:
+            one = some.on(first)
+            if one.adequate:
+                return one.chosen[-1]
+        return None
+
+    present = PresentModel(start.last.problem, start.last.fitted, usual)
+    found = split_by_material(present, start.last.without, alone, progress)
+    if found is None:
+        return None
+    first, seconds = found
+    step = make_step(first.problem, first.fitted)
+    step.refits += seconds
+    selection = Selection([*start.steps, step], [*start.chosen, first])
+    second = useful(step)[:1]
+    return selection.on(second[0]) if second else None
+
+
+def _with_second(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
+    """Return a selection with what helps most on top; the selection itself where nothing does."""
+    if not selection.adequate:
+        try_effects(selection.last, usual, progress)
+        found = useful(selection.last)
+        if found:
+            return selection.on(found[0])
+    return selection
+
+
+def _nearly(start: Selection, end: Selection) -> bool:
+    """Tell whether a selection has taken up so much that one more effect could be the rest."""
+    samples = sum(s.white.size for s in start.last.linearised.shots)
+    had, left = start.last.linearised.chi2 - samples, end.last.linearised.chi2 - samples
+    return left < CRITERIA.stepwise.third_effect_share * had

@@ -1,0 +1,120 @@
+"""The JSON of a diagnosis: complete, finite, and true to the fits behind it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import pytest
+
+from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
+from analysis.diagnosis.localisation.location import locate
+from analysis.diagnosis.procedure import _judge
+from analysis.diagnosis.stepwise.forward import Selection
+from analysis.diagnosis.time_budget import Watch
+from analysis.effects.library import library
+from analysis.fit.result import FitResult, outcome_of
+
+KEYS = {
+    "format", "verdict", "p_value", "noise_rms_V", "effects", "slot", "before", "after",
+    "remaining", "candidates", "next_drop", "rejected", "software",
+}  # fmt: skip
+BLOCK = {"model", "rms_V", "nrmse", "r2", "chi2_per_dof", "heldout_rms_V", "moduli"}
+
+
+@pytest.fixture(scope="session")
+def leaky_json(leaky):
+    """The leaky campaign's diagnosis as JSON."""
+    return diagnosis_json(leaky, software="impactd test")
+
+
+def test_a_clean_campaign_is_adequate_before_and_after(clean):
+    """Nothing hidden, nothing claimed: both blocks are the base model's."""
+    found = diagnosis_json(clean, software="impactd test")
+    assert set(found) >= KEYS
+    assert found["verdict"] == "adequate"
+    assert found["effects"] == []
+    assert found["before"] == found["after"]
+    assert found["before"]["chi2_per_dof"] == pytest.approx(1.0, abs=0.1)
+    assert "moduli" in found["before"]
+    json.dumps(found, allow_nan=False)
+
+
+def test_an_identified_effect_comes_with_numbers_and_both_blocks(leaky_json):
+    """The effect has its parameter with uncertainty and unit; after the repair noise is left."""
+    assert set(leaky_json) >= KEYS
+    assert leaky_json["verdict"] == "identified"
+    (effect,) = leaky_json["effects"]
+    assert (effect["id"], effect["slot"]) == ("coupler_highpass", "electronics")
+    constant = effect["parameters"]["time_constant_s"]
+    assert constant["unit"] == "s"
+    assert abs(constant["value"] - 5e-3) < 5 * constant["u"]
+    before, after = leaky_json["before"], leaky_json["after"]
+    assert set(before) >= BLOCK
+    assert set(after) >= BLOCK
+    assert after["model"] == "kv2+coupler_highpass"
+    assert after["heldout_rms_V"] < before["heldout_rms_V"]
+    assert after["heldout_rms_V"] == pytest.approx(leaky_json["noise_rms_V"], rel=0.1)
+    assert leaky_json["remaining"]["structured"] is False
+    json.dumps(leaky_json, allow_nan=False)
+
+
+def test_every_library_effect_has_a_line_and_only_the_taken_one_no_reason(leaky_json):
+    """What was not named says why in words; the one that was says nothing."""
+    lines = {line["id"]: line for line in leaky_json["candidates"]}
+    assert set(lines) == set(library())
+    assert [name for name, line in lines.items() if line["why_not"] is None] == ["coupler_highpass"]
+    best = lines["coupler_highpass"]
+    assert best["delta_log_likelihood"] > 0
+    assert best["heldout_rms_V"] == pytest.approx(leaky_json["after"]["heldout_rms_V"], rel=0.05)
+
+
+def test_an_unknown_keeps_its_closure_and_withholds_what_it_cannot_know(leaky):
+    """Without a name, `after` is the repair by the discrepancy, and each slot has a probability."""
+    first = leaky.steps[0]
+    located = locate(first, lambda stage, share: None)
+    nameless = dataclasses.replace(
+        leaky, verdict="unknown", steps=[first], chosen=[], slot=located.slot, located=located
+    )
+    found = diagnosis_json(nameless, software="impactd test")
+    assert sum(slot["probability"] for slot in found["slots"].values()) == pytest.approx(1.0)
+    assert found["after"]["heldout_rms_V"] < found["before"]["heldout_rms_V"] / 2
+    assert found["after"]["heldout_rms_V"] >= 0.99 * found["noise_rms_V"]
+    assert found["after"]["moduli"]["specimen"]["status"] == "withheld"
+    assert found["closure"]["coefficients"]
+    (curve,) = found["closure"]["curves"]["shots"][:1]
+    assert {len(curve[key]) for key in ("pulse", "residual", "added", "left")} == {
+        len(curve["time_us"])
+    }
+    assert all(line["why_not"] for line in found["candidates"])
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_model_with_an_impossible_number_is_not_named(leaky):
+    """A repair that leaves noise by a ring beyond the samples is neither adequate nor accepted."""
+    last = leaky.steps[-1]
+    theta = last.fitted.theta.copy()
+    theta[last.problem.names.index("sensor.ln_w")] = math.log(2 * math.pi * 667e3)
+    moved = dataclasses.replace(last, fitted=dataclasses.replace(last.fitted, theta=theta))
+    selection = Selection([*leaky.steps[:-1], moved], leaky.chosen)
+    assert Selection(leaky.steps, leaky.chosen).adequate
+    assert not selection.adequate
+    found = _judge(selection, Watch())
+    assert found.verdict == "unknown"
+    assert found.chosen == []
+
+
+def test_a_verdict_on_impossible_numbers_names_them_and_withholds_the_moduli(clean):
+    """The sentence says which number and its range; no model is handed on, no modulus stated."""
+    first = clean.steps[0]
+    theta = first.fitted.theta.copy()
+    theta[first.problem.names.index("sensor.ln_w")] = math.log(2 * math.pi * 667e3)
+    moved = dataclasses.replace(first.fitted, theta=theta)
+    outcome = outcome_of(first.problem, moved)
+    found = FitResult("kv", outcome, first.problem, moved, (), 1.0, None)
+    assert found.outcome.status == "out_of_range"
+    (said, *_) = _provisos(found)
+    assert "sensor.natural_frequency_Hz" in said
+    assert "not accepted" in said
+    assert found.moduli()["specimen"]["status"] == "withheld"

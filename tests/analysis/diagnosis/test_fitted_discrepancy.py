@@ -1,0 +1,55 @@
+"""A learned discrepancy repairs shots that it was not learned on."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from analysis.diagnosis.discrepancy.fitted import learn, learn_force, on_top
+from analysis.diagnosis.localisation.location import formula, locate
+from analysis.fit.campaign_fit import heldout_rms
+
+
+def test_the_error_on_held_out_shots_falls(leaky):
+    """What a leaky coupler does is a linear chain's doing, at every height."""
+    first = leaky.steps[0]
+    before = heldout_rms(first.problem, first.fitted)
+    learned = learn(first.problem, first.fitted, [("response", "rig")])
+    assert learned.heldout_rms < before / 2
+    assert learned.rms <= learned.heldout_rms
+
+
+def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
+    """Its memory explains more than anything of another slot."""
+    located = locate(leaky.steps[0], lambda stage, share: None)
+    assert located.slot == "electronics"
+    assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
+
+
+def test_a_short_formula_holds_on_held_out_shots(leaky):
+    """One slow decay, of those that the family offers, does nearly all of a high-pass."""
+    linearised = leaky.steps[0].linearised
+    found = formula(linearised, linearised.explain("memory", "rig"))
+    assert found
+    assert all("decay" in label or "lag" in label for label, _ in found)
+
+
+def test_numbers_of_single_shots_repair_held_out_shots_too(leaky):
+    """They are fitted to a held-out shot as its speed and touch-down are."""
+    first = leaky.steps[0]
+    before = heldout_rms(first.problem, first.fitted)
+    learned = learn(first.problem, first.fitted, [("gain", "shot")])
+    assert learned.heldout_rms < before
+    assert learned.coefficients == {}
+
+
+def test_a_closure_beside_a_force_is_one_with_it(leaky):
+    """Parts, coefficients and what both add are those of the two together."""
+    first = leaky.steps[0]
+    force = learn_force(
+        first.problem, first.fitted, first.linearised, forms=("elastic",), scope="rig"
+    )
+    more = on_top(force, learn(force.problem, force.fitted, [("creep", "rig")]))
+    assert more.parts == (("force_elastic", "rig"), ("creep", "rig"))
+    assert set(force.coefficients) < set(more.coefficients)
+    for shot, added, left in zip(first.linearised.shots, more.added, more.residual, strict=True):
+        assert np.allclose(shot.residual, added + left)

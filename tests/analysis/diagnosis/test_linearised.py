@@ -1,0 +1,35 @@
+"""The linearisation answers about any fit, one that has gone astray included."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from analysis.diagnosis.score_test.linearised import linearise
+
+
+def _copied(linearised, family, size):
+    """The linearisation with a family's columns all the same one, so many times as large."""
+    at, _ = linearised.families[family]
+    shots = []
+    for shot in linearised.shots:
+        turn = np.eye(shot.vector.size)
+        turn[:, at] = 0.0
+        turn[at[0], at] = size
+        shots.append(
+            dataclasses.replace(
+                shot, matrix=turn.T @ shot.matrix @ turn, vector=turn.T @ shot.vector
+            )
+        )
+    return dataclasses.replace(linearised, shots=shots)
+
+
+def test_columns_that_a_lost_fit_has_blown_up_are_one_column(leaky):
+    """Three like columns of 1e21 leave no ridge, and are worth what one of them is."""
+    first = leaky.steps[0]
+    linearised = linearise(first.problem, first.fitted, wanted=["cell"])
+    one = _copied(linearised, "cell", 1.0).explain("cell", "rig", heldout=False)
+    lost = _copied(linearised, "cell", 1e21).explain("cell", "rig", heldout=False)
+    assert lost.dof == one.dof == 1
+    np.testing.assert_allclose(lost.gain, one.gain, rtol=1e-6)

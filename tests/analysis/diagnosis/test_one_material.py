@@ -1,0 +1,130 @@
+"""An effect of one material: found on its shots alone, felt by them alone, told as theirs."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.campaign import Campaign
+from analysis.diagnosis.candidates.before_trigger import is_there_before
+from analysis.diagnosis.document.diagnosis_json import diagnosis_json
+from analysis.diagnosis.grouping_search.one_material import can_be_one_materials
+from analysis.diagnosis.named_model import definition_of, model_of
+from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.effects.library import effect_named
+from analysis.fit.fit_shot import FitShot
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from drivers.simulated.effects import make_effect
+from drivers.simulated.effects.effect import Effect, Scope
+from impactd.storage.campaign_folder import read_campaign
+
+MODE = {"frequency_hz": 18e3, "damping_ratio": 0.02, "mass_ratio": 0.05, "hit_scatter": 0.0}
+
+
+def campaign(folder: Path, *effects: Effect) -> Campaign:
+    """Return two spheres on three surfaces from three heights, read back from a folder."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
+        drop_heights_m=(0.0115, 0.0255, 0.0465),
+        repeats=1,
+        effects=effects,
+    )
+    return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 11)))
+
+
+@pytest.fixture(scope="module")
+def swinging(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
+    """A large mode of the specimen, and of nothing else."""
+    mode = make_effect("coupon_mode", MODE, Scope(surface="specimen"))
+    return diagnose_campaign(campaign(tmp_path_factory.mktemp("swinging"), mode))
+
+
+def test_a_large_mode_of_one_coupon_is_found_on_its_shots(swinging: Diagnosis) -> None:
+    """The name, its group and its frequency, although no fit of all shots comes near."""
+    assert swinging.verdict == "identified"
+    taken = swinging.chosen[0]
+    assert taken.effect_id == "coupon_mode"
+    assert taken.effect.only == ("surface", "specimen")
+    numbers = dict(zip(taken.problem.names, taken.fitted.theta, strict=True))
+    found_hz = math.exp(numbers["coupon_mode.frequency_hz[specimen]"])
+    assert found_hz == pytest.approx(MODE["frequency_hz"], rel=2e-3)
+
+
+def test_the_other_shots_do_not_feel_it(swinging: Diagnosis) -> None:
+    """Their trace has no derivative by its numbers, and is the base model's."""
+    last = swinging.steps[-1]
+    model, base = last.problem.model, swinging.steps[0].problem.model
+    other = next(s for s in last.problem.shots if s.shot.surface != "specimen")
+    row = last.problem.shots.index(other)
+    shared, _ = last.problem.shared_local(other, last.fitted.theta)
+    local = np.concatenate([shared, last.fitted.nuisances[row]])
+    seen, jacobian, _ = model.linearise(local, other.frame)
+    own = list(model.places["coupon_mode"])
+    assert not jacobian[:, own].any()
+    assert np.array_equal(seen.signal, base.predict(np.delete(local, own), other.frame).signal)
+
+
+def test_it_is_told_and_kept_as_that_materials(swinging: Diagnosis) -> None:
+    """JSON names the group; the named model acts on the same shots when it is built again."""
+    told = diagnosis_json(swinging, software="impactd test")["effects"][0]
+    assert told["scope"] == "surface"
+    assert "mass_share[specimen]" in told["parameters"]
+    last = swinging.steps[-1]
+    definition = definition_of(last.problem, last.fitted)
+    assert definition is not None
+    assert model_of(definition).effects[0].only == ("surface", "specimen")
+
+
+@pytest.mark.slow
+def test_of_two_effects_the_other_is_found_without_the_material(tmp_path: Path) -> None:
+    """A leaking coupler everywhere and a sphere that yields: each is found where it is alone."""
+    both = campaign(
+        tmp_path,
+        make_effect("coupler_highpass", {"time_constant_s": 0.02}),
+        make_effect("plastic_yield", {"yield_pressure_pa": 4e7}, Scope(sphere="acetal_small")),
+    )
+    found = diagnose_campaign(both)
+    assert found.verdict in ("identified", "partial")
+    assert {c.effect_id for c in found.chosen} == {"coupler_highpass", "plastic_yield"}
+
+
+@pytest.mark.parametrize(
+    ("name", "done"),
+    [("coupon_mode", True), ("plastic_yield", True), ("adhesive_layer", False), ("echo", False)],
+)
+def test_what_all_coupons_have_is_asked_of_all_shots(name: str, done: bool) -> None:
+    """A tape under every coupon is not looked for under one alone."""
+    assert can_be_one_materials(effect_named(name)) is done
+
+
+@pytest.mark.slow
+def test_a_stiff_tape_is_found_although_it_shows_under_one_coupon(tmp_path: Path) -> None:
+    """Under the light coupons it is a heavier crystal; the heavy one alone is beyond the noise."""
+    tape = make_effect("adhesive_layer", {"stiffness_n_per_m": 3.6e9, "damping_n_s_per_m": 170.0})
+    found = diagnose_campaign(campaign(tmp_path, tape))
+    assert [c.effect_id for c in found.chosen] == ["adhesive_layer"]
+    assert found.chosen[0].scope == "rig"
+
+
+def test_hum_is_believed_only_where_it_is_there_before(swinging: Diagnosis) -> None:
+    """Sizes that hum would have in a window promise as much before the trigger."""
+    shots: list[FitShot] = swinging.steps[0].problem.shots
+    hum = effect_named("mains_hum")
+    loud = np.full((len(shots), hum.basis_size), 0.05)
+    assert not is_there_before(shots, hum, loud)
+    assert is_there_before(shots, hum, np.zeros_like(loud))
+
+
+def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path) -> None:
+    """Without either's shots the rest is noise; both groups are asked, and the sphere fits."""
+    soft = make_effect("plastic_yield", {"yield_pressure_pa": 8e7}, Scope(sphere="acetal_small"))
+    found = diagnose_campaign(campaign(tmp_path, soft))
+    assert [r.effect_id for r in found.chosen] == ["plastic_yield"]
+    assert found.chosen[0].effect.only == ("sphere", "acetal_small")
+    assert found.verdict in ("identified", "family")

@@ -1,0 +1,44 @@
+"""A fit that ended in a valley beside the deepest one begins again in the others."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from analysis.diagnosis.candidates.other_forms import best_form
+from analysis.diagnosis.candidates.refit import Refit, extended
+from analysis.diagnosis.stepwise.forward import make_step
+from analysis.effects.library import effect_named
+from analysis.fit import joint
+from analysis.fit.problem import build
+from analysis.fit.settle import settle
+from analysis.fit.start import prepare
+from analysis.model.impact_model import model_named
+
+from .conftest import small_campaign
+
+DELAY_S, SPEED_RATIO = 5.2e-4, 0.0137
+
+
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
+    """The speed of a sphere that hops on says when it is back, and that repeats."""
+    effect = effect_named("recontact")
+    values = {"delay_s": DELAY_S, "speed_ratio": SPEED_RATIO}
+    campaign = small_campaign(tmp_path, "recontact", rig="paper", **values)
+    problem = build(campaign, model_named("kv"))
+    base = joint.fit(problem, prepare(problem))
+    begin = {
+        "recontact.speed_ratio": math.log(times * SPEED_RATIO),
+        "recontact.delay_s": math.log(DELAY_S),
+    }
+    larger, theta, nuisances = extended(problem, base, effect, begin)
+    astray = joint.fit(larger, settle(larger, theta, nuisances), theta=theta)
+    gain = base.cost - astray.cost
+    found = Refit(effect, "recontact", "rig", larger, astray, gain, 2, False, gain)
+    best = best_form(problem, base, found)
+    at = next(j for j, n in enumerate(best.problem.names) if n.endswith("speed_ratio"))
+    assert math.exp(best.fitted.theta[at]) == pytest.approx(SPEED_RATIO, rel=0.02)
+    assert best.fitted.cost < astray.cost - 100.0
+    assert not make_step(best.problem, best.fitted).score_test.structured
