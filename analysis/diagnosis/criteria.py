@@ -201,9 +201,6 @@ class Slot:
     """From which a slot is named beside the likeliest. Rate."""
     explained_share: float = 0.3
     """Of the structure, below which even the best slot explains little. Chosen by trial."""
-    beyond_first_order_lead_ratio: float = 2.0
-    """Of the gain of what no first order foretells to that of any other, from which it decides.
-    Chosen by trial."""
     formula_share: float = 0.9
     """Of a discrepancy's held-out gain, that a formula of few terms must have. Chosen by trial."""
 

@@ -13,19 +13,16 @@ from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform, mean_waveform
 from analysis.diagnosis.discrepancy.waveform import waveform_discrepancy
 from analysis.diagnosis.held_out import heldout_or_none
-from analysis.diagnosis.localisation.slot_physics import odds_beyond_first_order
-from analysis.diagnosis.localisation.slot_table import SLOT_NAMES
 from analysis.diagnosis.localisation.slots import (
     FAMILIES,
     Part,
     explained_by_family,
-    features,
+    gains_by_slot,
     probabilities,
     worth,
 )
 from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
-from analysis.diagnosis.score_test.score_test import SLOTS
 from analysis.diagnosis.stepwise.forward import Step
 
 FORMULA_TERMS = 2
@@ -105,24 +102,17 @@ def locate(step: Step, progress: Progress) -> Located:
     progress(MethodStep.VERDICT.told("where does it live?"), 0.0)
     linearised = linearise(step.problem, step.fitted, wanted=FAMILIES)
     answers = explained_by_family(linearised)
-    odds = probabilities(features(answers, step.problem.shots))
     discrepancy = _explains_most(linearised, answers)
     # where the time is over from here on: no discrepancy, or the best of those learned by then
     before = heldout_or_none(step.problem, step.fitted)
     by_columns = best_discrepancy(step, linearised, answers, before, progress)
-    repaired = None if by_columns is None else _heldout_gain(step, by_columns, before)
-    gains = _gains(answers, by_columns, repaired)
-    if by_columns is not None and repaired is not None:
-        only = _beyond_first_order(by_columns, repaired, max(map(worth, answers.values())))
-        odds = only or odds
-        gains |= {
-            s: max(gains[s], repaired)
-            for s, p in only.items()
-            if p >= CRITERIA.slot.named_beside_probability
-        }
-    slot = max(odds, key=lambda s: odds[s])
+    explained = _explained(step, answers, by_columns, before)
+    gains = gains_by_slot(explained)
     samples = sum(s.white.size for s in step.linearised.shots)
     structure = max(step.linearised.chi2 - samples, *gains.values(), 1.0)
+    pairs = len({s.pair for s in step.problem.shots})
+    odds = probabilities(explained, structure, pairs)
+    slot = max(odds, key=lambda s: odds[s])
     progress(MethodStep.VERDICT.told("is it better than a mean of the other hits?"), 0.99)
     mean = mean_waveform(step.problem, MOST_MODES)
     learned = better(by_columns, waveform_discrepancy(step, mean), before)
@@ -149,25 +139,18 @@ def _explains_most(linearised: Linearised, answers: dict[Part, Explained]) -> Ex
     return linearised.explain(discrepancy.family, discrepancy.scope)
 
 
-def _beyond_first_order(learned: Learned, repaired: float, most: float) -> dict[str, float]:
-    """Return each slot's odds where only what is beyond first order explains much, else nothing."""
-    odds = odds_beyond_first_order(learned.parts[0][0])
-    if odds is None or repaired <= CRITERIA.slot.beyond_first_order_lead_ratio * most:
-        return {}
-    return dict(zip(SLOT_NAMES, map(float, odds), strict=True))
-
-
-def _gains(
-    answers: dict[Part, Explained], learned: Learned | None, repaired: float | None
-) -> dict[str, float]:
-    """Return each slot's best gain, that of the learned discrepancy as held-out shots have it."""
+def _explained(
+    step: Step, answers: dict[Part, Explained], learned: Learned | None, before: float | None
+) -> dict[Part, float]:
+    """Return what each family explains, the learned one's as held-out shots have it."""
     found = {part: worth(answer) for part, answer in answers.items()}
-    if learned is not None and learned.parts[0] in found and len(learned.parts) == 1:
-        found[learned.parts[0]] = found[learned.parts[0]] if repaired is None else repaired
-    return {
-        slot: max(0.0, *(found[part] for part in families if part in found))
-        for slot, families in SLOTS.items()
-    }
+    repaired = None if learned is None else _heldout_gain(step, learned, before)
+    if learned is not None and repaired is not None:
+        part = learned.parts[0]
+        foretold = part in found
+        if not foretold or len(learned.parts) == 1:
+            found[part] = repaired
+    return found
 
 
 def _heldout_gain(step: Step, learned: Learned, before: float | None) -> float | None:

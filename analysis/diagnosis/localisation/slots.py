@@ -1,35 +1,71 @@
-r"""Which slot? What generic families explain, judged by physics and by simulated campaigns.
+r"""Which slot? What each family of columns leaves of a residual, and whose work such columns are.
 
-For each family k of `BANK` the score test gives how far the whitened squares fall, g_k, twice the
-number of coefficients taken off. What counts is how much of the best a family leaves:
+A family k explains :math:`g_k` of the T structured whitened squares, its coefficients paid for, and
+leaves the share
 
-.. math::
+.. math:: l_k = \frac{(1 + e) T - g_k + c}{(1 + e) T + c} .
 
-    x_k = -\log_{10} \frac{1.02\, g_{max} - g_k + 10}{1.02\, g_{max} + 10}, \qquad
-    p_s \propto \exp\Big(2 u_s + b_s + \sum_k w_{sk} \frac{x_k - m_k}{d_k}\Big)
+What is left is a misfit whose size nobody knows, and one pair's is one piece of it. Integrated over
+that size, with n pairs, its likelihood is
 
-u_s is `slot_physics`: which part of an instrument can do such a thing at all. The rest is learned
-from simulated effects, and knows best what resembles them; two numbers stand beside the x_k there:
-how much slow power there is before the trigger, and log g_max. The table of b, w, m, d is in
-`slot_table`, with how it was made and how well both do together, and each without the other.
+.. math:: L_k \propto l_k^{-n/2}, \qquad p_s \propto \max_k M_{ks} L_k ,
+
+where M is how usual a change of kind k is for the slot s: a share written by hand, none where the
+slot cannot do it. What two slots do alike (a memoryless curve: the crystal or the converter) stands
+under both, and where no family explains much all slots are as likely. Nothing here was trained.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.localisation.slot_physics import physical_score
-from analysis.diagnosis.localisation.slot_table import BIAS, CENTRE, SLOT_NAMES, SPREAD, WEIGHTS
 from analysis.diagnosis.score_test.linearised import Explained, Linearised
-from analysis.fit.problem import FitShot
-from analysis.fit.window import quiet_part
+from analysis.effects.effect import SLOTS
 
 Array = NDArray[np.float64]
 Part = tuple[str, str]
+
+SHARES: dict[str, tuple[float, float, float, float, float]] = {
+    #            release contact mounting sensor electronics
+    "speed":     (1.0,    0.0,    0.0,     0.0,   0.0),  # of the impact, against its height
+    "stiffness": (0.0,    1.0,    0.0,     0.0,   0.0),
+    "contact":   (0.0,    1.0,    0.0,     0.0,   0.0),  # a force over indentation and rate
+    "loss":      (0.0,    1.0,    0.0,     0.0,   0.0),
+    "pitch":     (0.0,    0.0,    1.0,     0.8,   0.0),  # what rides on the crystal, or itself
+    "cell":      (0.0,    0.0,    0.8,     0.8,   0.0),  # pitch and gain together
+    "mode":      (0.0,    0.0,    0.9,     0.9,   0.0),
+    "ringing":   (0.0,    0.0,    0.8,     0.9,   0.0),
+    "slow":      (0.0,    0.0,    0.8,     0.8,   0.0),
+    "seat":      (0.0,    0.0,    1.0,     0.8,   0.0),  # a spring or a damper that is not linear
+    "gain":      (0.0,    0.0,    0.0,     1.0,   1.0),
+    "creep":     (0.0,    0.0,    0.0,     0.9,   0.9),
+    "curve":     (0.0,    0.0,    0.0,     1.0,   1.0),
+    "fine":      (0.0,    0.0,    0.0,     0.7,   0.9),  # with jumps, as a converter's steps
+    "zero":      (0.0,    0.0,    0.0,     0.9,   0.9),
+    "bend":      (0.0,    0.0,    0.0,     1.0,   0.8),
+    "path":      (0.0,    0.0,    0.0,     1.0,   0.8),
+    "top":       (0.0,    0.0,    0.0,     0.8,   1.0),
+    "quick":     (0.0,    0.0,    0.0,     0.5,   0.9),  # within a few microseconds
+    "memory":    (0.0,    0.0,    0.0,     0.7,   0.9),
+    "response":  (0.0,    0.0,    0.8,     0.8,   0.8),  # any linear chain
+    "droop":     (0.0,    0.0,    0.0,     0.6,   1.0),
+    "dynamic":   (0.0,    0.0,    0.0,     0.6,   1.0),
+    "clock":     (0.0,    0.0,    0.0,     0.0,   0.9),
+    "wander":    (0.0,    0.0,    0.0,     0.0,   0.8),  # fifteen numbers a shot follow much else
+    "swing":     (0.0,    0.0,    0.0,     0.0,   1.0),  # there before the trigger
+    # only learned, where no first order foretells them:
+    "slew":      (0.0,    0.0,    0.0,     0.0,   1.0),
+    "jump":      (0.0,    0.0,    0.0,     0.0,   1.0),
+    "ripple":    (0.0,    0.0,    0.0,     0.0,   1.0),
+    "alternate": (0.0,    0.0,    0.0,     0.0,   1.0),
+    "warmth":    (0.0,    0.0,    0.0,     0.8,   1.0),
+    "blow":      (0.7,    0.0,    1.0,     0.0,   0.0),  # something lands, or the sphere does
+}  # fmt: skip
+"""By family, in the order of `SLOTS`. ``locked`` follows anything, and is nobody's."""
 
 FAMILIES = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "gain", "pitch",
@@ -68,15 +104,12 @@ BANK: tuple[Part, ...] = (
         "memory", "creep", "contact", "loss", "curve", "bend", "response",
     )),
 )  # fmt: skip
-"""(family, scope) in the order of the table."""
+"""(family, scope) that are asked."""
 
 LEAST = 10.0
 """Whitened squares that chance brings."""
-CALM_TERMS = 16
-"""Slowest cosines of the quiet part that are looked at."""
-FAITH_IN_PHYSICS = 2.5
-"""How sharply the physical score counts beside what was learned."""
-MOST_SLOW_POWER = 1.0
+FIRST_ORDER_ERROR = 0.02
+"""Share of what they describe that a first order and columns in steps leave."""
 
 
 def explained_by_family(linearised: Linearised) -> dict[Part, Explained]:
@@ -108,51 +141,42 @@ def worth(found: Explained) -> float:
     return max(found.gain - CRITERIA.discrepancy.price_of_coefficient * found.dof, 0.0)
 
 
-def slow_power(shots: list[FitShot]) -> float:
-    """Return the whitened power of the slowest part of the quiet stretch, 1 for plain noise."""
-    squares: list[float] = []
-    for item in shots:
-        quiet = item.window.polarity * quiet_part(item.shot)
-        if quiet.size < CRITERIA.noise.least_quiet_samples:
-            continue
-        place = (np.arange(quiet.size) + 0.5) / quiet.size
-        slow = np.cos(np.pi * np.outer(place, np.arange(1, CALM_TERMS + 1)))
-        basis, _ = np.linalg.qr(item.noise.whiten(slow))
-        squares += list(np.square(basis.T @ item.noise.whiten(quiet - quiet.mean())))
-    return float(np.mean(squares)) if squares else 1.0
+def gains_by_slot(gains: Mapping[Part, float]) -> dict[str, float]:
+    """Return the most that anything which a slot can do explains."""
+    return {
+        slot: max(
+            (g for (family, _), g in gains.items() if _share(family, slot) > 0.0), default=0.0
+        )
+        for slot in SLOTS
+    }
 
 
-def features(answers: dict[Part, Explained], shots: list[FitShot]) -> Array:
-    """Return the numbers that tell slots apart. Shape (len(BANK) + 2,).
-
-    Parameters
-    ----------
-    answers : dict
-        From `explained_by_family`.
-    shots : list of FitShot
-        With their quiet stretches.
-    """
-    gains = np.array([worth(answers[k]) if k in answers else 0.0 for k in BANK])
-    most = max(float(gains.max()), LEAST)
-    left = (1.02 * most - gains + LEAST) / (1.02 * most + LEAST)
-    calm = min(max(math.log(max(slow_power(shots), 1.0)), 0.0), MOST_SLOW_POWER)
-    return np.array([*(-np.log10(left)), calm, math.log10(most) - 3.0])
+def _share(family: str, slot: str) -> float:
+    return SHARES[family][SLOTS.index(slot)] if family in SHARES else 0.0
 
 
-def probabilities(found: Array) -> dict[str, float]:
+def probabilities(gains: Mapping[Part, float], structure: float, pairs: int) -> dict[str, float]:
     """Return how likely each slot is.
 
     Parameters
     ----------
-    found : ndarray, shape (f,)
-        From `features`.
+    gains : mapping
+        By (family, scope), coefficients paid for.
+    structure : float
+        Whitened squares beyond noise; what explains more has seen them all.
+    pairs : int
+        Pairs of sphere and surface that were dropped.
 
     Returns
     -------
     dict
         Slot to probability.
     """
-    physics = physical_score(found[: len(BANK)], [family for family, _ in BANK])
-    score = FAITH_IN_PHYSICS * physics + BIAS + WEIGHTS @ ((found - CENTRE) / SPREAD)
-    odds = np.exp(score - score.max())
-    return dict(zip(SLOT_NAMES, map(float, odds / odds.sum()), strict=True))
+    owned = [(SHARES[family], gain) for (family, _), gain in gains.items() if family in SHARES]
+    if not owned:
+        return dict.fromkeys(SLOTS, 1.0 / len(SLOTS))
+    shares, explained = (np.array(column) for column in zip(*owned, strict=True))
+    whole = (1.0 + FIRST_ORDER_ERROR) * max(structure, float(explained.max())) + LEAST
+    likelihood = (1.0 - explained / whole) ** (-0.5 * pairs)
+    odds = (shares * (likelihood / likelihood.max())[:, None]).max(axis=0)
+    return dict(zip(SLOTS, map(float, odds / odds.sum()), strict=True))

@@ -1,4 +1,4 @@
-"""One question: is there structure in the residual, or only noise? And if so, in which slot?"""
+"""One question: is there structure in the residual, or only noise?"""
 
 from __future__ import annotations
 
@@ -38,34 +38,6 @@ ASKED: tuple[tuple[str, str], ...] = (
     ("alternate", "shot"),
     ("baseline", "shot"),
 )
-
-SLOTS: dict[str, tuple[tuple[str, str], ...]] = {
-    "release": (("speed", "height"), ("speed", "shot")),
-    "contact": (
-        ("contact", "rig"),
-        ("contact", "surface"),
-        ("contact", "sphere"),
-        ("loss", "rig"),
-        ("loss", "surface"),
-        ("stiffness", "drift"),
-    ),
-    "mounting": (("mode", "surface"), ("mode", "shot"), ("pitch", "surface"), ("pitch", "drift"),
-                 ("seat", "rig")),
-    "sensor": (("ringing", "rig"), ("bend", "rig"), ("creep", "rig"), ("path", "rig"),
-               ("gain", "shot")),
-    "electronics": (
-        ("memory", "rig"),
-        ("top", "rig"),
-        ("curve", "rig"),
-        ("dynamic", "rig"),
-        ("droop", "rig"),
-        ("gain", "drift"),
-        ("swing", "shot"),
-        ("clock", "shot"),
-    ),
-}  # fmt: skip
-"""Whose discrepancies bound what an effect of a slot explains. Several slots share a behaviour, so
-this does not decide which it is: `slots` does."""
 
 
 @dataclass(frozen=True)

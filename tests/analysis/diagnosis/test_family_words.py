@@ -13,12 +13,7 @@ from analysis.diagnosis.discrepancy.choice import (
     REFINED,
 )
 from analysis.diagnosis.document.family_words import FAMILIES
-from analysis.diagnosis.localisation.slot_physics import (
-    SHARES,
-    SHARES_BEYOND_FIRST_ORDER,
-    odds_beyond_first_order,
-)
-from analysis.diagnosis.localisation.slots import BANK
+from analysis.diagnosis.localisation.slots import BANK, SHARES
 from analysis.diagnosis.score_test.score_test import ASKED
 
 LEARNED = {
@@ -38,13 +33,3 @@ def test_every_family_that_is_asked_or_learned_has_words(family):
 def test_every_family_that_decides_on_a_slot_has_one(family):
     """Those that say nothing about where are left out by name."""
     assert max(SHARES.get(family, (0.0,))) > 0.0
-
-
-def test_every_peculiar_closure_says_where_it_lives():
-    """And leaves no slot out for certain."""
-    assert {family for family, _ in BEYOND_FIRST_ORDER} == set(SHARES_BEYOND_FIRST_ORDER)
-    for family in SHARES_BEYOND_FIRST_ORDER:
-        odds = odds_beyond_first_order(family)
-        assert odds.sum() == pytest.approx(1.0)
-        assert odds.min() > 0.0
-    assert odds_beyond_first_order("response") is None
