@@ -19,9 +19,10 @@ def test_the_error_on_held_out_shots_falls(leaky):
 
 
 def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
-    """Its memory explains more than anything of another slot."""
+    """Or in the sensor, whose charge may creep as well: no other slot is as likely."""
     located = locate(leaky.steps[0], lambda stage, share: None)
-    assert located.slot == "electronics"
+    assert set(located.also) | {located.slot} >= {"electronics", "sensor"}
+    assert located.probabilities["electronics"] == max(located.probabilities.values())
     assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
 
 
