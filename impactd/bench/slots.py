@@ -18,13 +18,13 @@ from impactd import blas_threads
 blas_threads.keep_to_one()  # before anything imports numpy
 
 from analysis.diagnosis.criteria import CRITERIA  # noqa: E402 - see above
-from analysis.diagnosis.localisation.slots import (  # noqa: E402 - see above
+from analysis.diagnosis.score_test.linearised import linearise  # noqa: E402 - see above
+from analysis.diagnosis.slots import (  # noqa: E402 - see above
     FAMILIES,
     explained_by_family,
     probabilities,
     worth,
 )
-from analysis.diagnosis.score_test.linearised import linearise  # noqa: E402 - see above
 from analysis.fit import joint  # noqa: E402 - see above
 from analysis.fit.problem import build  # noqa: E402 - see above
 from analysis.fit.start import prepare  # noqa: E402 - see above

@@ -48,6 +48,11 @@ def copy(tmp_path: Path) -> Path:
         ("analysis/errors.py", "import drivers.errors", "strangers"),
         ("drivers/errors.py", "import impactd.events", "strangers"),
         ("drivers/errors.py", "import drivers.simulated.world", "real drivers never"),
+        (
+            "analysis/diagnosis/basis/scale.py",
+            "import analysis.diagnosis.score_test.family_wise",
+            "the rooms of the diagnosis",
+        ),
     ],
 )
 def test_a_breach_is_caught(module: str, breach: str, contract: str, copy: Path) -> None:

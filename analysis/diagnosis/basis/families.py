@@ -9,39 +9,56 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.columns import (
-    BUMPS_US,
-    TEMPLATES,
-    Scale,
+from analysis.diagnosis.basis.contact_force import (
+    OF_PARAMETERS,
     cell_names,
     contact_columns,
     contact_labels,
-    dynamic_columns,
-    locked_columns,
-    response_columns,
-    static_columns,
-    template_columns,
-)
-from analysis.diagnosis.basis.late_impact import LATE_IMPACT, late_impact_columns, late_impact_shape
-from analysis.diagnosis.basis.oscillation import (
-    DAMPED,
-    MODE_ZETA,
-    RIPPLE,
-    TUNED,
-    ripple_columns,
-    tuned_columns,
-)
-from analysis.diagnosis.basis.slew_rate import SLEW, slope_columns
-from analysis.diagnosis.basis.slot_columns import (
-    OF_PARAMETERS,
-    OF_SIGNAL,
-    Crystal,
     mount_columns,
     parameter_columns,
+)
+from analysis.diagnosis.basis.crystal import crystal_of
+from analysis.diagnosis.basis.dynamic_curve import (
+    SLEW,
+    droop_columns,
+    dynamic_columns,
+    slope_columns,
+    warmth_columns,
+)
+from analysis.diagnosis.basis.event import (
+    LATE_IMPACT,
+    jump_columns,
+    late_impact_columns,
+    late_impact_shape,
+)
+from analysis.diagnosis.basis.linear_filter import (
+    creep_columns,
+    impulse_columns,
+    response_columns,
+    slow_columns,
+)
+from analysis.diagnosis.basis.modulation import (
+    alternate_columns,
+    baseline_columns,
     piece_columns,
     wander_columns,
 )
-from analysis.diagnosis.basis.time_jump import jump_columns
+from analysis.diagnosis.basis.oscillation import DAMPED, MODE_ZETA, TUNED, tuned_columns
+from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.static_curve import (
+    RIPPLE,
+    curve_columns,
+    fine_columns,
+    path_columns,
+    ripple_columns,
+    static_columns,
+)
+from analysis.diagnosis.basis.waveform import (
+    BUMPS_US,
+    TEMPLATES,
+    locked_columns,
+    template_columns,
+)
 from analysis.fit.problem import FitShot
 from analysis.model.impact_model import ImpactModel
 
@@ -161,6 +178,20 @@ def _late_impact(view: View) -> Columns:
     return *late_impact_columns(_residual(view), first, view.rate, shape, size), None, None
 
 
+OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] = {
+    "creep": creep_columns,
+    "slow": slow_columns,
+    "curve": curve_columns,
+    "fine": fine_columns,
+    "path": path_columns,
+    "impulse": impulse_columns,
+    "droop": droop_columns,
+    "warmth": warmth_columns,
+    "alternate": alternate_columns,
+    "baseline": baseline_columns,
+}
+"""Families that are functions of the model's signal alone."""
+
 _BY_NAME: dict[str, Callable[[View], Columns]] = {
     "response": lambda v: (*response_columns(v.clean, v.rate), None, None),
     "static": lambda v: (*static_columns(v.clean, v.scale), None, None),
@@ -242,24 +273,3 @@ def sample_at(time_us: float, rate: float, samples: int) -> int:
         Between 0 and ``samples - 1``.
     """
     return min(max(round(time_us * 1e-6 * rate), 0), samples - 1)
-
-
-def crystal_of(model: ImpactModel, local: Array) -> Crystal | None:
-    """Return the crystal's angular frequency [rad/s] and damping ratio; None of a rigid cell.
-
-    Parameters
-    ----------
-    model : ImpactModel
-        The model.
-    local : ndarray, shape (p,)
-        A shot's local parameters.
-
-    Returns
-    -------
-    tuple or None
-        As `slot_columns.through_crystal` takes it.
-    """
-    if "ln_w" not in model.shared:
-        return None
-    frequency, damping = (math.exp(local[model.shared.index(n)]) for n in ("ln_w", "ln_z"))
-    return frequency, damping

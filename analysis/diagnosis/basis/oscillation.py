@@ -1,4 +1,4 @@
-r"""Oscillations at one frequency that all shots share, each with its own size and phase.
+"""Oscillations at one frequency that all shots share, each with its own size and phase.
 
 ==============  ====================================================================================
 family          columns of a shot
@@ -7,10 +7,9 @@ family          columns of a shot
 ``clock``       the same times the signal's slope: a time axis that swings
 ``mode``        a resonance that the signal sets off
 ``damped``      the same with its damping looked for as well; only learned
-``ripple``      a periodic curve of the signal, the same in all shots; only learned
 ==============  ====================================================================================
 
-Two numbers a shot, and a frequency that is looked for along the residual; a ripple's are the rig's.
+Two numbers a shot, and a frequency that is looked for along the residual.
 """
 
 from __future__ import annotations
@@ -20,14 +19,13 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import minimize
 
-from analysis.diagnosis.basis.slot_columns import ringing
+from analysis.diagnosis.basis.linear_filter import ringing
 
 Array = NDArray[np.float64]
 Shot = tuple[Array, Array, float]
 """Signal, residual, sampling rate."""
-
 SWINGS_HZ = tuple(np.geomspace(250.0, 20e3, 48).tolist())
 CLOCKS_HZ = tuple(np.geomspace(800.0, 40e3, 40).tolist())
 MODES_HZ = tuple(np.geomspace(250.0, 60e3, 48).tolist())
@@ -35,12 +33,6 @@ MODE_ZETA = 0.05
 TUNED = {"swing": SWINGS_HZ, "clock": CLOCKS_HZ, "mode": MODES_HZ}
 DAMPED = "damped"
 ZETAS = (0.01, 0.03, 0.1, 0.3)
-RIPPLE = "ripple"
-RIPPLES = tuple(np.arange(4.0, 400.0, 0.25).tolist())
-"""Periods between zero and the largest signal."""
-HARMONICS = 3
-LEVELS = 4096
-"""Into so many parts the signal's range is cut where a ripple is looked for."""
 LARGEST_SHARE = 0.2
 """Frequencies above this share of the sampling rate are left out."""
 
@@ -102,75 +94,6 @@ def best_frequency(
     shots = list(zip(signals, residuals, rates, strict=True))
     power = [_power(family, shots, f, MODE_ZETA) for f in grid]
     return float(grid[int(np.argmax(power))])
-
-
-def ripple_columns(signal: Array, top: float, cycles: float) -> tuple[list[str], Array]:
-    """Return a periodic curve of the signal, as a converter with uneven steps has one.
-
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The model's. [unit of the signal]
-    top : float
-        Largest signal of the campaign. [unit of the signal]
-    cycles : float
-        Periods between zero and the top. [1]
-
-    Returns
-    -------
-    labels : list of str
-        One a column.
-    columns : ndarray, shape (n, 2 HARMONICS)
-        [unit of the signal]
-    """
-    period = top / cycles
-    angle = 2.0 * math.pi / period * signal
-    labels = [f"{p} of {period / k:.4g}" for k in range(1, HARMONICS + 1) for p in ("cos", "sin")]
-    columns = [f(k * angle) for k in range(1, HARMONICS + 1) for f in (np.cos, np.sin)]
-    return labels, 0.01 * top * np.column_stack(columns)
-
-
-def best_ripple(signals: Sequence[Array], residuals: Sequence[Array], top: float) -> float:
-    """Return how many periods of a curve of the signal take up most of the residuals.
-
-    Parameters
-    ----------
-    signals, residuals : sequence of ndarray, shape (n_i,)
-        The model's signal and what it leaves. [unit of the signal]
-    top : float
-        Largest signal of the campaign. [unit of the signal]
-
-    Returns
-    -------
-    float
-        Between zero and the top; one of `RIPPLES` or near it. [1]
-    """
-    level, residual = np.concatenate(signals) / top, np.concatenate(residuals)
-    first = np.floor(level.min() * LEVELS)
-    at = (np.floor(level * LEVELS) - first).astype(np.intp)
-    count, load = np.bincount(at), np.bincount(at, residual)
-    held = count > 0
-    place = (np.flatnonzero(held) + first + 0.5) / LEVELS
-    count, load = count[held], load[held]
-    mean = load / count
-    rest = np.flatnonzero(np.abs(place) < 1.0 / RIPPLES[0])  # where nearly all samples are
-    count = count.astype(np.float64)
-    count[rest] = np.minimum(count[rest], np.median(count))
-
-    def power(cycles: float) -> float:
-        """Return what one period and its harmonics take up beside a smooth curve."""
-        angle = 2.0 * math.pi * cycles * place
-        waves = [f(k * angle) for k in range(1, HARMONICS + 1) for f in (np.cos, np.sin)]
-        columns = np.column_stack(waves)
-        weighted = columns * count[:, None]
-        pull = weighted.T @ mean
-        return float(pull @ np.linalg.lstsq(weighted.T @ columns, pull, rcond=1e-9)[0])
-
-    found = max(RIPPLES, key=power)
-    near = minimize_scalar(
-        lambda c: -power(c), bounds=(found - 0.25, found + 0.25), method="bounded"
-    )
-    return float(near.x)
 
 
 def best_damped(

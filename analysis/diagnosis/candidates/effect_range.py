@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidates.before_trigger import is_there_before
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.effects.effect import Effect
+from analysis.effects.effect import Effect, ShotContext
 from analysis.fit import joint
 from analysis.fit.physical_range import effect_out_of_range
-from analysis.fit.problem import JointProblem
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.window import quiet_part
 
 Array = NDArray[np.float64]
 
@@ -50,3 +51,51 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
         locked = _alike(sizes, [None] * len(sizes)) or _alike(sizes, heights)
         return locked or not is_there_before(problem.shots, effect, sizes)
     return any(effect_out_of_range(problem, fitted, effect))
+
+
+def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
+    """Tell whether the quiet parts hold as much of a signal as its sizes in the windows promise.
+
+    Parameters
+    ----------
+    shots : list of FitShot
+        With their quiet parts.
+    effect : Effect
+        With a basis that needs nothing of a shot but its sampling.
+    sizes : ndarray, shape (shots, q)
+        As fitted in the windows. [unit of the signal]
+
+    Returns
+    -------
+    bool
+        True where no quiet part is long enough to tell.
+
+    Notes
+    -----
+    Whitened power a coefficient, least squares in the quiet part against the fitted sizes in the
+    window; chance brings 1 with a relative deviation of sqrt(2 / coefficients).
+    """
+    assert effect.basis is not None
+    seen, promised = [], []
+    for item, size in zip(shots, sizes, strict=True):
+        quiet, samples = quiet_part(item.shot), item.window.signal.size
+        if quiet.size < CRITERIA.free_signal.least_quiet_samples:
+            continue
+        context = _sampled(item.frame.sample_rate_hz)
+        columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
+        basis, _ = np.linalg.qr(item.noise.whiten(columns))
+        found = basis[:, 1:].T @ item.noise.whiten(quiet - quiet.mean())
+        seen.append(float(found @ found) / size.size)
+        inside = item.whiten(effect.basis(samples, context) @ size)
+        share = min(1.0, quiet.size / samples) ** 3  # of what is slow, a slope is left
+        promised.append(share * float(inside @ inside) / size.size)
+    if not seen:
+        return True
+    deviation = math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
+    chance = 1.0 - CRITERIA.free_signal.quiet_power_deviations * deviation
+    return bool(np.mean(seen) - chance > CRITERIA.free_signal.quiet_power_share * np.mean(promised))
+
+
+def _sampled(rate_hz: float) -> ShotContext:
+    nothing = math.nan
+    return ShotContext(rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, nothing)

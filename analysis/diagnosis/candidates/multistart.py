@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidates.proposals import Proposal, default_starts, rescoped, scopes_of
+from analysis.diagnosis.basis.proposals import Proposal, default_starts, rescoped, scopes_of
 from analysis.diagnosis.candidates.refit import (
     KNOWN_BEFORE,
     extended,

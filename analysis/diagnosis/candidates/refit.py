@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.proposals import Proposal, rescoped
 from analysis.diagnosis.candidates.effect_range import left_its_range
 from analysis.diagnosis.candidates.marginal_likelihood import Price, price_of_effect
-from analysis.diagnosis.candidates.proposals import Proposal, rescoped
 from analysis.diagnosis.candidates.rebounds import fitted_below_one
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.effects.effect import Effect

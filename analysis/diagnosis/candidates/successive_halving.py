@@ -13,6 +13,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals
 from analysis.diagnosis.candidates.multistart import (
     Start,
     below_a_ceiling,
@@ -20,7 +21,6 @@ from analysis.diagnosis.candidates.multistart import (
     ends_the_signal,
     starts,
 )
-from analysis.diagnosis.candidates.proposals import Proposal, amplitude_of, proposals
 from analysis.diagnosis.candidates.refit import (
     Refit,
     continued,

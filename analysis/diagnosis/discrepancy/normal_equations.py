@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.columns import Scale
+from analysis.diagnosis.basis.dynamic_curve import SLEW
 from analysis.diagnosis.basis.families import BASELINE, View, family_columns
 from analysis.diagnosis.basis.groups import groups
-from analysis.diagnosis.basis.oscillation import RIPPLE
-from analysis.diagnosis.basis.slew_rate import SLEW
+from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.static_curve import RIPPLE
 from analysis.diagnosis.score_test.linearised import PARTS
 from analysis.fit.blocks import prior_rows, whitened_squares
 from analysis.fit.problem import JointProblem

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from analysis.diagnosis.candidates.proposals import scopes_of
+from analysis.diagnosis.basis.proposals import scopes_of
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.noise_words import times_noise

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidates.proposals import rescoped, scopes_of
+from analysis.diagnosis.basis.proposals import rescoped, scopes_of
 from analysis.diagnosis.candidates.refit import Refit, extended, refitted
 from analysis.effects.effect import Effect
 from analysis.fit import joint

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.proposals import proposals, scopes_of
 from analysis.diagnosis.candidates.other_forms import best_form
-from analysis.diagnosis.candidates.proposals import proposals, scopes_of
 from analysis.diagnosis.candidates.refit import Refit, extended, refitted
 from analysis.diagnosis.candidates.subsets import PresentModel
 from analysis.diagnosis.candidates.successive_halving import rank, ranked

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.stats import chi2
 
-from analysis.diagnosis.basis.slot_columns import BASELINE_ORDERS
+from analysis.diagnosis.basis.modulation import BASELINE_ORDERS
 from analysis.diagnosis.score_test.linearised import Linearised, LinearisedShot
 from analysis.noise import NoiseModel
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 
-from analysis.diagnosis.basis.columns import Scale
 from analysis.diagnosis.basis.families import View, family_columns
 from analysis.diagnosis.basis.groups import groups
-from analysis.diagnosis.basis.scales import scale_of, tuned
-from analysis.diagnosis.candidates.proposals import Proposal, column
+from analysis.diagnosis.basis.proposals import Proposal, column
+from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.tuning import scale_of, tuned
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator, Sequence
 
-from analysis.diagnosis.candidates.proposals import can_be_tried
+from analysis.diagnosis.basis.proposals import can_be_tried
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.method_steps import Progress

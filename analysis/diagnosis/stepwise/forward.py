@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from analysis.diagnosis.basis.proposals import Proposal, proposals
 from analysis.diagnosis.candidates.other_forms import best_form
-from analysis.diagnosis.candidates.proposals import Proposal, proposals
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.candidates.subsets import PresentModel
 from analysis.diagnosis.candidates.successive_halving import one_form_each, rank, ranked

@@ -9,7 +9,7 @@ import math
 import pytest
 
 from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
-from analysis.diagnosis.localisation.location import locate
+from analysis.diagnosis.localisation import locate
 from analysis.diagnosis.procedure import _judge
 from analysis.diagnosis.stepwise.forward import Selection
 from analysis.diagnosis.time_budget import Watch

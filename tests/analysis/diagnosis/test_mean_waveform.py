@@ -15,7 +15,7 @@ from analysis.diagnosis.discrepancy.waveform import IN_PLACE, ON_TOP, waveform_d
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.document.family_words import FAMILIES
 from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform
-from analysis.diagnosis.localisation.location import Located, locate
+from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.score_test.score_test import SLOTS
 from analysis.diagnosis.stepwise.forward import Step, make_step

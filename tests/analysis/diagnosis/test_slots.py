@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.diagnosis.basis.columns import Scale
+from analysis.diagnosis.basis.contact_force import mount_columns
+from analysis.diagnosis.basis.families import OF_SIGNAL
 from analysis.diagnosis.basis.groups import groups
 from analysis.diagnosis.basis.oscillation import TUNED, best_damped, best_frequency, tuned_columns
-from analysis.diagnosis.basis.slot_columns import OF_SIGNAL, mount_columns
+from analysis.diagnosis.basis.scale import Scale
 from analysis.diagnosis.discrepancy.choice import BEYOND_FIRST_ORDER
-from analysis.diagnosis.localisation.slots import (
+from analysis.diagnosis.score_test.linearised import linearise
+from analysis.diagnosis.slots import (
     BANK,
     FAMILIES,
     SHARES,
@@ -21,7 +23,6 @@ from analysis.diagnosis.localisation.slots import (
     probabilities,
     worth,
 )
-from analysis.diagnosis.score_test.linearised import linearise
 
 RATE = 1e6
 

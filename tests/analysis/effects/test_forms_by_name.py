@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.candidates.proposals import proposals
+from analysis.diagnosis.basis.proposals import proposals
 from analysis.effects.library import library
 from analysis.fit.campaign_fit import fit_campaign
 from analysis.fit.problem import build

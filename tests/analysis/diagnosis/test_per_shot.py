@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.diagnosis.document.dependence import dependence
+from analysis.diagnosis.document.per_shot import dependence
 from analysis.fit.problem import FitShot, build
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder

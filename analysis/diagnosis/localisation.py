@@ -13,7 +13,9 @@ from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform, mean_waveform
 from analysis.diagnosis.discrepancy.waveform import waveform_discrepancy
 from analysis.diagnosis.held_out import heldout_or_none
-from analysis.diagnosis.localisation.slots import (
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
+from analysis.diagnosis.slots import (
     FAMILIES,
     Part,
     explained_by_family,
@@ -21,8 +23,6 @@ from analysis.diagnosis.localisation.slots import (
     probabilities,
     worth,
 )
-from analysis.diagnosis.method_steps import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
 from analysis.diagnosis.stepwise.forward import Step
 
 FORMULA_TERMS = 2

@@ -8,24 +8,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis.basis.columns import Scale
-from analysis.diagnosis.basis.families import (
-    BASELINE,
-    TOUCH_DOWN,
-    crystal_of,
-    hertz_time_s,
-    sample_at,
-)
-from analysis.diagnosis.basis.late_impact import LATE_IMPACT, late_impact_width
-from analysis.diagnosis.basis.oscillation import (
-    DAMPED,
-    RIPPLE,
-    TUNED,
-    best_damped,
-    best_frequency,
-    best_ripple,
-)
-from analysis.diagnosis.basis.slew_rate import SLEW, steepest
+from analysis.diagnosis.basis.crystal import crystal_of
+from analysis.diagnosis.basis.dynamic_curve import SLEW, steepest
+from analysis.diagnosis.basis.event import LATE_IMPACT, late_impact_width
+from analysis.diagnosis.basis.families import BASELINE, TOUCH_DOWN, hertz_time_s, sample_at
+from analysis.diagnosis.basis.oscillation import DAMPED, TUNED, best_damped, best_frequency
+from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.static_curve import RIPPLE, best_ripple
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem
 

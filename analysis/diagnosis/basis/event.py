@@ -1,6 +1,13 @@
-"""A late impact that comes once after the impact, in every shot at a time and of a size of its own.
+"""What happens once in a shot, at a time of its own.
 
-When it comes is looked for along the shot's own residual; how large it is, is then fitted.
+==============  ====================================================================================
+family          what it can take up
+==============  ====================================================================================
+``jump``        a time axis that jumps, as where a transfer loses samples; only learned
+``blow``        a late impact: a second bell of force, read through the crystal; only learned
+==============  ====================================================================================
+
+When it comes is looked for along the shot's own residual; how far or how large is then fitted.
 """
 
 from __future__ import annotations
@@ -12,16 +19,54 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
-from analysis.diagnosis.basis.slot_columns import Crystal, through_crystal
+from analysis.diagnosis.basis.crystal import Crystal, through_crystal
 
 Array = NDArray[np.float64]
-
+_LATER = np.array([*np.arange(0.25, 2.0, 0.25), *range(2, 13)])
+SHIFTS = np.concatenate((-_LATER[::-1], [0.0], _LATER))
+"""Samples by which the record may be late or early, on either side of a jump."""
 LATE_IMPACT = "blow"
 WIDTHS_US = tuple((12.0 * 2.0 ** np.arange(0.0, 6.5, 0.125)).tolist())
 RING_US = 600.0
 """How long after its own end a late impact is felt."""
 EARLY_US = 1.0
 """By so much a coefficient of one moves a late impact of the size of one."""
+
+
+def jump_columns(signal: Array, residual: Array, first: int) -> tuple[list[str], Array]:
+    """Return what a shot's best jump adds, for one sample of it.
+
+    Parameters
+    ----------
+    signal : ndarray, shape (n,)
+        The model's. [unit of the signal]
+    residual : ndarray, shape (n,)
+        What it leaves of the record. [unit of the signal]
+    first : int
+        First sample at which the jump may lie, the one of touch-down.
+
+    Returns
+    -------
+    labels : list of str
+        One a column.
+    columns : ndarray, shape (n, 1)
+        Its coefficient says how far the clock jumps, whichever jump was the best so far.
+        [unit of the signal]
+    """
+    places = np.arange(signal.size)
+    shifted = np.array([np.interp(places + shift, places, signal) for shift in SHIFTS])
+    added = shifted - signal
+    fall = added * (2.0 * residual - added)
+    until = np.cumsum(fall, axis=1) - fall
+    since = fall.sum(axis=1, keepdims=True) - until
+    before, after = until.argmax(axis=0), since.argmax(axis=0)
+    both = until[before, places] + since[after, places]
+    at = first + int(np.argmax(both[first:]))
+    lost = float(SHIFTS[after[at]] - SHIFTS[before[at]])
+    if lost == 0.0:
+        return ["samples lost"], np.zeros((signal.size, 1))
+    column = (shifted[after[at]] - shifted[before[at]]) * (places >= at) * (1.0 / lost)
+    return ["samples lost"], column[:, None]
 
 
 def late_impact_shape(width_us: float, rate: float, crystal: Crystal | None) -> Array:
@@ -78,7 +123,7 @@ def late_impact_width(
     rates : sequence of float
         Sampling rates. [Hz]
     crystals : sequence
-        As `blow_shape` takes them.
+        As `late_impact_shape` takes them.
 
     Returns
     -------
@@ -112,7 +157,7 @@ def late_impact_columns(
     rate : float
         Sampling rate. [Hz]
     shape : ndarray, shape (m,)
-        From `blow_shape`.
+        From `late_impact_shape`.
     size : float
         Of the late impact at a coefficient of one. [unit of the signal]
 

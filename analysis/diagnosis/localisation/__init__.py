@@ -1,1 +1,0 @@
-"""Which slot a discrepancy lives in."""
