@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,10 +24,9 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.possible_drops import PossibleDrop, as_shot, possible_drops
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
-from analysis.fit.fit_shot import ASSUMED_REPEATABILITY, poissons_ratio
-from analysis.fit.priors import Prior
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import NUISANCE, SHARED
 
@@ -35,9 +34,6 @@ Array = NDArray[np.float64]
 Json = dict[str, Any]
 
 MOST_REPEATS = 20
-HEIGHTS = 7
-BELOW, ABOVE = 1.5, 2.0
-"""How far beyond the heights already tried a drop may be."""
 LARGEST_CODE = 32767
 
 
@@ -84,16 +80,6 @@ class _Side:
 
 
 @dataclass(frozen=True)
-class _Drop:
-    """A drop that could be made."""
-
-    sphere: str
-    surface: str
-    height_m: float
-    template: int
-
-
-@dataclass(frozen=True)
 class _Prediction:
     """What one rival says of a drop: its record, and how it would give way."""
 
@@ -131,7 +117,7 @@ def propose(
     sides = [_side(r) for r in rivals if r.fitted.blocks]
     if not sides:
         return None
-    drops = list(_drops(sides[0], heights_m))
+    drops = list(possible_drops(sides[0].problem, heights_m))
     for other in sides[1:]:
         found = _best(sides[0], other, drops)
         if found is not None:
@@ -143,8 +129,8 @@ def _side(rival: Refit) -> _Side:
     return _Side(rival, joint.normal_equations(rival.problem, rival.fitted)[0])
 
 
-def _best(one: _Side, other: _Side, drops: Sequence[_Drop]) -> NextDrop | None:
-    best: tuple[float, int, _Drop] | None = None
+def _best(one: _Side, other: _Side, drops: Sequence[PossibleDrop]) -> NextDrop | None:
+    best: tuple[float, int, PossibleDrop] | None = None
     for drop in drops:
         one.problem.checkpoint()
         found = _separation(one, other, drop)
@@ -157,35 +143,7 @@ def _best(one: _Side, other: _Side, drops: Sequence[_Drop]) -> NextDrop | None:
     return NextDrop(drop.sphere, drop.surface, drop.height_m, ids, distance, repeats)
 
 
-def _drops(side: _Side, heights_m: Sequence[float] | None) -> Iterator[_Drop]:
-    """Yield every drop of materials that the fit knows, over a range of heights."""
-    problem = side.problem
-    tried = [s.shot.drop_height_m for s in problem.shots if s.shot.drop_height_m is not None]
-    if not tried:
-        return
-    if heights_m is None:
-        grid = np.geomspace(min(tried) / BELOW, max(tried) * ABOVE, HEIGHTS)
-        heights_m = [round(float(h), 4) for h in grid]
-    spheres = sorted({s.shot.sphere for s in problem.shots if s.shot.sphere})
-    surfaces = sorted({s.shot.surface for s in problem.shots if s.shot.surface})
-    for sphere in spheres:
-        for surface in surfaces:
-            place = _template(side, sphere, surface)
-            if place is not None:
-                yield from (_Drop(sphere, surface, h, place) for h in heights_m)
-
-
-def _template(side: _Side, sphere: str, surface: str) -> int | None:
-    """Return the longest window among the shots most like a pair, None where it is unknown."""
-    shots = side.problem.shots
-    own = [i for i, s in enumerate(shots) if (s.shot.sphere, s.shot.surface) == (sphere, surface)]
-    if not own and (side.problem.by_pair or any(s.radius_m is None for s in shots)):
-        return None
-    alike = own or [i for i, s in enumerate(shots) if sphere == s.shot.sphere]
-    return max(alike, key=lambda i: shots[i].frame.samples)
-
-
-def _loss(side: _Side, drop: _Drop) -> float:
+def _loss(side: _Side, drop: PossibleDrop) -> float:
     """Return ln e as a rival's shots of the pair have it, else as those of either material do.
 
     Rivals share a sphere's loss between dashpot and effect differently, and often with the speed.
@@ -197,46 +155,10 @@ def _loss(side: _Side, drop: _Drop) -> float:
     return float(np.median(side.rival.fitted.nuisances[rows, at]))
 
 
-def _item(problem: JointProblem, drop: _Drop) -> FitShot:
-    """Return a drop as a shot of the problem, without a record of its own."""
-    template = problem.shots[drop.template]
-    campaign = problem.campaign
-    surface = campaign.surfaces.get(drop.surface)
-    sphere = campaign.spheres.get(drop.sphere)
-    prior = template.speed_prior
-    frame = dataclasses.replace(
-        template.frame,
-        drop_height_m=drop.height_m,
-        radius_m=sphere.radius_m if sphere else None,
-        mass_kg=(sphere.mass_kg if sphere else None) or template.frame.mass_kg,
-        coupon_mass_kg=surface.coupon_mass_kg if surface else None,
-        sphere=drop.sphere,
-        surface=drop.surface,
-        coupon_poissons_ratio=poissons_ratio(surface),
-    )
-    shot = dataclasses.replace(
-        template.shot,
-        sphere=drop.sphere,
-        surface=drop.surface,
-        drop_height_m=drop.height_m,
-        restitution=None,
-        impact_speed_m_per_s=None,
-    )
-    speed = 0.5 * math.log(2.0 * campaign.gravity_m_per_s2 * drop.height_m)
-    repeatability = campaign.speed_repeatability or (prior.u if prior else ASSUMED_REPEATABILITY)
-    return dataclasses.replace(
-        template,
-        shot=shot,
-        frame=frame,
-        radius_m=None if template.radius_m is None else frame.radius_m,
-        speed_prior=Prior(speed, repeatability),
-    )
-
-
-def _predict(side: _Side, drop: _Drop) -> _Prediction | None:
+def _predict(side: _Side, drop: PossibleDrop) -> _Prediction | None:
     """Return what a rival says of a drop, None where it says nothing."""
     problem, fitted = side.problem, side.rival.fitted
-    item, model = _item(problem, drop), problem.model
+    item, model = as_shot(problem, drop), problem.model
     rows = range(len(SHARED[model.kind]), len(model.shared))
     keys = [problem.effect_key(row, item) for row in rows]
     if any(key is not None and key not in problem.names for key in keys):
@@ -260,7 +182,7 @@ def _predict(side: _Side, drop: _Drop) -> _Prediction | None:
     )
 
 
-def _separation(one: _Side, other: _Side, drop: _Drop) -> tuple[float, int] | None:
+def _separation(one: _Side, other: _Side, drop: PossibleDrop) -> tuple[float, int] | None:
     """Return how far a drop separates two rivals, whichever is right, and how often to repeat it.
 
     None where it would clip, where a rival says nothing of it, or where no number of repeats is
@@ -317,6 +239,3 @@ def _squared(parts: _Parts, repeats: int) -> float:
     rest, load, inner, information = parts
     taken = np.linalg.solve(information + repeats * inner, load)
     return float(repeats * rest - repeats**2 * load @ taken)
-
-
-__all__ = ["NextDrop", "propose"]
