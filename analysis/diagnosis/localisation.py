@@ -26,6 +26,7 @@ from analysis.diagnosis.slots import (
 from analysis.diagnosis.stepwise.forward import Step
 
 FORMULA_TERMS = 2
+"""A formula of more columns nobody reads as one."""
 MOST_MODES = 2
 """Modes of variation that a waveform may have. A choice: of three hits no more can be told."""
 

@@ -34,7 +34,9 @@ Array = NDArray[np.float64]
 Json = dict[str, Any]
 
 MOST_REPEATS = 20
+"""Of one drop: who would make more?"""
 LARGEST_CODE = 32767
+"""Of a converter of 16 bits."""
 
 
 @dataclass(frozen=True)

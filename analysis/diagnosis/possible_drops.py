@@ -14,6 +14,7 @@ from analysis.fit.priors import Prior
 from analysis.fit.problem import FitShot, JointProblem
 
 HEIGHTS = 7
+"""Asked for, evenly over the logarithm of their range."""
 BELOW, ABOVE = 1.5, 2.0
 """How far beyond the heights already tried a drop may be."""
 

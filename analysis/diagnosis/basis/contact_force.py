@@ -27,6 +27,7 @@ from analysis.model.impact_model import SHARED, ImpactModel
 Array = NDArray[np.float64]
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
+"""Share of the contact force at which a derivative is taken."""
 SLIDING = 0.01
 """Speed, in crystal's frequency times largest compression, at which dry friction is at its most."""
 CHANGE = 0.05

@@ -26,12 +26,15 @@ LAGS_US = (2.0, 4.0, 6.0, 9.0, 13.0, 18.0, 25.0, 35.0, 48.0, 64.0)
 DECAYS_S = (0.2e-3, 0.6e-3, 2e-3, 8e-3)
 RESONANCES_HZ = (1.5e3, 3e3, 6e3, 10e3, 24e3, 34e3, 50e3, 80e3)
 RESONANCE_ZETA = 0.04
+"""Damping ratio of them all. Chosen by trial."""
 CREEPS_S = (2e-5, 8e-5, 3.2e-4, 1.3e-3, 5e-3)
 SLOW_HZ = (300.0, 600.0, 1200.0, 2400.0)
 SLOW_ZETA = 0.1
+"""Damping ratio of them all. Chosen by trial."""
+# knots of an impulse response: even ones first, then wider and wider apart, up to the longest
 IMPULSE_STEP_US, IMPULSE_EVEN_US, IMPULSE_GROWTH, IMPULSE_UNTIL_US = 2.0, 20.0, 1.1, 1500.0
 IMPULSE_LONGEST_US = 12.0
-"""Knots of an impulse response: even ones first, then wider and wider apart, up to the longest."""
+"""Widest step between two of them."""
 
 
 def forgetting(signal: Array, rate: float, tau_s: float) -> Array:

@@ -30,6 +30,7 @@ SWINGS_HZ = tuple(np.geomspace(250.0, 20e3, 48).tolist())
 CLOCKS_HZ = tuple(np.geomspace(800.0, 40e3, 40).tolist())
 MODES_HZ = tuple(np.geomspace(250.0, 60e3, 48).tolist())
 MODE_ZETA = 0.05
+"""Damping ratio of a mode where it is not looked for as well. Chosen by trial."""
 TUNED = {"swing": SWINGS_HZ, "clock": CLOCKS_HZ, "mode": MODES_HZ}
 DAMPED = "damped"
 ZETAS = (0.01, 0.03, 0.1, 0.3)

@@ -33,6 +33,7 @@ RIPPLE = "ripple"
 RIPPLES = tuple(np.arange(4.0, 400.0, 0.25).tolist())
 """Periods between zero and the largest signal."""
 HARMONICS = 3
+"""Of a ripple, which is no pure sine."""
 LEVELS = 4096
 """Into so many parts the signal's range is cut where a ripple is looked for."""
 

@@ -42,6 +42,7 @@ BUMPS_US = (
 )
 TEMPLATES = {"template": (24, 120), "outline": (14, 64)}
 """Knots a contact time, and in all."""
+# even knots until so many contact times; each step then so much longer than the one before
 TEMPLATE_FINE_UNTIL, TEMPLATE_GROWTH = 3.0, 1.04
 
 

@@ -51,6 +51,7 @@ explain, each is learned within seconds, and few things but its own look like it
 LAST: tuple[Part, ...] = (("impulse", "rig"),)
 """Tried where much is left after all others."""
 MOST_LEARNED = 3
+"""Kinds that are fitted, for the time that each takes. Chosen by trial."""
 
 
 def best_discrepancy(

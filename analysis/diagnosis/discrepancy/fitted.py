@@ -44,6 +44,7 @@ WIDTHS = (0.5, 0.1, 0.02, 4e-3)
 FORCE_WIDTH = 1.0
 """A free force is thought of as at most Hertz's own."""
 FORCE_STEPS = 8
+"""Of a fit with a free force, which is linear in its coefficients. Chosen by trial."""
 
 
 @dataclass(frozen=True)

@@ -15,12 +15,14 @@ from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
 
+# Levenberg and Marquardt's, of the diagonal; the least no longer shortens a step
 FIRST_DAMPING, LEAST_DAMPING = 1e-4, 1e-9
 SHRINKS = 4
 """Steps that may fail one after the other."""
 AGREED = 3e-4
 """Relative fall of the cost at which a search ends."""
 SETTLE_STEPS = 4
+"""Of the shots' own numbers, the shared ones held. Chosen by trial."""
 
 
 @dataclass(frozen=True)

@@ -19,9 +19,11 @@ from analysis.fit.shot_fit import ShotFit, collect
 Array = NDArray[np.float64]
 
 MOST_CURVES = 6
+"""More curves than this nobody reads."""
 DEPTHS = np.linspace(0.05, 1.5, 30)
 RATES = (1.0, 0.0, -1.0)
 DIGITS = 4
+"""Of a number that is only drawn."""
 
 
 def discrepancy_curves(step: Step, learned: Learned) -> Json:

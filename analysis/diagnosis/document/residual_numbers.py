@@ -28,7 +28,9 @@ PHASES = ("before", "contact", "ring", "later")
 RING_ENDS = 4.0
 """The ring is looked at until so many contact times after touch-down."""
 SEGMENT = 1024
+"""Samples of a stretch of Welch's, where shots are that long."""
 SPECTRUM_POINTS = 60
+"""Bins of the picture, evenly over the logarithm of the frequency."""
 
 
 def _phase_masks(shot: ShotFit) -> dict[str, NDArray[np.bool_]]:

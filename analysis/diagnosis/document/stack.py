@@ -15,11 +15,14 @@ Array = NDArray[np.float64]
 
 MOST_GROUPS = 40
 """More curves than this nobody reads; heights are then put together."""
+# bins per contact time up to so many contact times
 FINE_UNTIL, FINE = 4.0, 30
+# and so many from there on, up to here
 MIDDLE_UNTIL, MIDDLE = 10.0, 10
 COARSE = 2
-"""Bins per contact time up to so many contact times, and beyond."""
+"""Bins per contact time beyond."""
 DIGITS = 4
+"""Of a number that is only drawn."""
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 FAMILY = "baseline"
 CORNERS_TRIED = 40
+"""Corner frequencies of slow noise, evenly over their logarithm."""
 LEAST_SHARE = 1e-6
 """Of an order, that a shot's own parameters must leave of it for it to be seen."""
 
