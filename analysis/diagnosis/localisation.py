@@ -81,7 +81,8 @@ class Located:
         return [
             s
             for s, p in sorted(self.probabilities.items())
-            if s != self.slot and p >= CRITERIA.slot.named_beside_probability
+            if s != self.slot
+            and p >= CRITERIA.slot.named_beside_share * self.probabilities[self.slot]
         ]
 
 

@@ -60,7 +60,7 @@ class Judged:
     @property
     def named(self) -> list[str]:
         """The slots a verdict would name: the likeliest, and those beside it."""
-        least = min(CRITERIA.slot.named_beside_probability, max(self.odds.values()))
+        least = CRITERIA.slot.named_beside_share * max(self.odds.values())
         return [slot for slot, p in self.odds.items() if p >= least]
 
 

@@ -32,6 +32,8 @@ def slots(document: Json) -> str:
     names = [document["slot"], *document.get("also_possible_slots", [])]
     shown = " or ".join(f"<b>{html.escape(name)}</b>" for name in names if name)
     said = f"<p>Most likely the {shown} slot.</p>" if document["slot"] else ""
+    if len(names) == len(rows):
+        said = "<p>Nothing says which: all slots are about as likely.</p>"
     head = ("slot", "<span>share of the structure</span>", "probability")
     return (
         f"{said}<p class='soft'>What the most flexible closure of each slot explains of the "

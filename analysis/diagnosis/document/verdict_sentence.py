@@ -203,5 +203,8 @@ def _place(diagnosis: Diagnosis) -> str:
         )
     if not diagnosis.located.also:
         return f"; it lives in the {diagnosis.slot} slot."
-    others = " or ".join([diagnosis.slot, *diagnosis.located.also])
+    names = [diagnosis.slot, *diagnosis.located.also]
+    if len(names) == len(diagnosis.located.probabilities):
+        return "; nothing says in which slot it lives."
+    others = " or ".join(names)
     return f"; the data cannot tell whether it lives in the slot {others}."
