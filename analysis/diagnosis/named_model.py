@@ -18,6 +18,7 @@ from collections.abc import Callable
 
 from analysis.campaign import Campaign
 from analysis.diagnosis.held_out import quality
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
@@ -59,7 +60,7 @@ def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
                 numbers[name] = {"coordinate": float(fitted.theta[j]), "u": u}
         groups = {p.name: p.scope for p in effect.parameters}
         entry = {"id": effect.id, "owners": groups, "numbers": numbers}
-        effects.append(entry | ({"only": list(effect.only)} if effect.only else {}))
+        effects.append(entry | ({"only": effect.only.to_json()} if effect.only else {}))
     return {"name": model.name, "base": model.base, "effects": effects}
 
 
@@ -84,7 +85,7 @@ def model_of(definition: Json) -> ImpactModel:
     model = model_named(definition["base"])
     for entry in definition["effects"]:
         effect = _owned(effect_named(entry["id"]), entry["owners"])
-        only = tuple(entry["only"]) if entry.get("only") else None
+        only = ActsOn.from_json(entry["only"]) if entry.get("only") else None
         model = model.with_effect(dataclasses.replace(effect, only=only))
     return model
 

@@ -33,6 +33,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.campaign import UNKNOWN_POISSONS_RATIO
+from analysis.effects.acts_on import ActsOn
 from analysis.errors import ParameterOutOfRangeError
 from analysis.model.hertz import (
     closed_damping_coefficient,
@@ -276,8 +277,8 @@ class Effect:
     lookalikes : tuple of Effect
         What nobody would list but the name must be told from, under ids ``<id>:<form>``; never
         tried by itself.
-    only : tuple of str or None
-        Whose shots it acts on, as (``surface`` or ``sphere``, name); None for all.
+    only : ActsOn or None
+        Whose shots it acts on; None for all.
     rides : bool
         Its second contact meets the structure as the first has left it, ringing.
     by_coupon_share : bool
@@ -321,14 +322,14 @@ class Effect:
     replaces_base: str = ""
     variants: tuple[Effect, ...] = ()
     lookalikes: tuple[Effect, ...] = ()
-    only: tuple[str, str] | None = None
+    only: ActsOn | None = None
     rides: bool = False
     by_coupon_share: bool = False
     by_name: bool = False
 
     def acts_on(self, sphere: str | None, surface: str | None) -> bool:
         """Tell whether a shot of this sphere on this surface feels it."""
-        return self.only in (None, ("sphere", sphere), ("surface", surface))
+        return self.only is None or self.only.includes(sphere, surface)
 
     def silent(self) -> Effect:
         """Return it with its numbers and without what they do, for shots that do not feel it."""

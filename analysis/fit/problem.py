@@ -197,7 +197,7 @@ class JointProblem:
         scope = next(p.scope for p in found.parameters if p.name == parameter)
         owner = {"surface": shot.shot.surface, "sphere": shot.shot.sphere, "pair": shot.pair}
         if scope == "rig":
-            return name if found.only is None else f"{name}[{found.only[1]}]"
+            return name if found.only is None else f"{name}[{found.only.label}]"
         return f"{name}[{owner[scope] or '?'}]"
 
     def effect_keys(self, row: int) -> list[str]:

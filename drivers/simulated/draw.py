@@ -33,7 +33,8 @@ def draw_effect(
     rng : numpy.random.Generator
         Source of chance.
     spheres, surfaces : sequence of str
-        Materials an effect may be restricted to; none means it acts everywhere.
+        Materials that an effect of materials may be restricted to, as `draw_scope` says, on the
+        paper's rig to one of them at most; none means it acts everywhere.
     rigid_cell : bool
         Whether the base cell is rigid; only then ``crystal_dynamics`` is a candidate.
     among : sequence of str
@@ -55,18 +56,53 @@ def draw_effect(
     pool.difference_update(without)
     kind = EFFECTS[str(rng.choice(sorted(pool)))]
     scope = Scope()
-    if kind.per_material and rng.random() < 0.4:
-        side = rng.integers(2)
+    if kind.per_material:
         # what holds a coupon belongs to the coupon, never to what falls on it
-        if side == 0 and spheres and kind.slot != "mounting":
-            scope = Scope(sphere=str(rng.choice(list(spheres))))
-        elif surfaces:
-            scope = Scope(surface=str(rng.choice(list(surfaces))))
+        movable = () if kind.slot == "mounting" else spheres
+        scope = _one_or_all(rng, movable, surfaces)
+        if forms != "paper":  # by a chance of its own, so that sizes stay those of old seeds
+            scope = draw_scope(rng.spawn(1)[0], movable, surfaces)
     values = kind.draw(rng)
     if forms == "drawn":
         form, values = kind.draw_form(rng, values)
         return kind(values, scope, form)
     return kind(values, scope, kind.form_on(forms))
+
+
+def _one_or_all(rng: np.random.Generator, spheres: Sequence[str], surfaces: Sequence[str]) -> Scope:
+    """Return one material in two draws of five, as the paper's rigs of old seeds have it."""
+    if rng.random() < 0.4:
+        if rng.integers(2) == 0 and spheres:
+            return Scope(sphere=str(rng.choice(list(spheres))))
+        if surfaces:
+            return Scope(surface=str(rng.choice(list(surfaces))))
+    return Scope()
+
+
+def draw_scope(rng: np.random.Generator, spheres: Sequence[str], surfaces: Sequence[str]) -> Scope:
+    """Return materials at random: one, some or all, each of the three as likely.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+        Source of chance.
+    spheres, surfaces : sequence of str
+        What there is.
+
+    Returns
+    -------
+    Scope
+        Some are two to all but one, each number as likely, of one side; of fewer than three
+        materials there are only one and all.
+    """
+    how_many = str(rng.choice(("one", "some", "all")))
+    side = "sphere" if spheres and (not surfaces or rng.integers(2) == 0) else "surface"
+    names = list(spheres if side == "sphere" else surfaces)
+    if how_many == "all" or not names:
+        return Scope()
+    count = int(rng.integers(2, len(names))) if how_many == "some" and len(names) > 2 else 1
+    chosen = tuple(rng.choice(names, count, replace=False).tolist())
+    return Scope(**{side: chosen})
 
 
 def draw_solid(

@@ -74,7 +74,8 @@ def truth_line(effect: Json) -> str:
         Id, slot, numbers, where it acts, whether the library has it.
     """
     numbers = ", ".join(f"{name} = {value:.4g}" for name, value in effect["parameters"].items())
-    where = " and ".join(f"{name} only" for name in effect.get("scope", {}).values())
+    scope = effect.get("scope", {}).values()
+    where = " and ".join(f"{_and([n] if isinstance(n, str) else n)} only" for n in scope)
     parts = [
         f"{effect['id']} (slot {effect['slot']})",
         numbers,

@@ -130,7 +130,8 @@ def found(document: Json) -> str:
         ]
         parts.append(
             f"<h3><code>{html.escape(effect['id'])}</code>: {html.escape(effect['title'])}</h3>"
-            f'<p class="soft">Lives in: {html.escape(effect["slot"])}. Shows as: '
+            f'<p class="soft">Lives in: {html.escape(effect["slot"])}.'
+            f"{_where(effect)} Shows as: "
             f"{html.escape(listed.get('tell_tale', ''))}. Source: "
             f"{html.escape(listed.get('source', ''))}.</p>"
             + (table(("number", "value ± u", "unit"), rows) if rows else "")
@@ -142,6 +143,12 @@ def found(document: Json) -> str:
                 said = "These data cannot tell it from the following, or nobody compared them"
             parts.append(f"<p>{said}: {html.escape(names)}.</p>")
     return "".join(parts)
+
+
+def _where(effect: Json) -> str:
+    """Return where an effect acts, unless it acts on everything."""
+    acts_on = effect.get("acts_on")
+    return f" Acts {html.escape(acts_on['words'])} only." if acts_on else ""
 
 
 def quality(document: Json) -> str:

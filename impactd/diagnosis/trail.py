@@ -74,7 +74,7 @@ def _candidates(lines: list[Json], unit: Unit) -> str:
         body.append(
             f"<tr{mark}><td><code>{html.escape(line['form'])}</code></td>"
             f"<td>{html.escape(line['slot'])}</td>"
-            f"<td>{html.escape(str(line.get('scope', '-')))}</td>"
+            f"<td>{html.escape(_owner(line))}</td>"
             f"<td>{'-' if held is None else f'{held * unit.factor:.4g}'}</td>"
             f"<td>{'-' if gain is None else f'{gain:,.0f}'}</td>"
             f'<td class="words">{html.escape(line["why_not"] or "taken")}</td></tr>'
@@ -86,6 +86,14 @@ def _candidates(lines: list[Json], unit: Unit) -> str:
     )
     made = f"<table><thead>{head}</thead><tbody>{''.join(body)}</tbody></table>" if body else ""
     return made + _not_fitted(others)
+
+
+def _owner(line: Json) -> str:
+    """Return who has a size of a candidate, and where it acts unless on everything."""
+    scope, acts_on = str(line.get("scope", "-")), line.get("acts_on")
+    if not acts_on:
+        return scope
+    return f"each shot {acts_on['words']}" if scope == "shot" else str(acts_on["words"])
 
 
 def _not_fitted(lines: list[Json]) -> str:

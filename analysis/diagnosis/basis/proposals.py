@@ -59,6 +59,18 @@ def amplitude_of(effect: Effect) -> int | None:
     return None
 
 
+def size_of(effect: Effect) -> int | None:
+    """Return which parameter says how much of an effect a material has; None of a free signal."""
+    amplitude = amplitude_of(effect)
+    return 0 if amplitude is None and effect.parameters else amplitude
+
+
+def can_be_negative(effect: Effect) -> bool:
+    """Tell whether an effect's size may be on either side of its neutral value."""
+    at = amplitude_of(effect)
+    return at is not None and effect.parameters[at].low < 0.0
+
+
 def _starts(parameter: EffectParameter, top: float) -> tuple[float, ...]:
     if parameter.peak_starts:
         return tuple(top * s for s in parameter.peak_starts)

@@ -18,6 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.some_materials import price_of_grouping
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
@@ -76,10 +77,13 @@ class Price:
     shots : float
         Of the shots' speed, restitution, touch-down and baseline, which an effect makes less
         certain or more.
+    grouping : float
+        Of the choice of the materials that it acts on, minus twice the logarithm of its prior.
     """
 
     shared: float = 0.0
     shots: float = 0.0
+    grouping: float = 0.0
 
 
 def price_of_effect(
@@ -126,7 +130,8 @@ def price_of_effect(
         - _conditional_log_det(old.matrix, old.chain.shape[0], [])
         for new, old in zip(fitted.blocks, base.blocks, strict=True)
     )
-    return Price(volume + _log_det(after) - _log_det(before), shots)
+    grouping = price_of_grouping(effect.only, problem.shots)
+    return Price(volume + _log_det(after) - _log_det(before), shots, grouping)
 
 
 def _conditional_log_det(matrix: Array, first: int, own: list[int]) -> float:

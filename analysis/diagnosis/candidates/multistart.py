@@ -10,7 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.proposals import Proposal, default_starts, rescoped, scopes_of
+from analysis.diagnosis.basis.proposals import (
+    Proposal,
+    can_be_negative,
+    default_starts,
+    rescoped,
+    scopes_of,
+)
+from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.candidates.refit import (
     KNOWN_BEFORE,
     extended,
@@ -18,6 +25,7 @@ from analysis.diagnosis.candidates.refit import (
 )
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.score_test.linearised import Linearised
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.problem import FitShot, JointProblem
@@ -54,6 +62,8 @@ class Start:
         Linear gain less its price.
     begin : Fitted or None
         Where the present model begins, if not at its best.
+    only : ActsOn or None
+        The materials that the effect acts on; None for all.
     """
 
     proposal: Proposal
@@ -61,6 +71,7 @@ class Start:
     coefficients: dict[str, float]
     promised: float
     begin: joint.Fitted | None = None
+    only: ActsOn | None = None
 
 
 def starts(
@@ -93,10 +104,24 @@ def starts(
             own = seen.dof if scope == "shot" else 0
             paid = CRITERIA.comparison.price_of_number * (seen.dof - own)
             promised = seen.gain - paid - price_of_scatter(own, seen.gain)
-            found.setdefault(proposal.effect_id, []).append(Start(proposal, scope, sizes, promised))
+            own_starts = found.setdefault(proposal.effect_id, [])
+            own_starts.append(Start(proposal, scope, sizes, promised))
+            if seen.sizes is not None:
+                own_starts += _on_some(proposal, seen.sizes)
     for some in found.values():
         some.sort(key=lambda s: -s.promised)
     return dict(sorted(found.items(), key=lambda item: -item[1][0].promised))
+
+
+def _on_some(proposal: Proposal, sizes: Sizes) -> list[Start]:
+    """Return the most promising start on some materials of a kind, none where there is none."""
+    either = can_be_negative(proposal.effect)
+    found = []
+    for only in sizes.candidates(either_sign=either)[:1]:
+        promised = sizes.promise(only) - CRITERIA.comparison.price_of_number
+        size = {only.label: sizes.common(only.names)[0]}
+        found.append(Start(proposal, only.kind, size, promised, only=only))
+    return found
 
 
 def _group(label: str) -> str:
@@ -111,7 +136,12 @@ def distinct(
     bent: bool,
     begins: list[joint.Fitted],
 ) -> list[Start]:
-    """Return the best few that differ in form or start, one for the whole rig among them."""
+    """Return the best few that differ in form or start, one for the whole rig among them.
+
+    What acts on some materials only comes on top, where it promises most.
+    """
+    some = [s for s in own[:1] if s.only is not None]
+    own = [s for s in own if s.only is None]
     structure = own[0].proposal.effect.structure is not None
     wanted = STRUCTURE_STARTS if structure else STARTS_PER_OWNER
     found: list[Start] = []
@@ -122,7 +152,7 @@ def distinct(
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    return found + (_usual(own, few, base, begins) if bent else [])
+    return found + some + (_usual(own, few, base, begins) if bent else [])
 
 
 def _usual(

@@ -14,6 +14,7 @@ from analysis.diagnosis.candidates.effect_range import left_its_range
 from analysis.diagnosis.candidates.marginal_likelihood import Price, price_of_effect
 from analysis.diagnosis.candidates.rebounds import fitted_below_one
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
@@ -89,6 +90,7 @@ class Refit:
         shared = self.parameters - self.own
         # so many more shots leave each number's variance so much smaller
         paid = self.price.shared + shared * math.log(factor) + self.price.shots * factor
+        paid += self.price.grouping
         if self.common > 0.0:  # around a size that they share, the shots' own only scatter
             paid += CRITERIA.comparison.price_of_number
         return gain - paid - price_of_scatter(own, gain - self.common * factor)
@@ -178,6 +180,7 @@ def refit(
     linear_gain: float,
     max_iterations: int = 25,
     begin: joint.Fitted | None = None,
+    only: ActsOn | None = None,
 ) -> Refit:
     """Return the model with one more effect, all parameters fitted again.
 
@@ -198,6 +201,8 @@ def refit(
     begin : Fitted, optional
         Where the present model's own parameters start; by default at its best. An effect that
         changes everything has drawn that best far from where it belongs.
+    only : ActsOn, optional
+        The materials that it acts on, with one amplitude; ``scope`` is then their kind.
 
     Returns
     -------
@@ -205,10 +210,11 @@ def refit(
         Whether it helped or not.
     """
     free = proposal.effect.basis is not None
-    effect = proposal.effect if free else rescoped(proposal.effect, scope)
+    effect = proposal.effect if free else rescoped(proposal.effect, "rig" if only else scope)
+    effect = dataclasses.replace(effect, only=only)
     start: dict[str, float] = {}
     groups = {
-        "rig": [""],
+        "rig": [f"[{only.label}]" if only else ""],
         "surface": sorted({f"[{s.shot.surface}]" for s in problem.shots}),
         "sphere": sorted({f"[{s.shot.sphere}]" for s in problem.shots}),
     }

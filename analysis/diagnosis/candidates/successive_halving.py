@@ -13,7 +13,7 @@ import dataclasses
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals
+from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
 from analysis.diagnosis.candidates.multistart import (
     Start,
     below_a_ceiling,
@@ -105,6 +105,7 @@ def ranked(
                 linear_gain=start.promised,
                 max_iterations=FIRST_STEPS,
                 begin=start.begin,
+                only=start.only,
             )
             for start in distinct(entries[effect_id], few, base, bent=bent, begins=begins)
         ]
@@ -143,8 +144,8 @@ def rivals_refitted(
     Returns
     -------
     list of Refit
-        One an effect, from the most promising start of each form; the rig's sizes, which is what
-        most effects are.
+        One an effect, from the most promising start of each form, with one size for all shots, or
+        for the materials that the taken one acts on.
     """
     tried = [
         p
@@ -159,22 +160,28 @@ def rivals_refitted(
         for start in own:
             if start.scope == "rig":
                 forms.setdefault(start.proposal.effect.id, start)
-        found += [
-            refit(
-                problem,
-                fitted,
-                start.proposal,
-                scope=start.scope,
-                coefficients=start.coefficients,
-                linear_gain=start.promised,
-            )
-            for start in forms.values()
-        ]
+        found += [_on_the_same(start, problem, fitted, taken) for start in forms.values()]
     found.sort(key=rank)
     found[:INTO_LAST] = [
         r if r.fitted.converged else continued(fitted, r) for r in found[:INTO_LAST]
     ]
     return one_form_each(sorted(found, key=rank))
+
+
+def _on_the_same(start: Start, problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> Refit:
+    """Return a start of the rig, refitted on the materials that another effect acts on."""
+    only = taken.effect.only
+    if only is not None and only.kind not in scopes_of(start.proposal.effect):
+        only = None
+    return refit(
+        problem,
+        fitted,
+        start.proposal,
+        scope=only.kind if only else start.scope,
+        coefficients={only.label if only else "": start.coefficients[""]},
+        linear_gain=start.promised,
+        only=only,
+    )
 
 
 def lookalikes_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> list[Refit]:

@@ -224,9 +224,19 @@ def _effect(refit: Refit, after: FitResult, confusable: list[str]) -> Json:
         "slot": refit.effect.slot,
         "title": refit.effect.title,
         "scope": refit.scope,
+        "acts_on": _acts_on(refit),
         "parameters": told | parameters_by_shot(refit.effect, after),
         "confusable_with": list(confusable),
     }
+
+
+def _acts_on(refit: Refit) -> Json | None:
+    """Return the materials that an effect acts on, None of one that acts on everything."""
+    only = refit.effect.only
+    if only is None:
+        return None
+    present = {str(getattr(item.shot, only.kind)) for item in refit.problem.shots}
+    return {"kind": only.kind, "names": list(only.names), "words": only.words(present)}
 
 
 def _quantity(value: Json | None) -> Json:
@@ -247,6 +257,7 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
                 "form": refit.effect.id,
                 "slot": refit.effect.slot,
                 "scope": refit.scope,
+                "acts_on": _acts_on(refit),
                 "numbers": refit.parameters,
                 "heldout_rms_V": held,
                 "delta_log_likelihood": refit.gain / 2.0 if ended else None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform
@@ -39,9 +40,7 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     str
         For people.
     """
-    names = " and ".join(
-        library()[r.effect_id].title + f" ({r.effect_id})" for r in diagnosis.chosen
-    )
+    names = " and ".join(_named(r) for r in diagnosis.chosen)
     unit = (
         "mV" if before.problem.shots[0].shot.quantity == "voltage" else "e-3 of the signal's unit"
     )
@@ -74,6 +73,16 @@ def sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     if diagnosis.verdict == "unknown":
         return _unknown(diagnosis, before)
     return _not_identifiable(after)
+
+
+def _named(found: Refit) -> str:
+    """Return an effect's title and id, and where it acts unless it acts on everything."""
+    said = f"{library()[found.effect_id].title} ({found.effect_id})"
+    only = found.effect.only
+    if only is None:
+        return said
+    present = {str(getattr(item.shot, only.kind)) for item in found.problem.shots}
+    return f"{said} {only.words(present)}"
 
 
 def _not_identifiable(result: FitResult) -> str:

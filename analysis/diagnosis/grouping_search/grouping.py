@@ -1,7 +1,9 @@
-"""Whose is an effect's size: what was found for the rig, asked again of each material and shot.
+"""Whom does an effect act on, and whose is its size? The lattice of groupings, searched by ln Z.
 
-A linear look chooses the group before the effect is known. Once it is fitted, the other groups are
-one refit away.
+A linear look chooses the grouping before the effect is known. Once it is fitted, the other ones
+are one refit away: one size for the rig, for some surfaces or for some spheres, one for each
+surface or sphere, one for each shot. Of the sets of some materials those are fitted that the sizes
+of the single materials promise most of (`some_materials`).
 """
 
 from __future__ import annotations
@@ -12,16 +14,25 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.proposals import rescoped, scopes_of
+from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes_of, size_of
+from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.candidates.refit import Refit, extended, refitted
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.score_test.linearised import Projection
+from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 
+SETS_FITTED = 2
+"""Sets of some materials that are fitted for each kind; the next ones promise less."""
 
-def best_grouping(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
-    """Return an effect's refit with the group of its size that explains most, numbers paid for.
+
+def best_grouping(
+    problem: JointProblem, base: joint.Fitted, found: Refit, *, of_some: bool = True
+) -> Refit:
+    """Return an effect's refit in the grouping that explains most, numbers and choices paid for.
 
     Parameters
     ----------
@@ -29,33 +40,140 @@ def best_grouping(problem: JointProblem, base: joint.Fitted, found: Refit) -> Re
         The model without the effect.
     found : Refit
         On all shots.
+    of_some : bool
+        Sets of some materials are asked, too; not where the shots are one material's.
 
     Returns
     -------
     Refit
-        ``found`` itself where no other group does better.
+        ``found`` itself where no other grouping does better.
     """
     best = found
+    by_material = [found] if found.effect.only is None and found.scope in KINDS else []
     for effect, scope in _others(problem, found):
         other = _owned_by(effect, scope, problem, base, found)
         if other.own and not found.own:
             other = dataclasses.replace(other, common=found.gain)
+        if scope in KINDS and effect.only is None:
+            by_material.append(other)
         if not other.at_bound and other.score() > best.score():
             best = other
+    for each in by_material if of_some else []:
+        for other in _of_some(problem, base, each):
+            if not other.at_bound and other.score() > best.score():
+                best = other
     return best
 
 
+def _of_some(problem: JointProblem, base: joint.Fitted, each: Refit) -> Iterator[Refit]:
+    """Yield an effect's refits on some materials, the best of them with a size a shot as well."""
+    found = [_on_some(only, problem, base, each) for only in _sets(each)]
+    yield from found
+    if found and "shot" in scopes_of(each.effect):
+        likeliest = max(found, key=Refit.score)
+        own = _owned_by(likeliest.effect, "shot", problem, base, likeliest)
+        yield dataclasses.replace(own, common=likeliest.gain)
+
+
+def _sets(each: Refit) -> list[ActsOn]:
+    """Return the sets of materials worth a fit, from an effect with a size for each of them."""
+    sizes = sizes_of(each, each.scope)
+    if sizes is None:
+        return []
+    return sizes.candidates(either_sign=can_be_negative(each.effect))[:SETS_FITTED]
+
+
+def promises_other_grouping(found: Refit) -> bool:
+    """Tell whether an effect of the rig would, to first order, explain clearly more in another.
+
+    Parameters
+    ----------
+    found : Refit
+        On all shots.
+
+    Returns
+    -------
+    bool
+        False of an effect that does not act on everything with one size.
+    """
+    if found.effect.only is not None or found.scope != "rig":
+        return False
+    for kind in set(KINDS) & set(scopes_of(found.effect)):
+        sizes = sizes_of(found, kind)
+        if sizes is None:
+            continue
+        of_all = sizes.common(sizes.names)[1]
+        paid = CRITERIA.comparison.price_of_number * (len(sizes.names) - 1)
+        sets = sizes.candidates(either_sign=can_be_negative(found.effect))[:1]
+        most = max([sizes.gain - paid, *(sizes.promise(only) for only in sets)])
+        if most - of_all > CRITERIA.comparison.least_lead:
+            return True
+    return False
+
+
+def sizes_of(found: Refit, kind: str) -> Sizes | None:
+    """Return an effect's sizes on the materials of a kind, to first order around its fit.
+
+    Parameters
+    ----------
+    found : Refit
+        With a size for the rig or for every material.
+    kind : str
+        ``surface`` or ``sphere``.
+
+    Returns
+    -------
+    Sizes or None
+        None where every shot has its own or the fit went nowhere. A number that is fitted by its
+        logarithm counts by its value, which is neutral at zero.
+    """
+    at, problem, fitted = size_of(found.effect), found.problem, found.fitted
+    if at is None or not fitted.blocks or found.effect.parameters[at].scope == "shot":
+        return None
+    row = problem.model.places[found.effect.id][at]
+    own = problem.effect_keys(row)
+    rest = [j for j, name in enumerate(problem.names) if name not in own]
+    of_shot = [str(getattr(item.shot, kind)) for item in problem.shots]
+    names = sorted(set(of_shot))
+    blocks = []
+    for block, name in zip(fitted.blocks, of_shot, strict=True):
+        split = np.zeros((block.chain.shape[0], len(names)))
+        split[row, names.index(name)] = 1.0
+        blocks.append(dataclasses.replace(block, chain=np.hstack([block.chain[:, rest], split])))
+    first = len(rest)
+    precision = np.zeros((first + len(names),) * 2)
+    precision[:first, :first] = problem.prior_precision[np.ix_(rest, rest)]
+    none = np.zeros(len(names))
+    apart = dataclasses.replace(
+        problem,
+        names=[problem.names[j] for j in rest] + names,
+        prior_mean=np.concatenate([problem.prior_mean[rest], none]),
+        prior_precision=precision,
+    )
+    theta = np.concatenate([fitted.theta[rest], none])
+    near = dataclasses.replace(fitted, theta=theta, blocks=blocks)
+    whole, vector, _ = joint.normal_equations(apart, near)
+    projection = Projection(whole, first)
+    values = _values(found, row)
+    now = np.array([values[[n == name for n in of_shot]].mean() for name in names])
+    score, known = projection.score(vector), projection.schur
+    if found.effect.parameters[at].form == "log":
+        now = np.exp(now)
+        score, known = score / now, known / np.outer(now, now)
+    return Sizes.from_score(kind, names, score + known @ now, known)
+
+
 def _others(problem: JointProblem, found: Refit) -> Iterator[tuple[Effect, str]]:
-    """Return the other groups worth a refit, those beyond one material among them."""
+    """Return the other groups worth a refit, those beyond some materials among them."""
     effect = found.effect
     for scope in scopes_of(effect):
         if scope != found.scope and _groups(problem, effect, scope) > 1:
             yield effect, scope
-    if effect.only is not None and {effect.only[0], "rig"} <= set(scopes_of(effect)):
+    if effect.only is not None and {effect.only.kind, "rig"} <= set(scopes_of(effect)):
         everybody = dataclasses.replace(effect, only=None)
-        if _groups(problem, everybody, effect.only[0]) > 1:
+        if _groups(problem, everybody, effect.only.kind) > 1:
             yield everybody, "rig"
-            yield everybody, effect.only[0]
+            yield everybody, effect.only.kind
 
 
 def _groups(problem: JointProblem, effect: Effect, scope: str) -> int:
@@ -89,6 +207,33 @@ def _owned_by(
                 theta[larger.names.index(key)] = values[felt & (keys == key)].mean()
     result = joint.fit(larger, nuisances, theta=theta)
     other = dataclasses.replace(found, effect=effect, scope=scope, problem=larger, fitted=result)
+    return refitted(other, problem, base)
+
+
+def _on_some(only: ActsOn, problem: JointProblem, base: joint.Fitted, each: Refit) -> Refit:
+    """Return the refit with one size for some materials, from the fit with a size for each."""
+    at = size_of(each.effect)
+    sizes = sizes_of(each, each.scope)
+    assert at is not None
+    assert sizes is not None
+    effect = dataclasses.replace(rescoped(each.effect, "rig"), only=only)
+    larger, theta, _ = extended(problem, base, effect, {})
+    model = larger.model
+    known = dict(zip(each.problem.names, each.fitted.theta, strict=True))
+    theta = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
+    felt = [only.includes(s.shot.sphere, s.shot.surface) for s in each.problem.shots]
+    for place, (parameter, row) in enumerate(
+        zip(effect.parameters, model.places[effect.id], strict=True)
+    ):
+        before = each.problem.model.names.index(f"{effect.id}.{parameter.name}")
+        mean = float(_values(each, before)[felt].mean())
+        start = sizes.common(only.names)[0] if place == at and parameter.form != "log" else mean
+        theta[larger.names.index(larger.effect_keys(row)[0])] = start
+    nuisances = carried_over(each.problem.model, model, each.fitted.nuisances)
+    result = joint.fit(larger, nuisances, theta=theta)
+    other = dataclasses.replace(
+        each, effect=effect, scope=only.kind, problem=larger, fitted=result, common=0.0
+    )
     return refitted(other, problem, base)
 
 

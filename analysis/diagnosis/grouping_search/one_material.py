@@ -192,7 +192,7 @@ def tried_alone(
     refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not _is_noise(apart.problem, refits[0].fitted):
         near = best_form(apart.problem, apart.fitted, refits[0])
-        refits[0] = best_grouping(apart.problem, apart.fitted, near)
+        refits[0] = best_grouping(apart.problem, apart.fitted, near, of_some=False)
     found = []
     for one in refits:
         if one.on_all_shots and one.effect.slot not in SLOTS:
@@ -250,11 +250,11 @@ def on_all_shots(
     larger, theta, _ = extended(problem, fitted, effect, {})
     where = dict(zip(rest.problem.names, rest.fitted.theta, strict=True))
     for name, value in zip(found.problem.names, found.fitted.theta, strict=True):
-        where.setdefault(_owned(name, effect, rest.only[1]), float(value))
+        where.setdefault(_owned(name, effect, rest.only.label), float(value))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
-    scope = rest.only[0] if found.scope == "rig" else found.scope
+    scope = rest.only.kind if found.scope == "rig" else found.scope
     whole = dataclasses.replace(
         found, effect=effect, scope=scope, problem=larger, fitted=result, on_all_shots=True
     )

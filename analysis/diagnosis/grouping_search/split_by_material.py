@@ -53,7 +53,7 @@ def split_by_material(
     whole = excess(present.problem, present.fitted)
     simpler = [w for w in without if w.left < CRITERIA.grouping.simpler_share * w.share * whole]
     for rest in sorted(simpler, key=lambda w: w.left / w.share)[:MATERIALS_TRIED]:
-        progress(MethodStep.ON_TOP.told(f"searching without {rest.only[1]}"), 0.5)
+        progress(MethodStep.ON_TOP.told(f"searching without {rest.only.label}"), 0.5)
         usual = _usual_of(present, rest)
         first = alone(rest.problem, rest.fitted, usual, progress)
         if first is None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from analysis.diagnosis.candidates.subsets import PresentModel
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.effects.acts_on import ActsOn
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
@@ -23,8 +24,8 @@ class WithoutMaterial:
 
     Attributes
     ----------
-    only : tuple of str
-        Which material: (``surface`` or ``sphere``, name).
+    only : ActsOn
+        Which material, one alone.
     places, others : list of int
         Its shots in the campaign, and all the others.
     problem, fitted : JointProblem, Fitted
@@ -33,7 +34,7 @@ class WithoutMaterial:
         Whitened squares of the others beyond the noise.
     """
 
-    only: tuple[str, str]
+    only: ActsOn
     places: list[int]
     others: list[int]
     problem: JointProblem
@@ -110,13 +111,13 @@ def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
     return sorted(found, key=lambda f: f.left)
 
 
-def _materials(problem: JointProblem) -> dict[tuple[str, str], list[int]]:
+def _materials(problem: JointProblem) -> dict[ActsOn, list[int]]:
     """Return the shots of every material that some shots do without."""
-    found: dict[tuple[str, str], list[int]] = {}
+    found: dict[ActsOn, list[int]] = {}
     for place, item in enumerate(problem.shots):
         for kind, name in (("surface", item.shot.surface), ("sphere", item.shot.sphere)):
             if name is not None:
-                found.setdefault((kind, name), []).append(place)
+                found.setdefault(ActsOn(kind, (name,)), []).append(place)
     return {only: places for only, places in found.items() if len(places) < len(problem.shots)}
 
 

@@ -24,8 +24,10 @@ from analysis.diagnosis.basis.families import View, family_columns
 from analysis.diagnosis.basis.groups import groups
 from analysis.diagnosis.basis.proposals import Proposal, column
 from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.basis.tuning import scale_of, tuned
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.effects.acts_on import KINDS
 from analysis.fit.blocks import prior_rows
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
@@ -105,6 +107,8 @@ class Explained:
         where the columns do harm.
     coefficients : dict
         Column label and group to coefficient.
+    sizes : Sizes or None
+        Where one column has one coefficient on every material of a kind.
     """
 
     family: str
@@ -114,6 +118,7 @@ class Explained:
     p_value: float
     heldout_gain: float
     coefficients: dict[str, float]
+    sizes: Sizes | None = None
 
 
 @dataclass(frozen=True)
@@ -227,7 +232,11 @@ class Linearised:
         held = _heldout_gain(self._folds(), system) if heldout else math.nan
         p = float(chi2_distribution.sf(gain, dof)) if dof else 1.0
         named = dict(zip(system.labels, map(float, coefficients), strict=True))
-        return Explained(family, scope, gain, dof, p, held, named)
+        sizes = None
+        if scope in KINDS and len(at) == 1:
+            names = sorted({own[0][0] for own in self.groups(scope)})
+            sizes = Sizes.from_score(scope, names, score, found.schur)
+        return Explained(family, scope, gain, dof, p, held, named, sizes)
 
     def system(self, parts: Sequence[tuple[str, str]]) -> System:
         """Return the normal equations of the globals and of families with their groups.

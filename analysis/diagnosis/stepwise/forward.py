@@ -15,7 +15,7 @@ from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.candidates.subsets import PresentModel
 from analysis.diagnosis.candidates.successive_halving import one_form_each, rank, ranked
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.grouping_search.grouping import best_grouping
+from analysis.diagnosis.grouping_search.grouping import best_grouping, promises_other_grouping
 from analysis.diagnosis.grouping_search.one_material import (
     can_be_one_materials,
     explains_all,
@@ -124,14 +124,18 @@ class Selection:
     def on(self, found: Refit) -> Selection:
         """Return the selection one effect further, its numbers owned by whom the data ask for."""
         step = make_step(found.problem, found.fitted)
-        if step.score_test.structured:
-            wide = best_form(self.last.problem, self.last.fitted, found)
+        structured = step.score_test.structured
+        if structured or promises_other_grouping(found):
+            wide = found
+            if structured:
+                wide = best_form(self.last.problem, self.last.fitted, found)
             wide = best_grouping(self.last.problem, self.last.fitted, wide)
             lead = wide.score() - found.score()
             if lead > 0.0:
                 wider = make_step(wide.problem, wide.fitted)
-                # where the same effect ends in noise it needs no lead
-                if lead > CRITERIA.comparison.least_lead or not wider.score_test.structured:
+                # where the same effect ends in noise only now it needs no lead
+                ends = structured and not wider.score_test.structured
+                if lead > CRITERIA.comparison.least_lead or ends:
                     found, step = wide, wider
         return Selection([*self.steps, step], [*self.chosen, found])
 
@@ -192,13 +196,12 @@ def _compare(step: Step, usual: joint.Fitted, progress: Progress, found: list[Re
     for apart in single_materials(present, step.without):
         found += tried_alone(apart, present, progress, first=first)
         found.sort(key=rank)
-        tried = [p for p in tried if not can_be_one_materials(p.effect)]
         if found and explains_all(found[0], present):
-            tried = []
-        if found and (not tried or _ends_in_noise(found[0])):
+            return
+        if found and _ends_in_noise(found[0]):
+            # else what shows on one material's shots may act on others, hidden in their moduli
+            tried = [p for p in tried if not can_be_one_materials(p.effect)]
             break
-    if not tried:
-        return
     whole: list[Refit] = []
     try:
         found += ranked(present, tried, progress, first=first, whole=whole)

@@ -71,18 +71,33 @@ class Shot:
     speed_factor: float = 1.0
 
 
+Names = str | tuple[str, ...]
+"""One material or several of a kind."""
+
+
 @dataclass(frozen=True)
 class Scope:
     """Where an effect acts; ``None`` means everywhere.
 
     Attributes
     ----------
-    sphere, surface : str or None
-        Name of the only sphere and the only surface concerned.
+    sphere, surface : str, tuple of str or None
+        Names of the only spheres and the only surfaces concerned; a tuple is kept sorted, and one
+        of a single name as that name.
     """
 
-    sphere: str | None = None
-    surface: str | None = None
+    sphere: Names | None = None
+    surface: Names | None = None
+
+    def __post_init__(self) -> None:
+        """Keep names in order, so that equal scopes compare equal."""
+        for side in ("sphere", "surface"):
+            names = getattr(self, side)
+            if isinstance(names, tuple):
+                kept = tuple(sorted(set(names)))
+                if not kept:
+                    raise ValueError(f"A scope without any {side} acts nowhere; leave it out.")
+                object.__setattr__(self, side, kept[0] if len(kept) == 1 else kept)
 
     def includes(self, sphere: str, surface: str) -> bool:
         """Return whether a pair is concerned.
@@ -97,12 +112,20 @@ class Scope:
         bool
             Whether both names fit.
         """
-        return self.sphere in (None, sphere) and self.surface in (None, surface)
+        return _names(self.sphere, sphere) and _names(self.surface, surface)
 
-    def to_json(self) -> dict[str, str]:
-        """Return only what is restricted."""
+    def to_json(self) -> dict[str, str | list[str]]:
+        """Return only what is restricted: a name, or a list of several."""
         both = {"sphere": self.sphere, "surface": self.surface}
-        return {key: name for key, name in both.items() if name is not None}
+        return {
+            side: list(names) if isinstance(names, tuple) else names
+            for side, names in both.items()
+            if names is not None
+        }
+
+
+def _names(wanted: Names | None, name: str) -> bool:
+    return wanted is None or name in ((wanted,) if isinstance(wanted, str) else wanted)
 
 
 @dataclass
@@ -122,7 +145,7 @@ class Effect:
     id: ClassVar[str] = ""
     slot: ClassVar[str] = ""
     parameters: ClassVar[tuple[Parameter, ...]] = ()
-    per_material: ClassVar[bool] = False  # a random draw may restrict it to one material
+    per_material: ClassVar[bool] = False  # a random draw may restrict it to some materials
     order: ClassVar[int] = 50  # place in the chain from crystal (0) to converter (100)
     fine_grid: ClassVar[bool] = False  # its stage needs the oversampled grid
     # Published forms of the same law; the first is the one of the paper's rig.

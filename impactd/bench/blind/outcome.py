@@ -61,6 +61,40 @@ def names_all(trial: Trial) -> bool:
     return bool(trial.named) and set(trial.truth) <= {*trial.named, *trial.confusable}
 
 
+def grouping_of(trial: Trial) -> str:
+    """Return on how many materials of a kind the first effect of a trial acts.
+
+    Parameters
+    ----------
+    trial : Trial
+        One in which something acted.
+
+    Returns
+    -------
+    str
+        ``one``, ``some`` or ``all``.
+    """
+    names = list(trial.effects[0].get("scope", {}).values())
+    return "all" if not names else "one" if isinstance(names[0], str) else "some"
+
+
+def groups_right(trial: Trial) -> bool:
+    """Return whether what acted was named with the very materials that it acts on.
+
+    Parameters
+    ----------
+    trial : Trial
+        One with ``acts_on``, in which something acted.
+
+    Returns
+    -------
+    bool
+        A name that was confusable, or beside a false one, counts as long as it was given itself.
+    """
+    said = dict(zip(trial.named, trial.acts_on or [], strict=True))
+    return all(said.get(str(e["id"])) == e.get("scope", {}) for e in trial.effects)
+
+
 def is_detectable(trial: Trial) -> bool:
     """Return whether every effect of a trial would by itself leave a residual of 20 in norm.
 

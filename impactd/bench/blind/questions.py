@@ -6,8 +6,15 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
+from drivers.simulated.effects import EFFECTS
 from impactd.bench.blind.interval import median, median95, wilson95
-from impactd.bench.blind.outcome import is_detectable, names_all, outcome
+from impactd.bench.blind.outcome import (
+    grouping_of,
+    groups_right,
+    is_detectable,
+    names_all,
+    outcome,
+)
 from impactd.bench.blind.plan import COLOURS
 from impactd.bench.blind.trial import Json, Trial
 from impactd.bench.blind.visibility import VISIBLE
@@ -70,7 +77,18 @@ def answers(trials: Group) -> list[Answer]:
     list of Answer
         In the order of the issue's acceptance.
     """
-    asked = (_clean, _detection, _library, _outside, _pairs, _crystal, _repair, _modulus, _time)
+    asked = (
+        _clean,
+        _detection,
+        _library,
+        _groupings,
+        _outside,
+        _pairs,
+        _crystal,
+        _repair,
+        _modulus,
+        _time,
+    )
     return [answer for ask in asked for answer in ask(trials) if answer is not None]
 
 
@@ -135,6 +153,25 @@ def _library(trials: Group) -> Iterator[Answer | None]:
     yield _share("- of these, down to the noise", right, lambda t: t.verdict == "identified")
     yield _share("library: wrong name", single, _is("wrong"), "<= 0.02")
     yield _share("library: unknown", single, _is("unknown"))
+
+
+def _groupings(trials: Group) -> Iterator[Answer | None]:
+    """Ask of effects that materials can have: the name, and the materials beside it."""
+    single = _shown(trials, "library")
+    single = [t for t in single if t.acts_on is not None and _of_materials(t)]
+    question = "groupings drawn at random: right name or family"
+    yield _share(question, single, _is("right", "family"), ">= 0.95")
+    named = [t for t in single if set(t.truth) <= set(t.named)]
+    yield _share("- named: with the right materials", named, groups_right, ">= 0.95")
+    for how_many in ("one", "some", "all"):
+        own = [t for t in single if grouping_of(t) == how_many]
+        yield _share(f"- {how_many}: right name or family", own, _is("right", "family"))
+        seen = [t for t in named if grouping_of(t) == how_many]
+        yield _share(f"- {how_many}, named: with the right materials", seen, groups_right)
+
+
+def _of_materials(trial: Trial) -> bool:
+    return any(EFFECTS[str(e["id"])].per_material for e in trial.effects)
 
 
 def _outside(trials: Group) -> Iterator[Answer | None]:

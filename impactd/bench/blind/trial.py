@@ -39,6 +39,9 @@ class Trial:
         Of the diagnosis; ``failed`` where it raised, with ``error`` saying what.
     named, confusable : list of str
         Ids it gave.
+    acts_on : list of dict
+        Where each named effect acts, as the truth says it: side to name or names; empty where it
+        acts on everything.
     slot : str or None
         Where it put the discrepancy.
     p_value : float or None
@@ -80,6 +83,7 @@ class Trial:
     verdict: str = "failed"
     named: list[str] = field(default_factory=list)
     confusable: list[str] = field(default_factory=list)
+    acts_on: list[Json] | None = None  # of lines that were written before it was asked
     slot: str | None = None
     p_value: float | None = None
     visible: float | None = None
@@ -198,6 +202,7 @@ def _diagnosed(plan: Plan, simulated: Json) -> Json:
         "verdict": stated["verdict"],
         "named": [e["id"] for e in stated["effects"]],
         "confusable": [n for e in stated["effects"] for n in e["confusable_with"]],
+        "acts_on": [_where(e) for e in stated["effects"]],
         "slot": stated["slot"],
         "p_value": stated["p_value"],
         "visible": seen.together if seen else None,
@@ -219,6 +224,15 @@ def _diagnosed(plan: Plan, simulated: Json) -> Json:
         "cpu_seconds": clock.judged[1] - clock.started[1],
         "statement_seconds": ended - clock.judged[0],
     }
+
+
+def _where(effect: Json) -> Json:
+    """Return the materials that a named effect acts on in the truth's words."""
+    acts_on = effect["acts_on"]
+    if acts_on is None:
+        return {}
+    names = acts_on["names"]
+    return {acts_on["kind"]: names[0] if len(names) == 1 else names}
 
 
 def _of_specimen(block: Json, quantity: str) -> Json | None:

@@ -15,6 +15,7 @@ from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.grouping_search.one_material import can_be_one_materials
 from analysis.diagnosis.named_model import definition_of, model_of
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.library import effect_named
 from analysis.fit.fit_shot import FitShot
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
@@ -50,7 +51,7 @@ def test_a_large_mode_of_one_coupon_is_found_on_its_shots(swinging: Diagnosis) -
     assert swinging.verdict == "identified"
     taken = swinging.chosen[0]
     assert taken.effect_id == "coupon_mode"
-    assert taken.effect.only == ("surface", "specimen")
+    assert taken.effect.only == ActsOn("surface", ("specimen",))
     numbers = dict(zip(taken.problem.names, taken.fitted.theta, strict=True))
     found_hz = math.exp(numbers["coupon_mode.frequency_hz[specimen]"])
     assert found_hz == pytest.approx(MODE["frequency_hz"], rel=2e-3)
@@ -78,7 +79,7 @@ def test_it_is_told_and_kept_as_that_materials(swinging: Diagnosis) -> None:
     last = swinging.steps[-1]
     definition = definition_of(last.problem, last.fitted)
     assert definition is not None
-    assert model_of(definition).effects[0].only == ("surface", "specimen")
+    assert model_of(definition).effects[0].only == ActsOn("surface", ("specimen",))
 
 
 @pytest.mark.slow
@@ -126,5 +127,5 @@ def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path)
     soft = make_effect("plastic_yield", {"yield_pressure_pa": 8e7}, Scope(sphere="acetal_small"))
     found = diagnose_campaign(campaign(tmp_path, soft))
     assert [r.effect_id for r in found.chosen] == ["plastic_yield"]
-    assert found.chosen[0].effect.only == ("sphere", "acetal_small")
+    assert found.chosen[0].effect.only == ActsOn("sphere", ("acetal_small",))
     assert found.verdict in ("identified", "family")

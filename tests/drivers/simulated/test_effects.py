@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from drivers.simulated.draw import draw_effect
+from drivers.simulated.draw import draw_effect, draw_scope
 from drivers.simulated.effects import EFFECTS, INVENTED, LIBRARY, Scope, make_effect
 
 if TYPE_CHECKING:
@@ -291,6 +292,32 @@ def test_an_effect_acts_only_within_its_scope(lab: Lab) -> None:
     np.testing.assert_array_equal(same, lab.drop(lab.a_rig(), surface="polycarbonate")[0])
     other, _ = lab.drop(rig, surface="specimen")
     assert np.max(np.abs(other - lab.drop(lab.a_rig(), surface="specimen")[0])) > 0.01
+
+
+def test_a_scope_may_name_several_materials(lab: Lab) -> None:
+    """It acts on each of them and on no other; the truth lists them in order."""
+    scope = Scope(surface=("specimen", "aluminium"))
+    rig = lab.with_effect("plate_radiation", {"impedance_n_s_per_m": 300.0}, scope)
+    for surface, felt in (("specimen", True), ("aluminium", True), ("polycarbonate", False)):
+        seen, _ = lab.drop(rig, surface=surface)
+        assert np.array_equal(seen, lab.drop(lab.a_rig(), surface=surface)[0]) is not felt
+    assert scope.to_json() == {"surface": ["aluminium", "specimen"]}
+    assert Scope(surface=("specimen",)) == Scope(surface="specimen")
+    with pytest.raises(ValueError, match="acts nowhere"):
+        Scope(sphere=())
+
+
+def test_one_some_or_all_materials_are_drawn() -> None:
+    """Of four surfaces and no sphere: one, two or three, or all, each of the three as often."""
+    rng = np.random.default_rng(0)
+    names = ["a", "b", "c", "d"]
+    drawn = [draw_scope(rng, [], names).to_json().get("surface", "") for _ in range(3000)]
+    counts = Counter("all" if not d else "one" if isinstance(d, str) else "some" for d in drawn)
+    for how_many in ("one", "some", "all"):
+        assert counts[how_many] / len(drawn) == pytest.approx(1 / 3, abs=0.04)
+    assert {len(d) for d in drawn if isinstance(d, list)} == {2, 3}
+    few = {str(draw_scope(rng, ["a", "b"], []).to_json()) for _ in range(100)}
+    assert few == {"{}", "{'sphere': 'a'}", "{'sphere': 'b'}"}
 
 
 def test_several_effects_act_at_once(lab: Lab) -> None:

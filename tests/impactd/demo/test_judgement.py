@@ -73,3 +73,5 @@ def test_the_truth_is_told_with_its_numbers_and_where_it_acts() -> None:
     line = truth_line({**effect, "scope": {"surface": "specimen"}})
     for said in (ALIEN, "contact", "size_m = 2", "specimen only", "library does not have it"):
         assert said in line
+    several = truth_line({**effect, "scope": {"surface": ["aluminium", "specimen"]}})
+    assert "acts on aluminium and specimen only" in several

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 
 import pytest
 
@@ -34,15 +35,26 @@ def test_a_kind_says_what_acts() -> None:
         assert dataclasses.replace(drawn["pair"].settings).effects == drawn["pair"].effects
 
 
-def test_some_effects_act_on_one_material_of_the_campaign() -> None:
-    """A sphere's or a surface's, and one that falls or lies there."""
-    plans = [draw_plan("library", seed) for seed in range(200)]
+def _names(wanted: str | tuple[str, ...] | None) -> set[str]:
+    return set() if wanted is None else {wanted} if isinstance(wanted, str) else set(wanted)
+
+
+def test_an_effect_of_materials_acts_on_one_some_or_all_of_the_campaign() -> None:
+    """Each of the three as often, on spheres or surfaces that fall or lie there."""
+    plans = [draw_plan("library", seed, "drawn") for seed in range(200)]
     scopes = [(p, p.effects[0].scope) for p in plans]
     assert any(s.sphere for _, s in scopes)
     assert any(s.surface for _, s in scopes)
     for plan, scope in scopes:
-        assert scope.sphere in {None, *plan.settings.spheres}
-        assert scope.surface in {None, *plan.settings.surfaces}
+        assert _names(scope.sphere) < set(plan.settings.spheres)
+        assert _names(scope.surface) < set(plan.settings.surfaces)
+    counts = Counter(
+        len(_names(s.sphere) | _names(s.surface))
+        for p, s in scopes
+        if p.effects[0].per_material and p.effects[0].slot == "contact"
+    )
+    assert set(counts) == {0, 1, 2}
+    assert max(counts.values()) < 2 * min(counts.values())
 
 
 def test_old_seeds_have_the_papers_rig_and_labels_that_are_true() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from impactd.bench.blind.questions import answers
-from impactd.bench.blind.trial import Trial
+from impactd.bench.blind.trial import Json, Trial
 
 
 def test_coverage_is_asked_of_every_verdict_that_states_a_modulus(
@@ -24,3 +24,28 @@ def test_coverage_is_asked_of_every_verdict_that_states_a_modulus(
     assert asked["- identified"].value == 1.0
     assert asked["- partial"].value == 0.0
     assert "- unknown" not in asked
+
+
+def test_a_grouping_is_right_where_the_very_materials_are_named(
+    a_trial: Callable[..., Trial],
+) -> None:
+    """All, one and some count by themselves; a name that nobody gave counts for no grouping."""
+
+    def trial(scope: Json, said: Json, named: str = "plate_radiation") -> Trial:
+        """Return a trial in which a plate radiates somewhere, and a name was given somewhere."""
+        effect = {"id": "plate_radiation", "slot": "contact", "scope": scope}
+        return a_trial(effects=[effect], named=[named], acts_on=[said], visible_each=[1e4])
+
+    both = {"surface": ["aluminium", "specimen"]}
+    trials = [
+        trial({}, {}),
+        trial({"surface": "specimen"}, {"surface": "specimen"}),
+        trial(both, both),
+        trial(both, {}),
+        trial(both, both, named="echo"),
+    ]
+    asked = {a.question: a for a in answers(trials)}
+    right = asked["- named: with the right materials"]
+    assert (right.count, right.value) == (4, 0.75)
+    assert asked["- some, named: with the right materials"].value == 0.5
+    assert asked["groupings drawn at random: right name or family"].value == 0.8

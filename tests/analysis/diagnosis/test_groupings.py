@@ -1,0 +1,148 @@
+"""Whose an effect is: one material's, some materials' or all shots', found by ln Z."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from analysis.campaign import Campaign
+from analysis.diagnosis.basis.proposals import proposals
+from analysis.diagnosis.candidates.multistart import starts
+from analysis.diagnosis.candidates.refit import Refit, refit
+from analysis.diagnosis.candidates.successive_halving import rivals_refitted
+from analysis.diagnosis.document.diagnosis_json import diagnosis_json
+from analysis.diagnosis.grouping_search.grouping import (
+    best_grouping,
+    promises_other_grouping,
+    sizes_of,
+)
+from analysis.diagnosis.named_model import definition_of, model_of
+from analysis.diagnosis.procedure import diagnose_campaign
+from analysis.diagnosis.score_test.linearised import linearise
+from analysis.effects.acts_on import ActsOn
+from analysis.fit import joint
+from analysis.fit.problem import build
+from analysis.fit.start import prepare
+from analysis.model.impact_model import model_named
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from drivers.simulated.effects import make_effect
+from drivers.simulated.effects.effect import Scope
+from impactd.bench.simulated_campaign import BASES
+from impactd.storage.campaign_folder import read_campaign
+
+VALUES = {
+    "plate_radiation": {"impedance_n_s_per_m": 300.0},
+    "viscoelastic_damping": {"relaxation_s": 1e-6},
+    "hunt_crossley_damping": {"damping_s_per_m": 0.1},
+}
+
+
+def campaign(folder: Path, name: str, scope: Scope, heights: int = 2, **values: float) -> Campaign:
+    """Return two spheres on three surfaces with one effect, read back from a folder."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={n: usual.spheres[n] for n in ("acetal", "acetal_small")},
+        drop_heights_m=(0.0115, 0.0465, 0.0255)[:heights],
+        repeats=1,
+        effects=(make_effect(name, values or VALUES[name], scope),),
+    )
+    return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 11)))
+
+
+def fitted(campaign: Campaign, name: str) -> tuple[Refit, Refit]:
+    """Return an effect fitted to all shots with one size, and in the grouping found from there."""
+    usual = CampaignSettings()
+    problem = build(campaign, model_named(BASES[usual.rig]))
+    base = joint.fit(problem, prepare(problem))
+    tried = [p for p in proposals(problem)[0] if p.effect.id == name]
+    found = starts(linearise(problem, base, tried), tried)[name]
+    start = next(s for s in found if s.scope == "rig")
+    whole = refit(
+        problem,
+        base,
+        start.proposal,
+        scope=start.scope,
+        coefficients=start.coefficients,
+        linear_gain=start.promised,
+    )
+    return whole, best_grouping(problem, base, whole)
+
+
+@pytest.mark.parametrize("name", sorted(VALUES))
+def test_an_effect_on_two_of_three_surfaces_is_told_as_theirs(tmp_path: Path, name: str) -> None:
+    """From a fit that gave it to the whole rig: exactly these surfaces, with one size."""
+    scope = Scope(surface=("polycarbonate", "specimen"))
+    whole, found = fitted(campaign(tmp_path, name, scope), name)
+    assert whole.effect.only is None
+    assert found.effect.only == ActsOn("surface", ("polycarbonate", "specimen"))
+    assert found.scope == "surface"
+
+
+@pytest.mark.parametrize(
+    ("scope", "only"),
+    [
+        (Scope(surface="specimen"), ActsOn("surface", ("specimen",))),
+        (Scope(sphere="acetal"), ActsOn("sphere", ("acetal",))),
+        (Scope(), None),
+    ],
+)
+def test_an_effect_on_one_material_or_on_all_is_told_as_such(
+    tmp_path: Path, scope: Scope, only: ActsOn | None
+) -> None:
+    """One of three surfaces, one of two spheres, everything."""
+    name = "viscoelastic_damping"
+    _, found = fitted(campaign(tmp_path, name, scope), name)
+    assert found.effect.only == only
+    assert found.scope == (only.kind if only else "rig")
+
+
+def test_another_grouping_is_promised_only_where_one_is_due(tmp_path: Path) -> None:
+    """To first order around the fit with one size; what the surfaces ask for says which."""
+    name = "viscoelastic_damping"
+    scope = Scope(surface=("polycarbonate", "specimen"))
+    some, _ = fitted(campaign(tmp_path / "some", name, scope), name)
+    assert promises_other_grouping(some)
+    sizes = sizes_of(some, "surface")
+    assert sizes is not None
+    assert sizes.candidates()[0] == ActsOn("surface", ("polycarbonate", "specimen"))
+    whole, _ = fitted(campaign(tmp_path / "all", name, Scope()), name)
+    assert not promises_other_grouping(whole)
+
+
+def test_a_name_is_held_against_others_on_the_same_materials(tmp_path: Path) -> None:
+    """Another loss for the whole rig would be beaten by the grouping, not by the law."""
+    name, other = "viscoelastic_damping", "hunt_crossley_damping"
+    scope = Scope(surface=("polycarbonate", "specimen"))
+    whole, found = fitted(campaign(tmp_path, name, scope), name)
+    usual = CampaignSettings()
+    problem = build(whole.problem.campaign, model_named(BASES[usual.rig]))
+    base = joint.fit(problem, prepare(problem))
+    rivals = rivals_refitted(problem, base, found, {other})
+    assert [r.effect_id for r in rivals] == [other]
+    assert rivals[0].effect.only == found.effect.only
+    assert 0.0 < rivals[0].gain < found.gain
+
+
+@pytest.mark.slow
+def test_a_plate_under_two_of_three_surfaces_is_named(tmp_path: Path) -> None:
+    """One sphere shows nearly all of it, and its shots alone would lead to another name."""
+    scope = Scope(surface=("aluminium", "specimen"))
+    found = diagnose_campaign(campaign(tmp_path, "plate_radiation", scope, heights=3))
+    assert found.verdict == "identified"
+    assert [r.effect_id for r in found.chosen] == ["plate_radiation"]
+    only = ActsOn("surface", ("aluminium", "specimen"))
+    assert found.chosen[0].effect.only == only
+    told = diagnosis_json(found, software="impactd test")
+    assert told["effects"][0]["acts_on"] == {
+        "kind": "surface",
+        "names": ["aluminium", "specimen"],
+        "words": "on the surfaces aluminium and specimen",
+    }
+    assert "on the surfaces aluminium and specimen" in told["sentence"]
+    last = found.steps[-1]
+    definition = definition_of(last.problem, last.fitted)
+    assert definition is not None
+    assert model_of(definition).effects[0].only == only
