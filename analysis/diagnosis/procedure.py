@@ -8,11 +8,11 @@ from dataclasses import dataclass, field
 
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.marginal_likelihood import Price
 from analysis.diagnosis.candidates.multistart import usual_place
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.localisation import Located, locate
+from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise

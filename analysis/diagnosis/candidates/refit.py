@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.proposals import Proposal, rescoped
 from analysis.diagnosis.candidates.effect_range import left_its_range
-from analysis.diagnosis.candidates.marginal_likelihood import Price, price_of_effect
 from analysis.diagnosis.candidates.rebounds import fitted_below_one
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.marginal_likelihood import Price, price_of_effect
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint

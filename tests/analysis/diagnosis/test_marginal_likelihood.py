@@ -11,8 +11,8 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.marginal_likelihood import Price, coordinate_width, log_integral
 from analysis.diagnosis.candidates.refit import Refit, extended, refitted
+from analysis.diagnosis.marginal_likelihood import Price, coordinate_width, log_integral
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem, build
