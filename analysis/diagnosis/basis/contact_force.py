@@ -15,16 +15,21 @@ family          what it can take up
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
-from analysis.diagnosis.basis.crystal import Crystal, through_crystal
 from analysis.diagnosis.basis.scale import Scale
 from analysis.effects.probe import probe
 from analysis.fit.problem import FitShot
 from analysis.model.impact_model import SHARED, ImpactModel
 
 Array = NDArray[np.float64]
+
+Crystal = tuple[float, float]
+"""Angular frequency [rad/s] and damping ratio [1]."""
 CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1), (0.5, 1), (0.0, 2))
 _SMALL = 2e-3
 """Share of the contact force at which a derivative is taken."""
@@ -78,6 +83,50 @@ def contact_columns(
         columns.append((found.signal - base.signal) / _SMALL)
         rebounds.append((found.rebound_ratio - base.rebound_ratio) / _SMALL)
     return np.column_stack(columns), np.array(rebounds)
+
+
+def through_crystal(force: Array, rate: float, crystal: Crystal) -> Array:
+    """Return how far a crystal is compressed by a force, a steady force of one by one.
+
+    Parameters
+    ----------
+    force : ndarray, shape (n,) or (n, q)
+        Over time along axis 0. [any]
+    rate : float
+        Sampling rate. [Hz]
+    crystal : tuple
+        Angular frequency and damping ratio. [rad/s, 1]
+
+    Returns
+    -------
+    ndarray, shape (n,) or (n, q)
+        A force is felt from the next sample on. [unit of the force]
+    """
+    angle, zeta = crystal[0] / rate, crystal[1]
+    pole = np.exp((-zeta + 1j * math.sqrt(max(1.0 - zeta**2, 0.0))) * angle)
+    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+    return np.asarray(lfilter([0.0, sum(turn)], turn, force, axis=0))
+
+
+def crystal_of(model: ImpactModel, local: Array) -> Crystal | None:
+    """Return the crystal's angular frequency [rad/s] and damping ratio; None of a rigid cell.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        The model.
+    local : ndarray, shape (p,)
+        A shot's local parameters.
+
+    Returns
+    -------
+    tuple or None
+        As `through_crystal` takes it.
+    """
+    if "ln_w" not in model.shared:
+        return None
+    frequency, damping = (math.exp(local[model.shared.index(n)]) for n in ("ln_w", "ln_z"))
+    return frequency, damping
 
 
 def mount_columns(

@@ -25,6 +25,7 @@ from analysis.diagnosis.basis.linear_filter import forgetting
 from analysis.diagnosis.basis.scale import Scale
 
 Array = NDArray[np.float64]
+
 DROOPS_S = (2e-4, 1e-3, 5e-3)
 WARMTHS_S = (2e-5, 8e-5, 3.2e-4, 1.3e-3, 5e-3)
 SLEW = "slew"

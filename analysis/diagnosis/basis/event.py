@@ -19,9 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
-from analysis.diagnosis.basis.crystal import Crystal, through_crystal
+from analysis.diagnosis.basis.contact_force import Crystal, through_crystal
 
 Array = NDArray[np.float64]
+
 _LATER = np.array([*np.arange(0.25, 2.0, 0.25), *range(2, 13)])
 SHIFTS = np.concatenate((-_LATER[::-1], [0.0], _LATER))
 """Samples by which the record may be late or early, on either side of a jump."""

@@ -14,10 +14,10 @@ from analysis.diagnosis.basis.contact_force import (
     cell_names,
     contact_columns,
     contact_labels,
+    crystal_of,
     mount_columns,
     parameter_columns,
 )
-from analysis.diagnosis.basis.crystal import crystal_of
 from analysis.diagnosis.basis.dynamic_curve import (
     SLEW,
     droop_columns,
@@ -63,6 +63,7 @@ from analysis.fit.problem import FitShot
 from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
+
 Columns = tuple[list[str], Array, Array | None, Array | None]
 """Labels, signal, and where there are any: change of the rebound, of the promised ln v0."""
 

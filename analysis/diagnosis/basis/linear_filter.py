@@ -22,6 +22,7 @@ from analysis.diagnosis.basis.scale import Scale
 from analysis.diagnosis.basis.spline import linear_spline
 
 Array = NDArray[np.float64]
+
 LAGS_US = (2.0, 4.0, 6.0, 9.0, 13.0, 18.0, 25.0, 35.0, 48.0, 64.0)
 DECAYS_S = (0.2e-3, 0.6e-3, 2e-3, 8e-3)
 RESONANCES_HZ = (1.5e3, 3e3, 6e3, 10e3, 24e3, 34e3, 50e3, 80e3)

@@ -21,6 +21,7 @@ from analysis.diagnosis.basis.spline import linear_spline
 from analysis.diagnosis.basis.waveform import locked_columns
 
 Array = NDArray[np.float64]
+
 PIECES = (0.15, 0.5, 0.85, 1.2)
 WANDERS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620)
 BASELINE_ORDERS = (1, 2, 3)

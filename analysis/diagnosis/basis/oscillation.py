@@ -24,6 +24,7 @@ from scipy.optimize import minimize
 from analysis.diagnosis.basis.linear_filter import ringing
 
 Array = NDArray[np.float64]
+
 Shot = tuple[Array, Array, float]
 """Signal, residual, sampling rate."""
 SWINGS_HZ = tuple(np.geomspace(250.0, 20e3, 48).tolist())

@@ -24,6 +24,7 @@ from analysis.diagnosis.basis.scale import Scale
 from analysis.diagnosis.basis.spline import linear_spline
 
 Array = NDArray[np.float64]
+
 TOPS = (0.5, 0.7, 0.82, 0.9, 0.96)
 CURVE_KNOTS = (-0.2, -0.06, -0.02, -0.006, -0.002, 0.0, 0.002, 0.006, 0.02, 0.06,
                0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0)  # fmt: skip

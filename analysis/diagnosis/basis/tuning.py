@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from analysis.diagnosis.basis.crystal import crystal_of
+from analysis.diagnosis.basis.contact_force import crystal_of
 from analysis.diagnosis.basis.dynamic_curve import SLEW, steepest
 from analysis.diagnosis.basis.event import LATE_IMPACT, late_impact_width
 from analysis.diagnosis.basis.families import BASELINE, TOUCH_DOWN, hertz_time_s, sample_at

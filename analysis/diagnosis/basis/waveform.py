@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.basis.spline import bumps
 
 Array = NDArray[np.float64]
+
 BUMPS_US = (
     0,
     15,
