@@ -198,7 +198,7 @@ class Slot:
     """Which part of the rig is named?"""
 
     named_beside_share: float = 1.0 / 3.0
-    """Of the likeliest's probability, from which a slot is named beside it. Rate: of two slots at
+    """Of the likeliest's probability, from which a slot is named beside it. Derived: of two slots at
     these odds the second is the true one in a quarter of cases."""
     explained_share: float = 0.3
     """Of the structure, below which even the best slot explains little. Chosen by trial."""
