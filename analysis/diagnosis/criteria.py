@@ -198,8 +198,8 @@ class Slot:
     """Which part of the rig is named?"""
 
     named_beside_share: float = 1.0 / 3.0
-    """Of the likeliest's probability, from which a slot is named beside it. Derived: of two slots at
-    these odds the second is the true one in a quarter of cases."""
+    """Of the likeliest's probability, from which a slot is named beside it. Derived: of two slots
+    at these odds the second is the true one in a quarter of cases."""
     explained_share: float = 0.3
     """Of the structure, below which even the best slot explains little. Chosen by trial."""
     formula_share: float = 0.9
