@@ -147,7 +147,9 @@ def _redrawn(result: FitResult, item: FitShot, row: int, rng: np.random.Generato
     """Return a shot as it might have been recorded, of the same truth."""
     fit = result.shots[row]
     noise = item.noise
-    signal = fit.prediction + _noise(noise, fit.prediction.size, rng)
+    at = result.problem.item_at(item, result.fitted.theta)
+    wrong_by = item.window.signal - at.window.signal
+    signal = fit.prediction + wrong_by + _noise(noise, fit.prediction.size, rng)
     shot, speed = item.shot, item.speed_prior
     if shot.restitution is not None and shot.restitution.u > 0:
         u = shot.restitution.u
@@ -155,9 +157,8 @@ def _redrawn(result: FitResult, item: FitShot, row: int, rng: np.random.Generato
         shot = dataclasses.replace(shot, restitution=told)
     if speed is not None:
         # the prior moves with g and height offset, so its mean is kept relative to the stated ones
-        at = result.problem.item_at(item, result.fitted.theta).speed_prior
-        assert at is not None
-        shift = float(fit.own[0]) - at.mean + speed.u * rng.standard_normal()
+        assert at.speed_prior is not None
+        shift = float(fit.own[0]) - at.speed_prior.mean + speed.u * rng.standard_normal()
         speed = dataclasses.replace(speed, mean=speed.mean + shift)
     window = dataclasses.replace(item.window, signal=signal)
     return dataclasses.replace(item, shot=shot, window=window, speed_prior=speed)

@@ -18,6 +18,7 @@ from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sphere, Surface,
 from analysis.fit.blocks import ShotBlock
 from analysis.fit.estimates import CELL
 from analysis.fit.joint import Fitted
+from analysis.fit.law_error import KIND as LAW
 from analysis.fit.priors import (
     LEAST_RELATIVE_U,
     SEEN,
@@ -54,6 +55,7 @@ INPUT_LABELS = {
     "time_base": "time base (true over stated sample rate)",
     "gravity": "acceleration of fall",
     "converter_gain": "gain of the converter (true over stated)",
+    LAW: "inexactness of the law of {}",
 }
 
 
@@ -139,7 +141,11 @@ def _unit_precision(size: int, direction: Array, u: float) -> Array:
 
 def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
     size = covariance.shape[0]
+    laws: dict[str, list[int]] = {}
     for j, one in enumerate(problem.inputs, start=size - len(problem.inputs)):
+        if one.kind == LAW:
+            laws.setdefault(one.path, []).append(j)
+            continue
         column = covariance[:, [j]] / one.u
         label = INPUT_LABELS[one.kind].format(one.owner)
         relative = one.kind != "height_offset"
@@ -147,6 +153,21 @@ def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
             _unit_precision(size, np.eye(size)[j], one.u),
             Source(one.path, label, one.value, one.uncertainty, one.unit, relative, True, column),
         )
+    for path, at in laws.items():
+        yield _of_law(problem, covariance, path, at)
+
+
+def _of_law(
+    problem: JointProblem, covariance: Array, path: str, at: list[int]
+) -> tuple[Array, Source]:
+    """Return one law's inexactness: all coefficients of its discrepancy together."""
+    known = np.diag(problem.prior_precision)[at]
+    precision = np.zeros_like(covariance)
+    precision[at, at] = known
+    said = Uncertainty(float(known[0] ** -0.5))
+    label = INPUT_LABELS[LAW].format(path.removeprefix(f"{LAW}."))
+    spread = covariance[:, at] * np.sqrt(known)
+    return precision, Source(path, label, None, said, "1", False, True, spread)
 
 
 def _of_effects(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:

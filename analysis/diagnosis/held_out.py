@@ -6,9 +6,11 @@ import dataclasses
 
 import numpy as np
 
+from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
 from analysis.fit.campaign_fit import heldout_rms, solve
 from analysis.fit.joint import Fitted
+from analysis.fit.law_error import with_law_errors
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, outcome_of
 from analysis.fit.shot_fit import collect
@@ -50,15 +52,23 @@ def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> F
     Returns
     -------
     FitResult
-        Covariance widened where the residual exceeds the noise.
+        What its effects' laws may be wrong by among its globals; covariance widened where the
+        residual exceeds the noise all the same.
     """
     name = problem.model.name
     if not fitted.blocks:
         return FitResult(name, outcome_of(problem, fitted), problem, fitted, (), 1.0, None)
     # a document rests on these numbers, whatever the time; held-out shots can be spared
     own = unwatched(dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots)))
+    inexact = discrepancy(own, fitted)
+    if inexact is not None:
+        own = with_law_errors(own, inexact.as_inputs(own.shots))
     found, scale = solve(own, fitted.nuisances)
-    timed = dataclasses.replace(own, checkpoint=problem.checkpoint)
-    held = heldout_or_none(timed, found) if heldout else None
+    held = None
+    if heldout and inexact is None:
+        timed = dataclasses.replace(own, checkpoint=problem.checkpoint)
+        held = heldout_or_none(timed, found)
+    elif heldout:  # the law as it is written: what it is wrong by was learned from these shots
+        held = heldout_or_none(problem, fitted)
     shots = collect(own, found, scale=scale)
     return FitResult(name, outcome_of(own, found), own, found, shots, scale, held)

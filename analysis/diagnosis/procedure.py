@@ -16,6 +16,7 @@ from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
+from analysis.diagnosis.score_test.linearised import LAW
 from analysis.diagnosis.stepwise.backward import each_held_against_others
 from analysis.diagnosis.stepwise.early_end import not_held_against, searched
 from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
@@ -300,7 +301,7 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
         left = steps[count].score_test.left
         looks_like = steps[count].score_test.strongest.family
         explained = steps[0].fitted.cost - steps[count].fitted.cost
-        akin = any(looks_like in AKIN[c.effect.slot] for c in chosen[:count])
+        akin = any(looks_like in (LAW, *AKIN[c.effect.slot]) for c in chosen[:count])
         if akin and left > CRITERIA.partial.akin_left_share * explained:
             continue  # what remains is of the kind that was named: the name only resembles it
         share, ahead = (

@@ -229,7 +229,10 @@ def input_slopes(
     for column, (_, one) in enumerate(acting):
         moved = one.moved(item, one.step)
         ratio = found.rebound_ratio
-        if one.kind in by_units:
+        added = one.signal(stated)
+        if added is not None:
+            signal[:, column] = added
+        elif one.kind in by_units:
             signal[:, column], slope = by_units[one.kind]
             ratio += slope * one.step
         elif not problem.model.reads_alike(moved.frame, item.frame):

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from analysis.campaign import Quantity
 from analysis.fit import joint
 from analysis.fit.joint import Fitted
+from analysis.fit.law_error import KIND as LAW
 from analysis.fit.measurand import Json
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
@@ -97,7 +98,10 @@ def _statements(problem: JointProblem) -> list[int]:
             if known[short].youngs_modulus_pa is not None:
                 found.append(j)
     found.extend(j for j, _ in stated_effects(problem))
-    return [*found, *range(len(problem.names) - len(problem.inputs), len(problem.names))]
+    first = len(problem.names) - len(problem.inputs)
+    # that a law is exact is no statement of the campaign's
+    inputs = enumerate(problem.inputs, start=first)
+    return [*found, *(j for j, one in inputs if one.kind != LAW)]
 
 
 def _without(

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from analysis.fit import joint
 from analysis.fit.estimates import CELL
 from analysis.fit.inputs import Input, stated_numbers
+from analysis.fit.law_error import KIND as LAW
 from analysis.fit.priors import sensor_prior, sensor_transform
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, collect, outcome_of
@@ -40,7 +41,7 @@ def with_inputs(problem: JointProblem) -> JointProblem:
     inputs, _ = stated_numbers(
         problem.campaign, problem.shots, by_ratio=problem.model.coupon_share_at is not None
     )
-    if not inputs or problem.inputs:
+    if not inputs or any(one.kind != LAW for one in problem.inputs):
         return problem
     return _widened_by(problem, *_with_calibration(problem, inputs))
 
@@ -58,7 +59,7 @@ def _widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) ->
         start=np.concatenate([problem.start, stated]),
         prior_mean=np.concatenate([problem.prior_mean, stated]),
         prior_precision=precision,
-        inputs=inputs,
+        inputs=(*problem.inputs, *inputs),
     )
 
 

@@ -13,6 +13,7 @@ joint covariance, which is generalised least squares with the common errors as p
 ``input.time_base``        ln of true over stated sample rate, of all shots [1]
 ``input.gravity``          ln of the acceleration of fall [m/s^2]
 ``input.converter_gain``   ln of true over stated volts per code, of all shots [1]
+``input.law.<column>``     how far an effect's law is wrong along a column, see `law_error` [1]
 =========================  ===================================================================
 """
 
@@ -125,6 +126,10 @@ class Input:
         if change is None or by == 0.0 or not self.belongs_to(item):
             return item
         return change(item, by)
+
+    def signal(self, item: FitShot) -> Array | None:
+        """Return what it adds to a shot's record per unit of its coordinate, None of most."""
+        return None
 
     def local_slopes(
         self, item: FitShot, names: Sequence[str], *, by_moduli: bool

@@ -188,6 +188,7 @@ def collect(problem: JointProblem, fitted: Fitted, *, scale: float) -> tuple[Sho
         p = problem.model.predict(local, at.frame)
         plain = dataclasses.replace(
             item,
+            window=at.window,  # without what the laws are wrong by
             noise=dataclasses.replace(
                 item.noise,
                 innovation_rms=item.noise.innovation_rms / math.sqrt(scale),

@@ -13,6 +13,7 @@ FAMILIES = {
     "waveform": "a waveform locked to the record, from before touch-down on",
     "mean_waveform": "the mean waveform of a pair's other hits, which takes the model's place",
     "locked": "anything at a fixed time after touch-down",
+    "law": "more than a published law is usually wrong by",
     "background": "what is on the line all the time",
     "template": "a waveform that repeats from shot to shot, locked to touch-down",
     "ringing": "resonances behind the signal",

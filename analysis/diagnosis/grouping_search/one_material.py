@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import proposals, scopes_of
 from analysis.diagnosis.candidates.other_forms import best_form
 from analysis.diagnosis.candidates.refit import Refit, extended, refitted
@@ -111,7 +112,11 @@ def single_materials(
         if rest.left > CRITERIA.grouping.outside_share * beyond + chance(present.problem):
             return
         small = rest.left <= CRITERIA.grouping.unrelated_share * beyond
-        if not small and run_score_test(linearise(rest.problem, rest.fitted)).structured:
+        inexact = discrepancy(rest.problem, rest.fitted)
+        if (
+            not small
+            and run_score_test(linearise(rest.problem, rest.fitted, inexact=inexact)).structured
+        ):
             return
         yield apart_from(present, rest, far_begin(present))
 

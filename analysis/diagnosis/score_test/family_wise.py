@@ -78,12 +78,12 @@ def _drawn_scores(linearised: Linearised, rng: np.random.Generator) -> list[Arra
 
     Each of shape (s + q, draws): shared parameters, then columns.
     """
-    precision = linearised.problem.prior_precision
+    precision = linearised.precision
     load = _drawn(rng, precision)
     whole = precision.copy()
     scores, chains = [], []
     for shot in linearised.shots:
-        chain = np.zeros((shot.vector.size, len(linearised.problem.names)))
+        chain = np.zeros((shot.vector.size, precision.shape[0]))
         chain[: shot.chain.shape[0]] = shot.chain
         score = _drawn(rng, shot.matrix)
         whole += chain.T @ shot.matrix @ chain

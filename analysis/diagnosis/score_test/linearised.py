@@ -14,13 +14,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import block_diag
 from scipy.stats import chi2 as chi2_distribution
 
 from analysis.diagnosis.basis.families import View, family_columns
+from analysis.diagnosis.basis.form_error import Discrepancy
 from analysis.diagnosis.basis.groups import groups
 from analysis.diagnosis.basis.proposals import Proposal, column
 from analysis.diagnosis.basis.scale import Scale
@@ -33,6 +35,8 @@ from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
 
 Array = NDArray[np.float64]
+Part = tuple[str, list[str], Array, Array | None, Array | None]
+"""A family with its labels, signal, and changes of the rebound and of the promised ln v0."""
 
 GENERIC = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "alternate",
@@ -48,6 +52,8 @@ PARTS = {
     "zero": ("curve", ("at -0.02", "at -0.006", "at -0.002", "at 0 ", "at 0.002", "at 0.006")),
 }
 """Families made of some columns of another: its name, and how their labels begin."""
+LAW = "law"
+"""The family of what the model's own laws may be wrong by, where that is taken into account."""
 RIDGE = 0.5
 """A discrepancy's coefficients are of order one where it changes the signal by its own size."""
 RANK_TOLERANCE = 1e-9
@@ -66,11 +72,11 @@ class LinearisedShot:
     item : FitShot
         The shot.
     matrix : ndarray, shape (s + q, s + q)
-        Shared local parameters, then columns.
+        Shared local parameters and what its laws may be wrong by, then columns.
     vector : ndarray, shape (s + q,)
         Minus the gradient of half the whitened squares.
     chain : ndarray, shape (s, g)
-        Shared local parameters by the globals.
+        The first s of these by the globals.
     residual : ndarray, shape (n,)
         Measurement less model. [unit of the signal]
     white : ndarray, shape (n - p,)
@@ -164,6 +170,14 @@ class Linearised:
         Positions of each family's columns, and their labels.
     scale : Scale
         Sizes that the columns are measured in.
+    precision : ndarray, shape (g, g)
+        Prior of the globals: shared parameters, then what the model's laws may be wrong by.
+    pull : ndarray, shape (g,)
+        What that prior adds to the globals' score.
+    wrong_by : dict
+        Coefficient of each law's discrepancy at the point of the linearisation.
+    gain_of_inexactness : float
+        Twice what ln Z gains by laws that may be wrong. [1]
     """
 
     problem: JointProblem
@@ -171,6 +185,10 @@ class Linearised:
     shots: list[LinearisedShot]
     families: dict[str, tuple[list[int], list[str]]]
     scale: Scale
+    precision: Array
+    pull: Array
+    wrong_by: dict[str, float] = field(default_factory=dict)
+    gain_of_inexactness: float = 0.0
 
     # -- groups ----------------------------------------------------------------------------------
     def groups(self, scope: str) -> list[list[tuple[str, float]]]:
@@ -251,7 +269,7 @@ class Linearised:
         System
             Priors of the globals included; none on coefficients.
         """
-        globals_ = len(self.problem.names)
+        globals_ = self.pull.size
         labels: list[str] = []
         chains = [_wide(shot, globals_) for shot in self.shots]
         for family, scope in parts:
@@ -269,11 +287,9 @@ class Linearised:
         vectors = [c.T @ s.vector for c, s in zip(chains, self.shots, strict=True)]
         size = globals_ + len(labels)
         prior = np.zeros((size, size))
-        prior[:globals_, :globals_] = self.problem.prior_precision
+        prior[:globals_, :globals_] = self.precision
         pull = np.zeros(size)
-        pull[:globals_] = -self.problem.prior_precision @ (
-            self.fitted.theta - self.problem.prior_mean
-        )
+        pull[:globals_] = self.pull
         return System(
             matrices, vectors, sum(matrices) + prior, sum(vectors) + pull, chains, labels, globals_
         )
@@ -417,6 +433,7 @@ def linearise(
     tried: Sequence[Proposal] = (),
     *,
     wanted: Sequence[str] = GENERIC,
+    inexact: Discrepancy | None = None,
 ) -> Linearised:
     """Linearise a fitted campaign with all generic columns and those of named effects.
 
@@ -430,6 +447,9 @@ def linearise(
         Effects to look along; each becomes a family under its key.
     wanted : sequence of str
         Generic families.
+    inexact : Discrepancy, optional
+        What the model's laws may be wrong by: further globals, at the most probable values of
+        which the residual is looked at, and the family `LAW`.
 
     Returns
     -------
@@ -439,7 +459,7 @@ def linearise(
     scale = tuned(problem, fitted, scale_of(problem, fitted), wanted)
     families: dict[str, tuple[list[int], list[str]]] = {}
     shots = []
-    for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
+    for row, (item, nuisance) in enumerate(zip(problem.shots, fitted.nuisances, strict=True)):
         shots.append(
             _linearised_shot(
                 problem,
@@ -450,9 +470,62 @@ def linearise(
                 families=families,
                 tried=tried,
                 wanted=wanted,
+                laws=None if inexact is None else (inexact, row),
             )
         )
-    return Linearised(problem, fitted, shots, families | _parts_of(families), scale)
+    pull = -problem.prior_precision @ (fitted.theta - problem.prior_mean)
+    precision = problem.prior_precision
+    if inexact is not None:
+        precision = block_diag(precision, inexact.precision)
+        pull = np.concatenate([pull, np.zeros(len(inexact.names))])
+    plain = [shot for shot, _ in shots]
+    families |= _parts_of(families)
+    found = Linearised(problem, fitted, plain, families, scale, precision, pull)
+    return found if inexact is None else _settled(found, inexact, [way for _, way in shots])
+
+
+def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linearised:
+    """Return the linearisation where the laws' discrepancies are at their most probable values.
+
+    To first order, with everything else that is fitted.
+    """
+    system = found.system([])
+    step = _solved(system.whole, system.load)
+    shots = []
+    for shot, way in zip(found.shots, ways, strict=True):
+        local = shot.chain @ step
+        moved = np.concatenate([local, way.own - way.back @ local])
+        shots.append(
+            replace(
+                shot,
+                vector=shot.vector - shot.matrix[:, : local.size] @ local,
+                residual=shot.residual - way.signal @ moved,
+                white=shot.white - way.white @ moved,
+            )
+        )
+    coefficients = step[len(found.problem.names) :].tolist()
+    wrong_by = dict(zip(inexact.names, coefficients, strict=True))
+    pull = found.pull - found.precision @ step
+    gain = _gain_of_inexactness(system, step, len(found.problem.names), inexact)
+    return replace(found, shots=shots, pull=pull, wrong_by=wrong_by, gain_of_inexactness=gain)
+
+
+def _gain_of_inexactness(system: System, step: Array, exact: int, inexact: Discrepancy) -> float:
+    r"""Return twice what ln Z gains where the laws may be wrong: squares less Occam's factor.
+
+    .. math:: \Delta C - \ln |I + \epsilon^2 \Phi^T \Phi|
+
+    with what the other parameters take up projected out of :math:`\Phi`. It is of either sign.
+    """
+    inner, load = system.whole[:exact, :exact], system.load
+    fall = float(load @ step - load[:exact] @ _solved(inner, load[:exact]))
+    width = 2.0 * len(inexact.names) * math.log(inexact.u)
+    return fall - (_log_det(system.whole) - _log_det(inner) + width)
+
+
+def _log_det(matrix: Array) -> float:
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return float(np.linalg.slogdet(matrix / np.outer(scale, scale))[1] + 2.0 * np.log(scale).sum())
 
 
 def _parts_of(
@@ -468,6 +541,26 @@ def _parts_of(
     return found
 
 
+@dataclass(frozen=True)
+class _Way:
+    """How one shot follows the globals, its own parameters with them.
+
+    Attributes
+    ----------
+    signal, white : ndarray, shape (n, s + p), (n - h, s + p)
+        Derivatives by shared and own parameters; the same whitened.
+    own : ndarray, shape (p,)
+        Step of the shot's own parameters if nothing else moves.
+    back : ndarray, shape (p, s)
+        What that loses with a step of the shared ones.
+    """
+
+    signal: Array
+    white: Array
+    own: Array
+    back: Array
+
+
 def _linearised_shot(
     problem: JointProblem,
     theta: Array,
@@ -478,7 +571,8 @@ def _linearised_shot(
     families: dict[str, tuple[list[int], list[str]]],
     tried: Sequence[Proposal],
     wanted: Sequence[str],
-) -> LinearisedShot:
+    laws: tuple[Discrepancy, int] | None,
+) -> tuple[LinearisedShot, _Way]:
     problem.checkpoint()
     model = problem.model
     shared, chain = problem.shared_local(item, theta)
@@ -491,8 +585,10 @@ def _linearised_shot(
         columns, shift = column(proposal, model, local, item, found.signal)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
         parts.append((proposal.key, labels, columns, None, shift))
-    s = len(model.shared)
-    at = s
+    s = at = len(model.shared)
+    if laws is not None:
+        law, chain = _law(*laws, chain)
+        parts.insert(0, law)
     for family, labels, _, _, _ in parts:
         families[family] = (list(range(at, at + len(labels))), labels)
         at += len(labels)
@@ -501,7 +597,8 @@ def _linearised_shot(
     speed = np.concatenate([p[4] if p[4] is not None else np.zeros(len(p[1])) for p in parts])
     residual = item.window.signal - found.signal
     white = item.whiten(residual)
-    design = item.whiten(np.column_stack([jacobian[:, :s], signal, jacobian[:, s:]]))
+    plain = np.column_stack([jacobian[:, :s], signal, jacobian[:, s:]])
+    design = item.whiten(plain)
     extra, rows = prior_rows(model, item, local, found.rebound_ratio, gradient)
     wide = []
     for row in rows:
@@ -513,39 +610,27 @@ def _linearised_shot(
     for value, row in zip(extra, wide, strict=True):
         matrix += np.outer(row, row)
         vector -= value * row
-    return _eliminated(
-        item,
-        matrix=matrix,
-        vector=vector,
-        chain=chain,
-        keep=s + q,
-        residual=residual,
-        white=white,
-        nuisance=nuisance,
-    )
-
-
-def _eliminated(
-    item: FitShot,
-    *,
-    matrix: Array,
-    vector: Array,
-    chain: Array,
-    keep: int,
-    residual: Array,
-    white: Array,
-    nuisance: Array,
-) -> LinearisedShot:
-    inner = np.linalg.solve(
-        matrix[keep:, keep:], np.column_stack([matrix[keep:, :keep], vector[keep:]])
+    keep = s + q
+    inner: Array = np.asarray(
+        np.linalg.solve(
+            matrix[keep:, keep:], np.column_stack([matrix[keep:, :keep], vector[keep:]])
+        ),
+        dtype=np.float64,
     )
     cross = matrix[:keep, keep:]
-    return LinearisedShot(
-        item,
-        matrix[:keep, :keep] - cross @ inner[:, :-1],
-        vector[:keep] - cross @ inner[:, -1],
-        chain,
-        residual,
-        white,
-        float(nuisance[2]) * 1e-6 * item.frame.sample_rate_hz,
-    )
+    moving = [*range(chain.shape[0]), *range(keep, matrix.shape[0])]
+    way = _Way(plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]])
+    touch_down = float(nuisance[2]) * 1e-6 * item.frame.sample_rate_hz
+    eliminated = matrix[:keep, :keep] - cross @ inner[:, :-1]
+    left = vector[:keep] - cross @ inner[:, -1]
+    return LinearisedShot(item, eliminated, left, chain, residual, white, touch_down), way
+
+
+def _law(inexact: Discrepancy, row: int, chain: Array) -> tuple[Part, Array]:
+    """Return a shot's columns of what its laws may be wrong by, and the chain to them."""
+    at, count = inexact.places[row], len(inexact.names)
+    wide = np.zeros((chain.shape[0] + at.size, chain.shape[1] + count))
+    wide[: chain.shape[0], : chain.shape[1]] = chain
+    wide[range(chain.shape[0], wide.shape[0]), chain.shape[1] + at] = 1.0
+    labels = [inexact.names[j].partition(" [")[0] for j in at]
+    return (LAW, labels, inexact.columns[row], None, inexact.speeds[row]), wide

@@ -8,9 +8,11 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.candidates.refit import Refit, continued
 from analysis.diagnosis.candidates.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.score_test.linearised import linearise
 from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -197,14 +199,27 @@ def behind(taken: Refit, other: Refit) -> float:
     )
 
 
+def _score_of_inexact(refit: Refit) -> float:
+    """Return twice the rise of ln Z by an effect whose law, like all others, may be wrong."""
+    problem, fitted = refit.problem, refit.fitted
+    inexact = None if joint.is_hopeless(problem, fitted.cost) else discrepancy(problem, fitted)
+    if inexact is None:
+        return refit.score()
+    found = linearise(problem, fitted, wanted=(), inexact=inexact)
+    return refit.score() + found.gain_of_inexactness
+
+
 def _rivals(selection: Selection) -> dict[str, list[Refit]]:
     """Return what the data cannot tell from the last effect chosen, under its id if anything.
 
-    It is fitted on where it is close behind, and where that does not come to an end it is near as
+    Two may be near as their laws are written, or where both may be wrong by a little: what tells
+    one form of a law from another does not tell the laws. A rival
+    is fitted on where it is close behind, and where that does not come to an end it is near as
     long as it draws nearer: along a bent valley every step is small, and the way is long.
     """
     step, taken = selection.steps[-2], selection.chosen[-1]
     step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
+    score = taken.score() + selection.last.linearised.gain_of_inexactness
     near = []
     for at, one in enumerate(step.refits):
         within = CRITERIA.stepwise.confusable_within
@@ -212,6 +227,9 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
             step.refits[at] = further = continued(step.fitted, one)
             if not further.fitted.converged:
                 within += CRITERIA.stepwise.unfinished_growth * (further.gain - one.gain)
-        if not step.refits[at].at_bound and behind(taken, step.refits[at]) < within:
-            near.append(step.refits[at])
+        other = step.refits[at]
+        if other.at_bound or other.effect_id == taken.effect_id or not other.on_all_shots:
+            continue
+        if behind(taken, other) < within or score - _score_of_inexact(other) < within:
+            near.append(other)
     return {taken.effect_id: near} if near else {}

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import Proposal, proposals
 from analysis.diagnosis.candidates.other_forms import best_form
 from analysis.diagnosis.candidates.refit import Refit
@@ -101,19 +102,11 @@ class Selection:
 
     @property
     def adequate(self) -> bool:
-        """Whether it has ended in noise, or in less than its effects' forms are good for.
+        """Whether the selection has ended in noise.
 
         A model with a number that nothing can have does not count, whatever it leaves.
         """
-        if self.last.impossible:
-            return False
-        if not self.last.score_test.structured:
-            return True
-        left = self.last.score_test.left
-        explained = self.steps[0].fitted.cost - self.last.fitted.cost
-        return bool(self.chosen) and left < min(
-            CRITERIA.structure.form_error_share * explained, CRITERIA.structure.form_error_squares
-        )
+        return not (self.last.impossible or self.last.score_test.structured)
 
     @property
     def score(self) -> float:
@@ -155,19 +148,20 @@ def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
 
     Notes
     -----
-    Made to its end whatever the time: what was fitted is worth nothing without it. What masses,
+    Made to its end whatever the time: what was fitted is worth nothing without it. What an effect's
+    law may be wrong by (`analysis.diagnosis.basis.form_error`) is no structure, nor is what masses,
     radii and heights explain that differ from their statements by what these allow is no structure:
     such an answer is that of the fit in which they are where the shots put them.
     """
     whole = unwatched(problem)
-    linearised = linearise(whole, fitted)
+    linearised = linearise(whole, fitted, inexact=discrepancy(whole, fitted))
     found = Step(problem, fitted, linearised, run_score_test(linearised))
     if not found.score_test.structured or joint.is_hopeless(problem, fitted.cost):
         return found
     settled, near = at_likeliest_inputs(whole, fitted)
     if settled is whole:
         return found  # every number is exact
-    linearised = linearise(settled, near)
+    linearised = linearise(settled, near, inexact=discrepancy(settled, near))
     freed = run_score_test(linearised)
     return found if freed.structured else Step(problem, fitted, linearised, freed)
 

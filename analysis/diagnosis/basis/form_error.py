@@ -1,0 +1,200 @@
+r"""No law is exact: the small discrepancy that every effect of a model brings with it.
+
+An effect e adds to a shot its own signal, model less the model without it at the same parameters:
+
+.. math:: d_e(t) = f(t; \theta) - f_{-e}(t; \theta)
+
+Another published form of the same law would add nearly the same. What it adds beside, :math:`\Phi
+c`, is linear in coefficients :math:`c \sim N(0, \epsilon^2)` of each pair, along columns as large
+as the signal itself:
+
+===============  ===================================================================================
+column           what of the law is inexact
+===============  ===================================================================================
+``size k``       :math:`P_k(u)\, d_e`, k = 0..3: its size, and how that changes in its course
+``delay``        :math:`T\, \dot d_e`: when it comes
+``<number>``     :math:`s\, \partial f / \partial p`: each of its numbers, which is one number for
+                 all pairs where the law is exact; s makes the column as large as the signal
+===============  ===================================================================================
+
+P are Legendre's polynomials; u runs from -1 to 1 as the signal's squares pass, because a contact's
+law acts during the contact, a coupler's long after it, and a second touch later still. T is the
+contact time. The signal is all of what the law adds, not the part that nothing else imitates: what
+a modulus imitates of an error of the law moves the modulus. A pair owns its coefficients: a form is
+chosen once, but how two forms differ depends on the two bodies, and hardly on the height, with
+which the signal has changed already.
+
+A signal of free size in every shot (hum) is no law and has none.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+from numpy.typing import NDArray
+
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.effects.effect import Effect
+from analysis.fit.joint import Fitted
+from analysis.fit.law_error import LawError, law_error
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.impact_model import ImpactModel
+
+HIGHEST_ORDER = 3
+"""Of the polynomials: a signal's start, middle and end apart, no single sample."""
+
+Array = NDArray[np.float64]
+Places = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Discrepancy:
+    """What the inexactness of a model's laws may add to each shot.
+
+    Attributes
+    ----------
+    names : list of str
+        Of the w coefficients: ``<effect>.<column> [<pair>]``.
+    columns : list of ndarray, shape (n, q)
+        For each shot. [unit of the signal]
+    speeds : list of ndarray, shape (q,)
+        What each column adds to the promised ln v0.
+    places : list of ndarray, shape (q,)
+        Whose coefficient each column has, among ``names``.
+    u : float
+        Standard uncertainty of every coefficient.
+    """
+
+    names: list[str]
+    columns: list[Array]
+    speeds: list[Array]
+    places: list[Places]
+    u: float = CRITERIA.structure.form_error
+
+    @property
+    def precision(self) -> Array:
+        """Return what is known of the coefficients beforehand. Shape (w, w)"""
+        return np.asarray(np.eye(len(self.names)) / self.u**2)
+
+    def as_inputs(self, items: Sequence[FitShot]) -> tuple[LawError, ...]:
+        """Return the coefficients as inputs of a joint fit of these shots."""
+        added: list[dict[float, Array]] = [{} for _ in self.names]
+        faster: list[dict[float, float]] = [{} for _ in self.names]
+        for item, columns, speeds, places in zip(
+            items, self.columns, self.speeds, self.places, strict=True
+        ):
+            for column, speed, j in zip(columns.T, speeds.tolist(), places, strict=True):
+                added[j][item.frame.place] = column
+                faster[j][item.frame.place] = speed
+        every = zip(self.names, added, faster, strict=True)
+        return tuple(law_error(name, self.u, signal, speed) for name, signal, speed in every)
+
+
+@dataclass(frozen=True)
+class _Own:
+    """One effect's columns of one shot, those of its numbers not yet scaled."""
+
+    law: Array
+    numbers: Array
+    speed: float
+
+
+def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
+    """Return what the laws of a fitted model may be wrong by, None where it has no law.
+
+    Parameters
+    ----------
+    problem, fitted : JointProblem, Fitted
+        A model at its best.
+
+    Returns
+    -------
+    Discrepancy or None
+        Around this fit.
+    """
+    effects = [e for e in problem.model.effects if e.basis is None]
+    if not effects or not fitted.blocks:
+        return None
+    by_shot = [
+        _of_shot(problem, item, fitted.theta, nuisance, effects)
+        for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True)
+    ]
+    columns: list[list[Array]] = [[] for _ in by_shot]
+    speeds: list[list[Array]] = [[] for _ in by_shot]
+    for at in range(len(effects)):
+        own = [shot[at] for shot in by_shot]
+        scale = _scale(problem.shots, own)
+        for row, one in enumerate(own):
+            columns[row] += [one.law, one.numbers * scale]
+            shift = np.zeros(one.law.shape[1] + scale.size)
+            shift[0] = one.speed
+            speeds[row].append(shift)
+    labels = [f"{e.id}.{label}" for e in effects for label in _labels(e)]
+    pairs = sorted({item.pair for item in problem.shots})
+    first = [pairs.index(item.pair) * len(labels) for item in problem.shots]
+    return Discrepancy(
+        [f"{label} [{pair}]" for pair in pairs for label in labels],
+        [np.column_stack(c) for c in columns],
+        [np.concatenate(s) for s in speeds],
+        [np.arange(at, at + len(labels), dtype=np.intp) for at in first],
+    )
+
+
+def _labels(effect: Effect) -> list[str]:
+    sizes = [f"size {k}" for k in range(HIGHEST_ORDER + 1)]
+    return [*sizes, "delay", *(p.name for p in effect.parameters)]
+
+
+def _of_shot(
+    problem: JointProblem, item: FitShot, theta: Array, nuisance: Array, effects: Sequence[Effect]
+) -> list[_Own]:
+    """Return the columns of every law in one shot."""
+    problem.checkpoint()
+    model = problem.model
+    shared, _ = problem.shared_local(item, theta)
+    local = np.concatenate([shared, nuisance])
+    found, jacobian, _ = model.linearise(local, item.frame)
+    steps = model.steps(local, item.frame)
+    rate = item.frame.sample_rate_hz
+    own = []
+    for effect in effects:
+        without = _without(model, effect)
+        added = found.signal - without.predict(local, item.frame, steps=steps).signal
+        if not np.isfinite(added).all():  # without it the contact has no end: nothing to compare
+            added = np.zeros_like(added)
+        delay = np.gradient(added) * rate * found.contact_time_s
+        shift = model.speed_shift(local, item.frame) - without.speed_shift(local, item.frame)
+        law = np.column_stack([_sizes(added), delay])
+        own.append(_Own(law, jacobian[:, list(model.places[effect.id])], shift))
+    return own
+
+
+def _sizes(added: Array) -> Array:
+    """Return a signal times polynomials over its own course. Shape (n, orders)"""
+    passed = np.cumsum(added**2)
+    if not passed[-1] > 0.0:
+        return np.zeros((added.size, HIGHEST_ORDER + 1))
+    u = 2.0 * passed / passed[-1] - 1.0
+    return np.asarray(legvander(u, HIGHEST_ORDER) * added[:, None])
+
+
+def _without(model: ImpactModel, effect: Effect) -> ImpactModel:
+    """Return a model with an effect's numbers and nothing of what they do."""
+    kept = tuple(e.silent() if e is effect else e for e in model.effects)
+    return dataclasses.replace(model, effects=kept)
+
+
+def _scale(items: Sequence[FitShot], own: Sequence[_Own]) -> Array:
+    """Return what makes the columns of an effect's numbers as large as its signal. Shape (p,)"""
+    signal, numbers = 0.0, np.zeros(own[0].numbers.shape[1])
+    for item, one in zip(items, own, strict=True):
+        white = item.whiten(np.column_stack([one.law[:, :1], one.numbers]))
+        squares = np.sum(white**2, axis=0)
+        signal += float(squares[0])
+        numbers += squares[1:]
+    seen = numbers > 0.0
+    return np.where(seen, np.sqrt(signal / np.where(seen, numbers, 1.0)), 0.0)
