@@ -272,9 +272,9 @@ class JointProblem:
         """Fill in the coupon's share in the compliance where an effect asks for it."""
         at = self.model.coupon_share_at
         if at is not None:
-            values[at], chain[at] = self._coupon_share(shot, values[0], chain[0])
+            values[at], chain[at] = self.coupon_share(shot, values[0], chain[0])
 
-    def _coupon_share(
+    def coupon_share(
         self, shot: FitShot, ln_k: float, slope: NDArray[np.float64]
     ) -> tuple[float, NDArray[np.float64]]:
         """Return the coupon's share in the compliance of a pair, and its derivative by the globals.

@@ -153,7 +153,13 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
 
 
 def column(
-    proposal: Proposal, model: ImpactModel, local: Array, item: FitShot, base: Array
+    proposal: Proposal,
+    model: ImpactModel,
+    local: Array,
+    item: FitShot,
+    base: Array,
+    *,
+    coupon_share: float = 1.0,
 ) -> tuple[Array, Array]:
     """Return what a proposal adds to one shot per unit coefficient: signal and promised speed.
 
@@ -169,6 +175,8 @@ def column(
         The shot.
     base : ndarray, shape (n,)
         The present model's signal.
+    coupon_share : float
+        The coupon's share in the compliance of the two bodies, for an effect that depends on it.
 
     Returns
     -------
@@ -188,7 +196,8 @@ def column(
         step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
         coordinates[proposal.amplitude] = step
     tried = model.with_effect(rescoped(effect, "rig"))
-    moved = np.concatenate([local[:at], coordinates, local[at:]])
+    share = [coupon_share] if effect.by_coupon_share else []
+    moved = np.concatenate([local[:at], coordinates, share, local[at:]])
     signal = tried.predict(moved, item.frame).signal
     shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
     if not np.isfinite(signal).all():

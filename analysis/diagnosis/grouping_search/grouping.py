@@ -58,16 +58,20 @@ def best_grouping(
             by_material.append(other)
         if not other.at_bound and other.score() > best.score():
             best = other
+    # a size for each shot does not stand against one for some materials: it may be theirs, too
+    least = best.score() if not best.own else max((r.score() for r in by_material), default=0.0)
     for each in by_material if of_some else []:
-        for other in _of_some(problem, base, each):
+        for other in _of_some(problem, base, each, least):
             if not other.at_bound and other.score() > best.score():
                 best = other
     return best
 
 
-def _of_some(problem: JointProblem, base: joint.Fitted, each: Refit) -> Iterator[Refit]:
+def _of_some(
+    problem: JointProblem, base: joint.Fitted, each: Refit, least: float
+) -> Iterator[Refit]:
     """Yield an effect's refits on some materials, the best of them with a size a shot as well."""
-    found = [_on_some(only, problem, base, each) for only in _sets(each)]
+    found = [_on_some(only, problem, base, each) for only in _sets(each, least)]
     yield from found
     if found and "shot" in scopes_of(each.effect):
         likeliest = max(found, key=Refit.score)
@@ -75,16 +79,23 @@ def _of_some(problem: JointProblem, base: joint.Fitted, each: Refit) -> Iterator
         yield dataclasses.replace(own, common=likeliest.gain)
 
 
-def _sets(each: Refit) -> list[ActsOn]:
-    """Return the sets of materials worth a fit, from an effect with a size for each of them."""
+def _sets(each: Refit, least: float) -> list[ActsOn]:
+    """Return the sets of materials that reach a score to first order from a size for each.
+
+    The others of the right set ask for next to nothing, so that first order is near enough there.
+    """
     sizes = sizes_of(each, each.scope)
     if sizes is None:
         return []
-    return sizes.candidates(either_sign=can_be_negative(each.effect))[:SETS_FITTED]
+    free = each.score() + each.price.shared  # had it one number without a price
+    sets = sizes.candidates(either_sign=can_be_negative(each.effect))
+    return [
+        only for only in sets[:SETS_FITTED] if free - (sizes.gain - sizes.promise(only)) > least
+    ]
 
 
 def promises_other_grouping(found: Refit) -> bool:
-    """Tell whether an effect of the rig would, to first order, explain clearly more in another.
+    """Tell whether an effect would score higher, to first order around its fit, in another.
 
     Parameters
     ----------
@@ -94,19 +105,25 @@ def promises_other_grouping(found: Refit) -> bool:
     Returns
     -------
     bool
-        False of an effect that does not act on everything with one size.
+        Of an effect that acts on some materials, only the sets within these are asked: nothing was
+        learned of the others. False where every shot has a size.
     """
-    if found.effect.only is not None or found.scope != "rig":
-        return False
+    only = found.effect.only
     for kind in set(KINDS) & set(scopes_of(found.effect)):
         sizes = sizes_of(found, kind)
         if sizes is None:
             continue
-        of_all = sizes.common(sizes.names)[1]
-        paid = CRITERIA.comparison.price_of_number * (len(sizes.names) - 1)
-        sets = sizes.candidates(either_sign=can_be_negative(found.effect))[:1]
-        most = max([sizes.gain - paid, *(sizes.promise(only) for only in sets)])
-        if most - of_all > CRITERIA.comparison.least_lead:
+        each = sizes.gain - CRITERIA.comparison.price_of_number * (len(sizes.names) - 1)
+        sets = sizes.candidates(either_sign=can_be_negative(found.effect))
+        others = [each]
+        if only is not None and only.kind == kind:
+            now = sizes.promise(only)
+            sets = [some for some in sets if set(some.names) < set(only.names)]
+        elif only is None and found.scope == kind:
+            now, others = each, [sizes.common(sizes.names)[1]]
+        else:
+            now = sizes.common(sizes.names)[1]
+        if max([*others, *(sizes.promise(some) for some in sets)]) > now:
             return True
     return False
 

@@ -581,8 +581,9 @@ def _linearised_shot(
     clean = found.signal - local[len(model.shared) + 3]
     view = View(model, item, local, clean, jacobian, scale)
     parts = [(f, *family_columns(view, f)) for f in wanted]
+    share, _ = problem.coupon_share(item, float(shared[0]), chain[0])
     for proposal in tried:
-        columns, shift = column(proposal, model, local, item, found.signal)
+        columns, shift = column(proposal, model, local, item, found.signal, coupon_share=share)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
         parts.append((proposal.key, labels, columns, None, shift))
     s = at = len(model.shared)

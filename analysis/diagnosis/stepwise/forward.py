@@ -126,9 +126,8 @@ class Selection:
             lead = wide.score() - found.score()
             if lead > 0.0:
                 wider = make_step(wide.problem, wide.fitted)
-                # where the same effect ends in noise only now it needs no lead
-                ends = structured and not wider.score_test.structured
-                if lead > CRITERIA.comparison.least_lead or ends:
+                # where the same effect ends in noise it needs no lead
+                if lead > CRITERIA.comparison.least_lead or not wider.score_test.structured:
                     found, step = wide, wider
         return Selection([*self.steps, step], [*self.chosen, found])
 

@@ -32,6 +32,7 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "noise_words.1000.0": "how a frequency is written",
     "linear_filter.IMPULSE_EVEN_US": "the knots of a basis",
     "linear_filter.IMPULSE_UNTIL_US": "the knots of a basis",
+    "some_materials.LEAST_INFORMATION": "rounding: the rank of a matrix",
     "stack.FINE_UNTIL": "the bins of a picture",
     "stack.MIDDLE_UNTIL": "the bins of a picture",
     "multistart.RISES_AFTER": "the shape of a pulse, for a start",

@@ -12,6 +12,7 @@ from analysis.diagnosis.basis.proposals import proposals
 from analysis.diagnosis.candidates.multistart import starts
 from analysis.diagnosis.candidates.refit import Refit, refit
 from analysis.diagnosis.candidates.successive_halving import rivals_refitted
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.grouping_search.grouping import (
     best_grouping,
@@ -124,6 +125,16 @@ def test_a_name_is_held_against_others_on_the_same_materials(tmp_path: Path) -> 
     assert [r.effect_id for r in rivals] == [other]
     assert rivals[0].effect.only == found.effect.only
     assert 0.0 < rivals[0].gain < found.gain
+
+
+def test_a_thin_coupon_promises_something_to_first_order(tmp_path: Path) -> None:
+    """Its column knows the coupon's share in the compliance, without which it would be zero."""
+    thin = campaign(tmp_path, "finite_thickness", Scope(surface="specimen"), thickness_m=2e-3)
+    problem = build(thin, model_named(BASES[CampaignSettings().rig]))
+    base = joint.fit(problem, prepare(problem))
+    tried = [p for p in proposals(problem)[0] if p.effect.id == "finite_thickness"]
+    found = starts(linearise(problem, base, tried), tried)["finite_thickness"]
+    assert found[0].promised > CRITERIA.comparison.least_lead
 
 
 @pytest.mark.slow

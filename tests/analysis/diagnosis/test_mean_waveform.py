@@ -17,8 +17,8 @@ from analysis.diagnosis.document.family_words import FAMILIES
 from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from analysis.diagnosis.score_test.score_test import SLOTS
 from analysis.diagnosis.stepwise.forward import Step, make_step
+from analysis.effects.effect import SLOTS
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.problem import build
