@@ -111,17 +111,20 @@ def price_of_effect(
     The prior of a number is uniform in its coordinate between its physical limits; where a campaign
     states the number, it is Gaussian.
     """
-    size, own = base.theta.size, _own_places(problem, effect)
+    own = _own_places(problem, effect)
+    # of an effect that another has been added to, the numbers are not the last ones
+    mine = [j for j, name in enumerate(problem.names) if name.startswith(f"{effect.id}.")]
+    rest = [j for j in range(len(problem.names)) if j not in mine]
     without = dataclasses.replace(
         problem,
-        names=problem.names[:size],
-        prior_mean=problem.prior_mean[:size],
-        prior_precision=problem.prior_precision[:size, :size],
+        names=[problem.names[j] for j in rest],
+        prior_mean=problem.prior_mean[rest],
+        prior_precision=problem.prior_precision[np.ix_(rest, rest)],
     )
     after, _, _ = joint.normal_equations(problem, fitted)
     before, _, _ = joint.normal_equations(without, base)
     volume = 0.0
-    for j in range(size, len(problem.names)):
+    for j in mine:
         width = _prior_width(problem, problem.names[j], effect)
         after[j, j] += 1.0 / (UNIFORM_VARIANCE * width**2)
         volume += 2.0 * math.log(width) - LN_2_PI

@@ -109,6 +109,14 @@ class Selection:
         return not (self.last.impossible or self.last.score_test.structured)
 
     @property
+    def settled(self) -> bool:
+        """Whether it has ended in noise with every law exactly as it is written."""
+        last = self.last
+        if not self.adequate or not last.linearised.wrong_by:
+            return self.adequate
+        return not run_score_test(linearise(unwatched(last.problem), last.fitted)).structured
+
+    @property
     def score(self) -> float:
         """Return the whitened squares left, numbers paid for."""
         paid = sum(r.gain - r.score() for r in self.chosen)
@@ -245,7 +253,7 @@ def select(
     if found and (found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS):
         return found[0]
     apart = _split_by_material(start, usual, progress)
-    if apart is not None and (apart.adequate or not found):
+    if apart is not None and (apart.settled or not found):
         return apart
     if not found:
         return start
@@ -253,13 +261,14 @@ def select(
         if first.gain < CRITERIA.stepwise.first_effect_share * firsts[0].gain:
             break
         found.append(_with_second(found[0] if place == 0 else start.on(first), usual, progress))
-        if found[-1].adequate:
+        # two laws that may both be wrong take up much: others are tried before they are believed
+        if found[-1].settled:
             return found[-1]
-    best = min(found, key=lambda t: t.score)
+    best = min([t for t in found if t.adequate] or found, key=lambda t: t.score)
     if len(best.chosen) < MAX_EFFECTS and _nearly(start, best):
         third = _with_second(best, usual, progress)
         # the third of a chain is where what the first two leave for their forms would get a name
-        return best if third.last.score_test.structured else third
+        return third if third.settled else best
     return best
 
 
@@ -277,7 +286,8 @@ def _split_by_material(
         try_effects(some.last, place, told)
         for first in useful(some.last)[:FIRSTS_TRIED]:
             one = some.on(first)
-            if one.adequate:
+            # a part of the shots tells less of a law that may be wrong
+            if one.settled:
                 return one.chosen[-1]
         return None
 
@@ -295,7 +305,7 @@ def _split_by_material(
 
 def _with_second(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
     """Return a selection with what helps most on top; the selection itself where nothing does."""
-    if not selection.adequate:
+    if not selection.settled:
         try_effects(selection.last, usual, progress)
         found = useful(selection.last)
         if found:
