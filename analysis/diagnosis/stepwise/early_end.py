@@ -104,10 +104,8 @@ def not_held_against(selection: Selection) -> dict[str, list[str]]:
         others = set(_near(step, taken))
         if step.unfinished:
             others |= _never_compared(step, taken)
-        else:
-            last = place == len(selection.chosen) - 1
-            asked = _never_compared(step, taken) if last else _can_be_tried(step)
-            others |= {o for o in asked if library()[o].slot == taken.effect.slot}
+        elif place < len(selection.chosen) - 1:
+            others |= {o for o in _can_be_tried(step) if library()[o].slot == taken.effect.slot}
         others -= {c.effect_id for c in selection.chosen}
         if others:
             found[taken.effect_id] = sorted(others)
