@@ -9,5 +9,7 @@ BASE_MODELS = {
     "kv": "Hertz contact on a Kelvin-Voigt load cell: crystal mass, stiffness and damping",
     "kv2": "kv, physically closed: third law, the coupon's mass, no tension, a fall in air",
 }
+RINGING_BASES: Final = ("kv2", "kv")
+"""Those whose cell is a mass on a spring."""
 DEFAULT_BASE: Final = "kv2"
 """The base of a real rig: fits, calibrations and diagnoses start from it unless told otherwise."""

@@ -6,10 +6,11 @@ import contextlib
 import dataclasses
 from dataclasses import dataclass, field
 
-from analysis.base_models import DEFAULT_BASE
+from analysis.base_models import DEFAULT_BASE, RINGING_BASES
 from analysis.campaign import Campaign
 from analysis.diagnosis.candidates.multistart import usual_place
 from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidates.successive_halving import rank
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
@@ -228,21 +229,30 @@ def _next_drop(found: Diagnosis) -> NextDrop | None:
 def _crystal(
     campaign: Campaign, selection: Selection, usual: joint.Fitted, told: Watch
 ) -> tuple[Selection, joint.Fitted]:
-    """Return the selection with the cell no longer rigid, and its usual place, where that helps."""
+    """Return the selection with the cell no longer rigid, and its usual place, where that helps.
+
+    Of the bases with a cell that rings the one that fits better: the paper's, or the closed one.
+    """
     effect, step = effect_named("crystal_dynamics"), selection.last
-    model = dataclasses.replace(model_named(effect.replaces_base), step_share=STEP_SHARE)
-    problem = told.over(build(_without_restitution(campaign), model))
-    nuisances = prepare(problem)
-    fitted = joint.fit(problem, nuisances)
-    count = len(problem.names) - len(step.problem.names)
-    gain = step.fitted.cost - fitted.cost
-    bad = not fitted.blocks or bool(out_of_range(problem, fitted))
-    price = Price(CRITERIA.comparison.price_of_number * count)
-    found = Refit(effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price)
+    ways: list[tuple[Refit, joint.Fitted]] = []
+    for base in RINGING_BASES:
+        model = dataclasses.replace(model_named(base), step_share=STEP_SHARE)
+        problem = told.over(build(_without_restitution(campaign), model))
+        nuisances = prepare(problem)
+        fitted = joint.fit(problem, nuisances)
+        count = len(problem.names) - len(step.problem.names)
+        gain = step.fitted.cost - fitted.cost
+        bad = not fitted.blocks or bool(out_of_range(problem, fitted))
+        price = Price(CRITERIA.comparison.price_of_number * count)
+        refit = Refit(
+            effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price
+        )
+        ways.append((refit, usual_place(problem, nuisances)))
+    found, place = min(ways, key=lambda way: rank(way[0]))
     step.refits = [found]
     if found.usable and found.score() > CRITERIA.comparison.least_lead:
         selection = selection.on(found)
-    return selection, usual_place(problem, nuisances)
+    return selection, place
 
 
 def _judge(selection: Selection, progress: Watch) -> Diagnosis:

@@ -3,8 +3,9 @@ r"""Crystal dynamics: the cell's crystal is a mass on a spring, not a rigid seat
 .. math:: M\ddot\Delta = F_{el} - k\Delta - \mu\dot\Delta, \quad V = \Delta/c
 
 This is the KV base itself (Eqs 8-11), listed so that a search that starts from HSD can find it: it
-has no hook, adding it means going on with the base named in ``replaces_base``, whose ``ln_w`` and
-``ln_z`` are the logarithms of 2 pi times the first number below and of the second.
+has no hook. Adding it means going on with the base named in ``replaces_base`` or with its closed
+form, whichever fits better. Their ``ln_w`` and ``ln_z`` are the logarithms of 2 pi times the first
+number below and of the second.
 
 Source: Maranzano & Hancock 2016. Validity: one mode of the cell below its others. Validation: the
 base model's own tests.
