@@ -18,8 +18,11 @@ from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
 from analysis.diagnosis.score_test.linearised import LAW
-from analysis.diagnosis.stepwise.backward import each_held_against_others
-from analysis.diagnosis.stepwise.early_end import not_held_against, searched
+from analysis.diagnosis.stepwise.backward import (
+    each_held_against_others,
+    not_held_against,
+    searched,
+)
 from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
 from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
 from analysis.effects.library import effect_named, library
@@ -47,42 +50,27 @@ STEP_SHARE = 0.75
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What was found.
-
-    Attributes
-    ----------
-    verdict : str
-        adequate, identified, family, partial, unknown or not_identifiable.
-    steps : list of Step
-        The selection; the last step is the model that stands.
-    chosen : list of Refit
-        The effects that were added, in order.
-    rivals : dict
-        For each effect chosen that has some, the refits that the data cannot tell from it.
-    open_names : dict
-        For each effect that has some, the names it was not held against, as the time was over.
-    slot : str or None
-        Where the discrepancy lives.
-    located : Located or None
-        Where it lives and the learned discrepancy, where no name explains all.
-    next_drop : NextDrop or None
-        The drop that would tell the likeliest names apart.
-    check_noise : Background or None
-        What is on the line all the time; None where nobody looked.
-    watch : Watch
-        Knows whether the search ended early.
-    """
+    """What was found."""
 
     verdict: str
+    """adequate, identified, family, partial, unknown or not_identifiable."""
     steps: list[Step]
+    """The selection; the last step is the model that stands."""
     chosen: list[Refit]
+    """The effects that were added, in order."""
     rivals: dict[str, list[Refit]] = field(default_factory=dict)
+    """For each effect chosen that has some, the refits that the data cannot tell from it."""
     open_names: dict[str, list[str]] = field(default_factory=dict)
+    """For each effect that has some, the names it was not held against, as the time was over."""
     slot: str | None = None
     located: Located | None = None
+    """Where it lives and the learned discrepancy, where no name explains all."""
     next_drop: NextDrop | None = None
+    """The drop that would tell the likeliest names apart."""
     check_noise: Background | None = None
+    """What is on the line all the time; None where nobody looked."""
     watch: Watch = field(default_factory=Watch)
+    """Knows whether the search ended early."""
 
     @property
     def search_ended(self) -> bool:
@@ -132,21 +120,8 @@ def diagnose_campaign(
 ) -> Diagnosis:
     """Close the loop on a campaign.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Recordings and what is known.
-    base : str
-        Model to start from.
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-    budget : TimeBudget, optional
-        How long it may search. The base fit is made in any case.
-
-    Returns
-    -------
-    Diagnosis
-        Always with a verdict.
+    It starts from the model ``base``. The base fit is made whatever the budget. ``progress`` is
+    told what is being done and a share between 0 and 1.
     """
     told = Watch(progress, budget)
     found = dataclasses.replace(_found(campaign, base, told), watch=told)

@@ -20,7 +20,9 @@ from analysis.diagnosis.basis.proposals import (
 from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.candidates.refit import (
     KNOWN_BEFORE,
+    Refit,
     extended,
+    fitted_coordinate,
     price_of_scatter,
 )
 from analysis.diagnosis.criteria import CRITERIA
@@ -33,11 +35,12 @@ from analysis.fit.settle import settle
 
 Array = NDArray[np.float64]
 
-STARTS_PER_OWNER = 2
-STRUCTURE_STARTS = 4
+STARTS_PER_EFFECT, STARTS_PER_STRUCTURE = 2, 4
+"""Forms or starts that the linear look puts first; what is below the sphere has more valleys."""
 USUAL_MODULUS_PA, USUAL_RESTITUTION = 3e9, 0.8
 """Where an unknown plastic begins when the records themselves mislead."""
 USUAL_STARTS, FAR_STARTS = 4, 8
+"""Usual sizes of an effect that are fitted, from near and from afar, the mildest first."""
 SETTLED = 3
 """Shots on which far starts are put in order."""
 RISES_AFTER = 0.2
@@ -48,30 +51,18 @@ WELL_BELOW = 0.7
 
 @dataclass(frozen=True)
 class Start:
-    """One way to begin fitting one effect.
-
-    Attributes
-    ----------
-    proposal : Proposal
-        Effect, form and coordinates.
-    scope : str
-        Group of its amplitude.
-    coefficients : dict
-        Amplitude by group; empty for the proposal's own.
-    promised : float
-        Linear gain less its price.
-    begin : Fitted or None
-        Where the present model begins, if not at its best.
-    only : ActsOn or None
-        The materials that the effect acts on; None for all.
-    """
+    """One way to begin fitting one effect."""
 
     proposal: Proposal
     scope: str
     coefficients: dict[str, float]
+    """Amplitude by group; empty for the proposal's own."""
     promised: float
+    """Linear gain less its price."""
     begin: joint.Fitted | None = None
+    """Where the present model begins, if not at its best."""
     only: ActsOn | None = None
+    """The materials that the effect acts on; None for all."""
 
 
 def starts(
@@ -79,19 +70,7 @@ def starts(
 ) -> dict[str, list[Start]]:
     """Return for each library entry where to begin, the most promising first.
 
-    Parameters
-    ----------
-    linearised : Linearised
-        Of the present model, with the proposals' columns.
-    tried : list of Proposal
-        What may be tried.
-    alone : bool
-        The shots are one material's: its numbers are that one's, or each shot's.
-
-    Returns
-    -------
-    dict
-        Group to starts; groups in order of their best promise.
+    ``alone``: the shots are one material's, whose numbers are its own or each shot's.
     """
     found: dict[str, list[Start]] = {}
     for proposal in tried:
@@ -135,15 +114,17 @@ def distinct(
     *,
     bent: bool,
     begins: list[joint.Fitted],
+    earlier: Refit | None = None,
 ) -> list[Start]:
     """Return the best few that differ in form or start, one for the whole rig among them.
 
-    What acts on some materials only comes on top, where it promises most.
+    What acts on some materials only comes on top, where it promises most. Where slopes mislead so
+    do sizes that do not rest on them: those that an earlier turn has fitted, else the usual ones.
     """
     some = [s for s in own[:1] if s.only is not None]
     own = [s for s in own if s.only is None]
     structure = own[0].proposal.effect.structure is not None
-    wanted = STRUCTURE_STARTS if structure else STARTS_PER_OWNER
+    wanted = STARTS_PER_STRUCTURE if structure else STARTS_PER_EFFECT
     found: list[Start] = []
     for entry in own:
         if all(entry.proposal.key != f.proposal.key for f in found):
@@ -152,7 +133,29 @@ def distinct(
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    return found + some + (_usual(own, few, base, begins) if bent else [])
+    found += some
+    if not bent:
+        return found
+    if earlier is None or earlier.at_bound or not earlier.fitted.blocks:
+        return found + _usual(own, few, base, begins)
+    return found + _as_before(own, earlier, begins)
+
+
+def _as_before(own: list[Start], earlier: Refit, begins: list[joint.Fitted]) -> list[Start]:
+    """Return starts at the sizes that an effect had in an earlier turn, from near and from afar."""
+    likely = next((s for s in own if s.proposal.effect.id == earlier.effect.id), None)
+    if likely is None or earlier.effect.basis is not None:
+        return []
+    fitted = [fitted_coordinate(earlier, p.name) for p in earlier.effect.parameters]
+    at = tuple(
+        usual if value is None else value
+        for value, usual in zip(fitted, likely.proposal.coordinates, strict=True)
+    )
+    proposal = dataclasses.replace(likely.proposal, coordinates=at)
+    return [
+        Start(proposal, likely.scope, {}, likely.promised, begin=place)
+        for place in (None, *begins[:1])
+    ]
 
 
 def _usual(
@@ -237,17 +240,7 @@ def _of_both_signs(ordered: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
 def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
     """Return a model at what was known before any record: where a large effect's fit may begin.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Prepared.
-    nuisances : ndarray, shape (shots, p)
-        Where the shots' own parameters begin.
-
-    Returns
-    -------
-    Fitted
-        Not fitted at all: the means of what is known well, the prepared start for the rest.
+    Not fitted at all: the means of what is known well, the prepared start for the rest.
     """
     known = np.diag(problem.prior_precision) > CRITERIA.search.known_prior_u**-2
     theta = np.where(known, problem.prior_mean, problem.start)
@@ -277,18 +270,7 @@ def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
 
     Where the signal has an end, what is above it says nothing, and a model that must follow it is
     drawn far away; records and predictions that are cut alike below it agree whatever is above.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        With the present model.
-    begin : Fitted
-        Where it begins.
-
-    Returns
-    -------
-    Fitted
-        To the cut records; ``begin`` where they cannot be fitted.
+    ``begin`` where the cut records cannot be fitted.
     """
     level = WELL_BELOW * max(s.window.peak for s in problem.shots)
     shots = []

@@ -14,7 +14,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidates.refit import Refit, extended, refitted
+from analysis.diagnosis.candidates.refit import (
+    Refit,
+    extended,
+    fitted_coordinate,
+    refit_elsewhere,
+    refitted,
+)
+from analysis.diagnosis.candidates.successive_halving import part_of, thinned
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -26,6 +33,8 @@ STEPS = 25
 """Of each fit: it begins near, and what has not ended by then is behind. Chosen by trial."""
 STARTS_FITTED = 2
 """Of a form, the cheapest before any fit. Chosen by trial."""
+COMPARED_ON = 18
+"""Shots on which forms are compared; one that is ahead there is fitted to all. Chosen by trial."""
 FINER = 3
 """Starts between each two of a threshold's own."""
 
@@ -33,36 +42,43 @@ FINER = 3
 def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     """Return an effect's refit in the form that explains most.
 
-    Parameters
-    ----------
-    problem, base : JointProblem, Fitted
-        The model without the effect.
-    found : Refit
-        On the same shots.
-
-    Returns
-    -------
-    Refit
-        ``found`` itself where no other form does better, or its numbers belong to single shots.
+    Forms are held against one another on shots that stand for all; the best of another is then
+    fitted to all, where it must be ahead again. ``found`` itself where no other form does better,
+    or its numbers belong to single shots.
     """
     entry = library()[found.effect_id]
     scopes = [p.scope for p in found.effect.parameters]
     if not scopes or "shot" in scopes:
         return found
-    best = found
+    places = thinned(problem, COMPARED_ON)
+    few, few_base = part_of(problem, base, places)
+    larger, fitted = part_of(found.problem, found.fitted, places)
+    known = refitted(dataclasses.replace(found, problem=larger, fitted=fitted), few, few_base)
+    best = known
     for form in (entry, *entry.variants):
         other_place = form.id != found.effect.id or any(p.valleys for p in form.parameters)
         if form.by_name or problem.model.base not in form.bases:
             continue
         if other_place and form.basis is None and form.parameters:
-            other = _in_form(_owned(form, found.effect), problem, base, found)
+            other = _in_form(_grouped_as(form, found.effect), few, few_base, known)
             if not other.at_bound and other.score() > best.score():
                 best = other
-    return best
+    if best is known:
+        return found
+    whole = refit_elsewhere(
+        best,
+        few=places,
+        many=list(range(len(problem.shots))),
+        few_base=few_base,
+        base=base,
+        problem=problem,
+        max_iterations=STEPS,
+    )
+    return whole if not whole.at_bound and whole.score() > found.score() else found
 
 
-def _owned(form: Effect, like: Effect) -> Effect:
-    """Return a form whose numbers belong to whom those of the known form belong."""
+def _grouped_as(form: Effect, like: Effect) -> Effect:
+    """Return a form whose numbers have the grouping of the known form's."""
     scopes = {p.name: p.scope for p in like.parameters}
     first = like.parameters[0].scope
     parameters = tuple(
@@ -77,7 +93,7 @@ def _starts(form: Effect, found: Refit) -> list[tuple[float, ...]]:
     top = max(s.window.peak for s in found.problem.shots)
     lists = []
     for parameter in form.parameters:
-        shared = _fitted(found, parameter.name)
+        shared = fitted_coordinate(found, parameter.name)
         usual = [top * s for s in parameter.peak_starts] or list(parameter.starts)
         if shared is not None and parameter.valleys:
             value = parameter.value(shared)
@@ -91,17 +107,6 @@ def _starts(form: Effect, found: Refit) -> list[tuple[float, ...]]:
         else:
             lists.append([parameter.coordinate(v) for v in usual])
     return list(product(*lists))
-
-
-def _fitted(found: Refit, parameter: str) -> float | None:
-    """Return the largest fitted coordinate of a number over its groups, None if there is none."""
-    name = f"{found.effect.id}.{parameter}"
-    values = [
-        float(v)
-        for n, v in zip(found.problem.names, found.fitted.theta, strict=True)
-        if n.partition("[")[0] == name
-    ]
-    return max(values, key=abs, default=None)
 
 
 def _in_form(form: Effect, problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:

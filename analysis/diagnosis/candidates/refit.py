@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.proposals import Proposal, rescoped
-from analysis.diagnosis.candidates.effect_range import left_its_range
-from analysis.diagnosis.candidates.rebounds import fitted_below_one
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.marginal_likelihood import Price, price_of_effect
 from analysis.effects.acts_on import ActsOn
-from analysis.effects.effect import Effect
+from analysis.effects.effect import Effect, ShotContext
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.nuisances import carried_over
+from analysis.fit.physical_range import effect_out_of_range
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
 from analysis.fit.stated_effects import effect_prior, stated_effects
+from analysis.fit.window import quiet_part
+from analysis.model.impact_model import NUISANCE
 
 Array = NDArray[np.float64]
 KNOWN_BEFORE = ("ln_v0", "ln_e")
@@ -35,49 +37,31 @@ NOTHING = Price()
 
 @dataclass(frozen=True)
 class Refit:
-    """A model with one more effect, fitted for real.
-
-    Attributes
-    ----------
-    effect : Effect
-        Added, with the scope that was fitted.
-    effect_id : str
-        Id of the library's entry.
-    scope : str
-        Group of its amplitude.
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    gain : float
-        Fall of the cost against the model without it.
-    parameters : int
-        How many numbers it has, over all groups.
-    at_bound : bool
-        A number left its physical range.
-    linear_gain : float
-        What the cheap look had promised.
-    on_all_shots : bool
-        False where only a part of the shots was fitted, the gain scaled to all.
-    own : int
-        How many of the numbers belong to one shot each.
-    common : float
-        Of the gain, what one size for all of these shots takes up as well; 0 where nobody asked.
-    price : Price
-        What its shared numbers cost.
-    """
+    """A model with one more effect, fitted for real."""
 
     effect: Effect
+    """Added, with the scope that was fitted."""
     effect_id: str
+    """Id of the library's entry."""
     scope: str
     problem: JointProblem
     fitted: joint.Fitted
     gain: float
+    """Fall of the cost against the model without it."""
     parameters: int
+    """How many numbers it has, over all groups."""
     at_bound: bool
+    """A number left its physical range."""
     linear_gain: float
+    """What the cheap look had promised."""
     on_all_shots: bool = True
+    """False where only a part of the shots was fitted, the gain scaled to all."""
     own: int = 0
+    """How many of the numbers belong to one shot each."""
     common: float = 0.0
+    """Of the gain, what one size for all of these shots takes up as well; 0 where nobody asked."""
     price: Price = NOTHING
+    """What its shared numbers cost."""
 
     @property
     def usable(self) -> bool:
@@ -99,23 +83,24 @@ class Refit:
 def price_of_scatter(own: int, gain: float) -> float:
     """Return what numbers that every shot has for itself cost in whitened squares.
 
-    Parameters
-    ----------
-    own : int
-        How many. They are sizes of one scatter: with its width the data's own, ln Z falls
-        by 1 + ln(squares they take up, each) for each of them.
-    gain : float
-        Whitened squares that all of them take up.
-
-    Returns
-    -------
-    float
-        With the price of the scatter's width; 0 of none.
+    They are sizes of one scatter: with its width the data's own, ln Z falls by 1 + ln(squares they
+    take up, each) for each of them. The price of the width is in it.
     """
     if not own:
         return 0.0
     width = CRITERIA.comparison.price_of_number
     return width + own * (1.0 + math.log(max(gain / own, 1.0)))
+
+
+def fitted_coordinate(found: Refit, parameter: str) -> float | None:
+    """Return the largest fitted coordinate of a number over its groups, None if there is none."""
+    name = f"{found.effect.id}.{parameter}"
+    values = [
+        float(v)
+        for n, v in zip(found.problem.names, found.fitted.theta, strict=True)
+        if n.partition("[")[0] == name
+    ]
+    return max(values, key=abs, default=None)
 
 
 def own_numbers(effect: Effect) -> int:
@@ -128,21 +113,8 @@ def extended(
 ) -> tuple[JointProblem, Array, Array]:
     """Return a problem with one more effect, and where to start it.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The present model at its best.
-    effect : Effect
-        To be added, scopes set.
-    coordinates : dict
-        Start of each new global or number of a shot, by its name.
-
-    Returns
-    -------
-    problem : JointProblem
-        Same shots, same knowledge.
-    theta, nuisances : ndarray
-        Where to start.
+    ``coordinates`` are starts of new globals or numbers of shots by name. Returns the problem, and
+    theta and nuisances to start from.
     """
     model = problem.model.with_effect(effect)
     larger = dataclasses.replace(problem, model=model, names=list(problem.names))
@@ -184,30 +156,9 @@ def refit(
 ) -> Refit:
     """Return the model with one more effect, all parameters fitted again.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The present model at its best.
-    proposal : Proposal
-        Effect, form and start.
-    scope : str
-        Who owns the amplitude.
-    coefficients : dict
-        Size of the amplitude by group, from the cheap look.
-    linear_gain : float
-        What the cheap look promised.
-    max_iterations : int
-        Steps allowed.
-    begin : Fitted, optional
-        Where the present model's own parameters start; by default at its best. An effect that
-        changes everything has drawn that best far from where it belongs.
-    only : ActsOn, optional
-        The materials that it acts on, with one amplitude; ``scope`` is then their kind.
-
-    Returns
-    -------
-    Refit
-        Whether it helped or not.
+    The model's own parameters start from ``begin``, by default at its best: an effect that changes
+    everything has drawn that best far from where it belongs. ``only`` are the materials that it
+    acts on, with one amplitude; ``scope`` is then their kind.
     """
     free = proposal.effect.basis is not None
     effect = proposal.effect if free else rescoped(proposal.effect, "rig" if only else scope)
@@ -266,17 +217,8 @@ def _drawn_near(
 def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
     """Return a refit with its gain, its numbers and whether they are physical, as its fit says.
 
-    Parameters
-    ----------
-    found : Refit
-        Effect, scope, problem and fit are right; the rest need not be.
-    problem, base : JointProblem, Fitted
-        The model without the effect, on the same shots.
-
-    Returns
-    -------
-    Refit
-        A fit that went nowhere has a gain of minus infinity.
+    Its effect, scope, problem and fit are right before, the rest need not be. A fit that went
+    nowhere explains minus infinity.
     """
     result = found.fitted
     felt = sum(found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots)
@@ -319,28 +261,9 @@ def refit_elsewhere(
 ) -> Refit:
     """Return a refit carried on on more shots.
 
-    Parameters
-    ----------
-    found : Refit
-        Of an effect on few shots.
-    few, many : list of int
-        Places of the shots in the whole campaign, before and now.
-    few_base, base : Fitted
-        The model without the effect, fitted to the few and to the many.
-    problem : JointProblem
-        The model without the effect, with the many shots.
-    max_iterations : int
-        Steps allowed.
-    anchors : tuple of ndarray, optional
-        Nuisances of the few and of the many shots that a new shot's are guessed from: it moves from
-        its anchor as the shot most like it did. By default the model without the effect, which is
-        no anchor where the effect changes everything.
-
-    Returns
-    -------
-    Refit
-        With the gain on the many. A shot that was not among the few starts where the effect moved
-        the one most like it.
+    ``few`` and ``many`` are places in the whole campaign. A new shot moves from its anchor as the
+    shot most like it did; anchors are the nuisances without the effect unless given, for where the
+    effect changes everything these are none.
     """
     if not found.fitted.blocks:
         return found
@@ -387,22 +310,7 @@ def _most_alike(target: FitShot, place: int, shots: list[FitShot], places: list[
 
 
 def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> Refit:
-    """Return a refit carried on from where it stopped.
-
-    Parameters
-    ----------
-    base : Fitted
-        The model without the effect.
-    found : Refit
-        Not yet converged.
-    max_iterations : int
-        Steps allowed.
-
-    Returns
-    -------
-    Refit
-        At least as good.
-    """
+    """Return a refit carried on from where it stopped."""
     result = joint.fit(
         found.problem, found.fitted.nuisances, theta=found.fitted.theta,
         max_iterations=max_iterations,
@@ -410,3 +318,100 @@ def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> 
     bad = not result.blocks or left_its_range(found.problem, result, found.effect)
     further = dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
     return dataclasses.replace(further, price=_price(further, base))
+
+
+def _alike(sizes: Array, groups: Sequence[float | None]) -> bool:
+    """Tell whether the shots of a group have much of a signal in common."""
+    members = [[at for at, g in enumerate(groups) if g == one] for one in set(groups)]
+    if len(sizes) < CRITERIA.free_signal.fewest_phases * len(members):
+        return False
+    common = sum(len(own) * float((sizes[own].mean(axis=0) ** 2).sum()) for own in members)
+    return common > CRITERIA.free_signal.common_phase_share * max(float((sizes**2).sum()), 1e-300)
+
+
+def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:
+    """Tell whether an effect's numbers are such as no such effect can have.
+
+    Numbers outside their bounds, see `analysis.fit.physical_range`; or a free signal that is alike
+    in all shots, or in those of a height, or absent before the trigger: the mains know neither when
+    a sphere falls nor when it was let go.
+    """
+    if effect.basis is not None:
+        first = problem.model.nuisances.index(f"{effect.id}.basis0")
+        sizes = fitted.nuisances[:, first : first + effect.basis_size]
+        heights = [shot.shot.drop_height_m for shot in problem.shots]
+        locked = _alike(sizes, [None] * len(sizes)) or _alike(sizes, heights)
+        return locked or not is_there_before(problem.shots, effect, sizes)
+    return any(effect_out_of_range(problem, fitted, effect))
+
+
+def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
+    """Tell whether the quiet parts hold as much of a signal as its sizes in the windows promise.
+
+    Whitened power a coefficient, least squares in the quiet part against the fitted sizes in the
+    window; chance brings 1 with a relative deviation of sqrt(2 / coefficients). The sizes have
+    shape (shots, q). True where no quiet part is long enough to tell.
+    """
+    assert effect.basis is not None
+    seen, promised = [], []
+    for item, size in zip(shots, sizes, strict=True):
+        quiet, samples = quiet_part(item.shot), item.window.signal.size
+        if quiet.size < CRITERIA.free_signal.least_quiet_samples:
+            continue
+        context = _sampled(item.frame.sample_rate_hz)
+        columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
+        basis, _ = np.linalg.qr(item.noise.whiten(columns))
+        found = basis[:, 1:].T @ item.noise.whiten(quiet - quiet.mean())
+        seen.append(float(found @ found) / size.size)
+        inside = item.whiten(effect.basis(samples, context) @ size)
+        share = min(1.0, quiet.size / samples) ** 3  # of what is slow, a slope is left
+        promised.append(share * float(inside @ inside) / size.size)
+    if not seen:
+        return True
+    deviation = math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
+    chance = 1.0 - CRITERIA.free_signal.quiet_power_deviations * deviation
+    return bool(np.mean(seen) - chance > CRITERIA.free_signal.quiet_power_share * np.mean(promised))
+
+
+def _sampled(rate_hz: float) -> ShotContext:
+    nothing = math.nan
+    return ShotContext(rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, nothing)
+
+
+SPEED, LOSS = NUISANCE.index("ln_v0"), NUISANCE.index("ln_e")
+"""Places among a shot's own parameters."""
+FROM = (0.8, 0.5, 0.3)
+"""Restitutions from which such a shot begins again."""
+
+
+def fitted_below_one(
+    problem: JointProblem, fitted: joint.Fitted, max_iterations: int
+) -> joint.Fitted:
+    """Return a fit without shots of a restitution above one, where it ends better without them.
+
+    A model that lacks something large may bend a shot so far that it gains energy; once the effect
+    is there, the shot's own numbers do not find back by steps. They move at once: moduli that have
+    followed them hold each of them back alone. ``fitted`` itself where no shot gains energy, or
+    none fares better elsewhere.
+    """
+    if not fitted.blocks:
+        return fitted
+    gaining = np.flatnonzero(fitted.nuisances[:, LOSS] > 0.0)
+    some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
+    nuisances = fitted.nuisances.copy()
+    least = np.full(gaining.size, math.inf)
+    for restitution in FROM:
+        own = fitted.nuisances[gaining]
+        own[:, LOSS] = math.log(restitution)
+        for at, item in enumerate(some.shots):
+            if item.speed_prior is not None:
+                own[at, SPEED] = item.speed_prior.mean
+        own = settle(some, fitted.theta, own)
+        for at, item in enumerate(some.shots):
+            cost = shot_cost(problem, item, fitted.theta, own[at])
+            if cost < least[at] and own[at, LOSS] <= 0.0:
+                least[at], nuisances[gaining[at]] = cost, own[at]
+    if np.array_equal(nuisances, fitted.nuisances):
+        return fitted
+    again = joint.fit(problem, nuisances, theta=fitted.theta, max_iterations=max_iterations)
+    return again if again.blocks and again.cost < fitted.cost else fitted

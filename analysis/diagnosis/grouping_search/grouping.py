@@ -26,7 +26,8 @@ from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 
 SETS_FITTED = 2
-"""Sets of some materials that are fitted for each kind; the next ones promise less."""
+"""Sets of some materials that are fitted for each kind, the most promising ones. A choice of time:
+each is a fit to all shots."""
 
 
 def best_grouping(
@@ -34,24 +35,13 @@ def best_grouping(
 ) -> Refit:
     """Return an effect's refit in the grouping that explains most, numbers and choices paid for.
 
-    Parameters
-    ----------
-    problem, base : JointProblem, Fitted
-        The model without the effect.
-    found : Refit
-        On all shots.
-    of_some : bool
-        Sets of some materials are asked, too; not where the shots are one material's.
-
-    Returns
-    -------
-    Refit
-        ``found`` itself where no other grouping does better.
+    ``found`` itself where no other does better. Sets of some materials are not asked where the
+    shots are one material's.
     """
     best = found
     by_material = [found] if found.effect.only is None and found.scope in KINDS else []
     for effect, scope in _others(problem, found):
-        other = _owned_by(effect, scope, problem, base, found)
+        other = _in_grouping(effect, scope, problem, base, found)
         if other.own and not found.own:
             other = dataclasses.replace(other, common=found.gain)
         if scope in KINDS and effect.only is None:
@@ -71,22 +61,22 @@ def _of_some(
     problem: JointProblem, base: joint.Fitted, each: Refit, least: float
 ) -> Iterator[Refit]:
     """Yield an effect's refits on some materials, the best of them with a size a shot as well."""
-    found = [_on_some(only, problem, base, each) for only in _sets(each, least)]
+    sizes = sizes_of(each, each.scope)
+    if sizes is None:
+        return
+    found = [_on_some(only, sizes, problem, base, each) for only in _sets(each, sizes, least)]
     yield from found
     if found and "shot" in scopes_of(each.effect):
         likeliest = max(found, key=Refit.score)
-        own = _owned_by(likeliest.effect, "shot", problem, base, likeliest)
+        own = _in_grouping(likeliest.effect, "shot", problem, base, likeliest)
         yield dataclasses.replace(own, common=likeliest.gain)
 
 
-def _sets(each: Refit, least: float) -> list[ActsOn]:
+def _sets(each: Refit, sizes: Sizes, least: float) -> list[ActsOn]:
     """Return the sets of materials that reach a score to first order from a size for each.
 
     The others of the right set ask for next to nothing, so that first order is near enough there.
     """
-    sizes = sizes_of(each, each.scope)
-    if sizes is None:
-        return []
     free = each.score() + each.price.shared  # had it one number without a price
     sets = sizes.candidates(either_sign=can_be_negative(each.effect))
     return [
@@ -97,16 +87,8 @@ def _sets(each: Refit, least: float) -> list[ActsOn]:
 def promises_other_grouping(found: Refit) -> bool:
     """Tell whether an effect would score higher, to first order around its fit, in another.
 
-    Parameters
-    ----------
-    found : Refit
-        On all shots.
-
-    Returns
-    -------
-    bool
-        Of an effect that acts on some materials, only the sets within these are asked: nothing was
-        learned of the others. False where every shot has a size.
+    Of an effect that acts on some materials only the sets within these are asked: nothing was
+    learned of the others. False where every shot has a size.
     """
     only = found.effect.only
     for kind in set(KINDS) & set(scopes_of(found.effect)):
@@ -131,18 +113,8 @@ def promises_other_grouping(found: Refit) -> bool:
 def sizes_of(found: Refit, kind: str) -> Sizes | None:
     """Return an effect's sizes on the materials of a kind, to first order around its fit.
 
-    Parameters
-    ----------
-    found : Refit
-        With a size for the rig or for every material.
-    kind : str
-        ``surface`` or ``sphere``.
-
-    Returns
-    -------
-    Sizes or None
-        None where every shot has its own or the fit went nowhere. A number that is fitted by its
-        logarithm counts by its value, which is neutral at zero.
+    None where every shot has its own or the fit went nowhere. A number that is fitted by its
+    logarithm counts by its value, which is neutral at zero.
     """
     at, problem, fitted = size_of(found.effect), found.problem, found.fitted
     if at is None or not fitted.blocks or found.effect.parameters[at].scope == "shot":
@@ -201,16 +173,13 @@ def _groups(problem: JointProblem, effect: Effect, scope: str) -> int:
     return len(felt) if scope == "shot" else len({getattr(s, scope) for s in felt})
 
 
-def _owned_by(
+def _in_grouping(
     wanted: Effect, scope: str, problem: JointProblem, base: joint.Fitted, found: Refit
 ) -> Refit:
     """Return the refit with another group, started from where it is."""
     effect = rescoped(wanted, scope)
-    larger, theta, _ = extended(problem, base, effect, {})
+    larger, theta, nuisances = _begun(effect, problem, base, found)
     old, new = found.problem.model, larger.model
-    known = dict(zip(found.problem.names, found.fitted.theta, strict=True))
-    theta = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
-    nuisances = carried_over(old, new, found.fitted.nuisances)
     felt = np.array([found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots])
     for parameter, at in zip(effect.parameters, new.places[effect.id], strict=True):
         before = old.names.index(f"{effect.id}.{parameter.name}")
@@ -227,17 +196,24 @@ def _owned_by(
     return refitted(other, problem, base)
 
 
-def _on_some(only: ActsOn, problem: JointProblem, base: joint.Fitted, each: Refit) -> Refit:
+def _begun(
+    effect: Effect, problem: JointProblem, base: joint.Fitted, found: Refit
+) -> tuple[JointProblem, NDArray[np.float64], NDArray[np.float64]]:
+    """Return the problem with another grouping of an effect, theta and nuisances as they were."""
+    larger, theta, _ = extended(problem, base, effect, {})
+    known = dict(zip(found.problem.names, found.fitted.theta, strict=True))
+    theta = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
+    return larger, theta, carried_over(found.problem.model, larger.model, found.fitted.nuisances)
+
+
+def _on_some(
+    only: ActsOn, sizes: Sizes, problem: JointProblem, base: joint.Fitted, each: Refit
+) -> Refit:
     """Return the refit with one size for some materials, from the fit with a size for each."""
     at = size_of(each.effect)
-    sizes = sizes_of(each, each.scope)
-    assert at is not None
-    assert sizes is not None
     effect = dataclasses.replace(rescoped(each.effect, "rig"), only=only)
-    larger, theta, _ = extended(problem, base, effect, {})
+    larger, theta, nuisances = _begun(effect, problem, base, each)
     model = larger.model
-    known = dict(zip(each.problem.names, each.fitted.theta, strict=True))
-    theta = np.array([known.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     felt = [only.includes(s.shot.sphere, s.shot.surface) for s in each.problem.shots]
     for place, (parameter, row) in enumerate(
         zip(effect.parameters, model.places[effect.id], strict=True)
@@ -246,7 +222,6 @@ def _on_some(only: ActsOn, problem: JointProblem, base: joint.Fitted, each: Refi
         mean = float(_values(each, before)[felt].mean())
         start = sizes.common(only.names)[0] if place == at and parameter.form != "log" else mean
         theta[larger.names.index(larger.effect_keys(row)[0])] = start
-    nuisances = carried_over(each.problem.model, model, each.fitted.nuisances)
     result = joint.fit(larger, nuisances, theta=theta)
     other = dataclasses.replace(
         each, effect=effect, scope=only.kind, problem=larger, fitted=result, common=0.0

@@ -3,12 +3,17 @@
 Where the shots of every other coupon, or of every other sphere, are plain noise under the present
 model, they tell the cell and the materials that are shared as if nothing were the matter. What is
 looked for then acts on one material's shots alone, from a place that it has not itself bent.
+
+Two effects of which one is one material's are found the same way: what both do at once can look
+like neither. Without the right material's shots only one effect is left, which the search finds as
+if it were alone; on that material's shots it is then known.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,22 +22,14 @@ from numpy.typing import NDArray
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import proposals, scopes_of
 from analysis.diagnosis.candidates.other_forms import best_form
-from analysis.diagnosis.candidates.refit import Refit, extended, refitted
-from analysis.diagnosis.candidates.subsets import PresentModel
-from analysis.diagnosis.candidates.successive_halving import rank, ranked
+from analysis.diagnosis.candidates.refit import KNOWN_BEFORE, Refit, extended, refitted
+from analysis.diagnosis.candidates.successive_halving import PresentModel, rank, ranked
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.grouping_search.grouping import best_grouping
-from analysis.diagnosis.grouping_search.without_material import (
-    MOST_STEPS,
-    WithoutMaterial,
-    chance,
-    excess,
-    far_begin,
-    part_of_shots,
-)
-from analysis.diagnosis.method_steps import Progress
+from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import linearise
 from analysis.diagnosis.score_test.score_test import run_score_test
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
@@ -42,6 +39,11 @@ from analysis.fit.settle import settle
 Array = NDArray[np.float64]
 
 MOST_MATERIALS = 2
+"""Materials that may make the difference: a sphere and a coupon that met in all odd shots."""
+MOST_STEPS = 40
+"""Of a fit to a part of the shots; what has not ended by then is no better place to begin."""
+MATERIALS_TRIED = 2
+"""Materials left out in turn for that, what leaves least first; each is a whole search."""
 SLOTS = ("contact", "mounting")
 """Where an effect can belong to one material."""
 
@@ -49,16 +51,8 @@ SLOTS = ("contact", "mounting")
 def can_be_one_materials(effect: Effect) -> bool:
     """Tell whether an effect is done with where it was tried on one material's shots alone.
 
-    Parameters
-    ----------
-    effect : Effect
-        Of the library.
-
-    Returns
-    -------
-    bool
-        False where the whole rig has it, and it can hide on all other shots: a stiff tape moves
-        their coupons with the crystal, as if the crystal were heavier.
+    Not where the whole rig has it, and it can hide on all other shots: a stiff tape moves their
+    coupons with the crystal, as if the crystal were heavier.
     """
     return effect.slot in SLOTS and scopes_of(effect) != ("rig",)
 
@@ -70,22 +64,15 @@ def _can_be_felt_by_one(effect: Effect) -> bool:
 
 @dataclass(frozen=True)
 class OneMaterial:
-    """One material's shots, under what all the others say.
-
-    Attributes
-    ----------
-    rest : WithoutMaterial
-        Which material, and the other shots.
-    problem, fitted : JointProblem, Fitted
-        Its shots alone; what they share with the others is known as well as those know it.
-    usual : Fitted
-        The same, where the rig was before any record but for what the others tell.
-    """
+    """One material's shots, under what all the others say."""
 
     rest: WithoutMaterial
+    """Which material, and the other shots."""
     problem: JointProblem
     fitted: joint.Fitted
+    """Its shots alone; what they share with the others is known as well as those know it."""
     usual: joint.Fitted
+    """The same, where the rig was before any record but for what the others tell."""
 
 
 def single_materials(
@@ -93,19 +80,8 @@ def single_materials(
 ) -> Iterator[OneMaterial]:
     """Yield the materials without whose shots the present model is adequate, likeliest first.
 
-    Parameters
-    ----------
-    present : PresentModel
-        The present model at its best, which is not adequate, and where it would be without a
-        record.
-    without : list of WithoutMaterial
-        From `without_each_material`.
-
-    Yields
-    ------
-    OneMaterial
-        Nothing where there is no such material; a sphere and a coupon where the shots of both
-        together make the difference; at most `MOST_MATERIALS`.
+    None where there is no such material; a sphere and a coupon where the shots of both together
+    make the difference; at most `MOST_MATERIALS`.
     """
     beyond = excess(present.problem, present.fitted)
     for rest in without[:MOST_MATERIALS]:
@@ -122,22 +98,7 @@ def single_materials(
 
 
 def apart_from(present: PresentModel, rest: WithoutMaterial, begin: joint.Fitted) -> OneMaterial:
-    """Return one material's shots under what the rest says of all that they share.
-
-    Parameters
-    ----------
-    present : PresentModel
-        The present model on all shots.
-    rest : WithoutMaterial
-        The others.
-    begin : Fitted
-        Where the present model begins, on all shots.
-
-    Returns
-    -------
-    OneMaterial
-        The present model fitted to the one material's shots.
-    """
+    """Return one material's shots under what the rest says of all that they share."""
     part, kept = part_of_shots(present.problem, rest.places)
     start = dataclasses.replace(
         begin, theta=begin.theta[kept], nuisances=begin.nuisances[rest.places]
@@ -174,24 +135,9 @@ def tried_alone(
 ) -> list[Refit]:
     """Return the effects that one material can have or feel, refitted where they act alone.
 
-    Parameters
-    ----------
-    apart : OneMaterial
-        The material and its shots.
-    present : PresentModel
-        The present model on all shots.
-    progress : callable
-        Told what is being done and a share between 0 and 1.
-    first : bool
-        Nothing was added yet.
-
-    Returns
-    -------
-    list of Refit
-        The best few fitted to all shots, best first; the rest behind them, their gain as it would
-        be there.
+    The best few are fitted to all shots; the rest, behind them, explain what they would there.
     """
-    inner = PresentModel(apart.problem, apart.fitted, apart.usual)
+    inner = PresentModel(apart.problem, apart.fitted, apart.usual, present.earlier)
     tried = [p for p in proposals(apart.problem)[0] if _can_be_felt_by_one(p.effect)]
     already = present.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
@@ -236,26 +182,14 @@ def on_all_shots(
 ) -> Refit:
     """Return an effect that was found on one material's shots as part of the whole campaign.
 
-    Parameters
-    ----------
-    found : Refit
-        On those shots.
-    apart : OneMaterial
-        Whose they are.
-    problem, fitted : JointProblem, Fitted
-        The model without the effect, on all shots.
-
-    Returns
-    -------
-    Refit
-        Fitted again; the other shots do not feel the effect.
+    The other shots do not feel the effect.
     """
     rest = apart.rest
     effect = dataclasses.replace(found.effect, only=rest.only)
     larger, theta, _ = extended(problem, fitted, effect, {})
     where = dict(zip(rest.problem.names, rest.fitted.theta, strict=True))
     for name, value in zip(found.problem.names, found.fitted.theta, strict=True):
-        where.setdefault(_owned(name, effect, rest.only.label), float(value))
+        where.setdefault(_of_material(name, effect, rest.only.label), float(value))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
@@ -271,15 +205,7 @@ def everywhere(
 ) -> Refit:
     """Return an effect that was found on one material's shots as one that acts on all shots.
 
-    Parameters
-    ----------
-    found, apart, problem, fitted
-        As for `on_all_shots`.
-
-    Returns
-    -------
-    Refit
-        Fitted again from the cell and the sizes that the one material's shots have.
+    It begins from the cell and the sizes that the one material's shots have.
     """
     larger, theta, _ = extended(problem, fitted, found.effect, {})
     where = dict(zip(apart.rest.problem.names, apart.rest.fitted.theta, strict=True))
@@ -307,6 +233,161 @@ def _shots_own(
     return nuisances
 
 
-def _owned(name: str, effect: Effect, group: str) -> str:
+def _of_material(name: str, effect: Effect, group: str) -> str:
     """Return the name that a number of the effect has where it belongs to one material."""
     return f"{name}[{group}]" if name.startswith(f"{effect.id}.") and "[" not in name else name
+
+
+@dataclass(frozen=True)
+class WithoutMaterial:
+    """A campaign without one material's shots."""
+
+    only: ActsOn
+    places: list[int]
+    others: list[int]
+    """Its shots in the campaign, and all the others."""
+    problem: JointProblem
+    fitted: joint.Fitted
+    """The others, under the present model."""
+    left: float
+    """Whitened squares of the others beyond the noise."""
+
+    @property
+    def share(self) -> float:
+        """Return the share of the campaign's shots that remain."""
+        return len(self.others) / (len(self.others) + len(self.places))
+
+
+def _samples(problem: JointProblem) -> int:
+    return sum(item.window.signal.size for item in problem.shots)
+
+
+def excess(problem: JointProblem, fitted: joint.Fitted) -> float:
+    """Return the whitened squares beyond the noise. [1]"""
+    return fitted.cost - _samples(problem)
+
+
+def chance(problem: JointProblem) -> float:
+    """Return the squares beyond the noise that are no sign of more. [1]"""
+    return CRITERIA.structure.excess_deviations * math.sqrt(2.0 * _samples(problem))
+
+
+def far_begin(present: PresentModel) -> joint.Fitted:
+    """Return where fits to a part of the shots begin: at the whole's best unless that is ruined."""
+    if (
+        present.fitted.cost > CRITERIA.search.far_squares_per_sample * _samples(present.problem)
+        and not present.problem.model.effects
+    ):
+        return dataclasses.replace(present.usual, theta=present.problem.start)
+    return present.fitted
+
+
+def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
+    """Return the campaign without each material in turn, what leaves least first.
+
+    Empty where the residual is too small for the question.
+    """
+    if not excess(present.problem, present.fitted) > CRITERIA.grouping.asked_above:
+        return []
+    begin, every = far_begin(present), set(range(len(present.problem.shots)))
+    found = []
+    for only, places in _materials(present.problem).items():
+        others = sorted(every - set(places))
+        part, kept = part_of_shots(present.problem, others)
+        theta = begin.theta[kept]
+        nuisances = settle(part, theta, begin.nuisances[others])
+        fitted = joint.fit(part, nuisances, theta=theta, max_iterations=MOST_STEPS)
+        if fitted.blocks:
+            left = excess(part, fitted)
+            found.append(WithoutMaterial(only, places, others, part, fitted, left))
+    return sorted(found, key=lambda f: f.left)
+
+
+def _materials(problem: JointProblem) -> dict[ActsOn, list[int]]:
+    """Return the shots of every material that some shots do without."""
+    found: dict[ActsOn, list[int]] = {}
+    for place, item in enumerate(problem.shots):
+        for kind, name in (("surface", item.shot.surface), ("sphere", item.shot.sphere)):
+            if name is not None:
+                found.setdefault(ActsOn(kind, (name,)), []).append(place)
+    return {only: places for only, places in found.items() if len(places) < len(problem.shots)}
+
+
+def part_of_shots(problem: JointProblem, places: list[int]) -> tuple[JointProblem, list[int]]:
+    """Return a problem of some shots with the globals that these depend on."""
+    shots = [problem.shots[at] for at in places]
+    used = np.zeros(len(problem.names), dtype=bool)
+    for item in shots:
+        used |= problem.shared_local(item, problem.start)[1].any(axis=0)
+    kept = np.flatnonzero(used).tolist()
+    part = dataclasses.replace(
+        problem,
+        shots=shots,
+        names=[problem.names[j] for j in kept],
+        start=problem.start[kept],
+        prior_mean=problem.prior_mean[kept],
+        prior_precision=problem.prior_precision[np.ix_(kept, kept)],
+    )
+    return part, kept
+
+
+Alone = Callable[[JointProblem, joint.Fitted, joint.Fitted, Progress], Refit | None]
+"""Search one effect that leaves noise: problem, fitted, usual place, progress -> refit."""
+
+
+def split_by_material(
+    present: PresentModel, without: list[WithoutMaterial], alone: Alone, progress: Progress
+) -> tuple[Refit, list[Refit]] | None:
+    """Return a first effect, found without one material, and what then acts on that material.
+
+    The first effect is fitted to all shots, the second ones on top of it, best first.
+    """
+    whole = excess(present.problem, present.fitted)
+    simpler = [w for w in without if w.left < CRITERIA.grouping.simpler_share * w.share * whole]
+    for rest in sorted(simpler, key=lambda w: w.left / w.share)[:MATERIALS_TRIED]:
+        progress(MethodStep.ON_TOP.told(f"searching without {rest.only.label}"), 0.5)
+        usual = _usual_of(present, rest)
+        first = alone(rest.problem, rest.fitted, usual, progress)
+        if first is None:
+            continue
+        larger, begin = _on_all(present, rest, first)
+        fitted = joint.fit(larger, begin.nuisances, theta=begin.theta)
+        if not fitted.blocks:
+            continue
+        taken = dataclasses.replace(first, problem=larger, fitted=fitted, on_all_shots=True)
+        taken = refitted(taken, present.problem, present.fitted)
+        known = dataclasses.replace(rest, problem=first.problem, fitted=first.fitted)
+        wider = PresentModel(larger, fitted, present.usual, present.earlier)
+        found = tried_alone(apart_from(wider, known, begin), wider, progress, first=True)
+        if found:
+            return taken, found
+    return None
+
+
+def _usual_of(present: PresentModel, rest: WithoutMaterial) -> joint.Fitted:
+    """Return the usual place for some of the shots."""
+    names = present.problem.names[: present.usual.theta.size]
+    kept = [j for j, name in enumerate(names) if rest.problem.index(name) is not None]
+    return dataclasses.replace(
+        present.usual,
+        theta=present.usual.theta[kept],
+        nuisances=present.usual.nuisances[rest.others],
+    )
+
+
+def _on_all(
+    present: PresentModel, rest: WithoutMaterial, first: Refit
+) -> tuple[JointProblem, joint.Fitted]:
+    """Return the whole problem with the first effect, and where its fit begins."""
+    larger, theta, _ = extended(present.problem, present.fitted, first.effect, {})
+    before = dict(zip(present.problem.names, present.usual.theta, strict=False))
+    known = dict(zip(first.problem.names, first.fitted.theta, strict=True))
+    theta = np.array(
+        [known.get(n, before.get(n, v)) for n, v in zip(larger.names, theta, strict=True)]
+    )
+    base = present.fitted.nuisances.copy()
+    base[:, : present.usual.nuisances.shape[1]] = present.usual.nuisances
+    nuisances = carried_over(present.problem.model, larger.model, base)
+    nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
+    nuisances[rest.others] = first.fitted.nuisances
+    return larger, dataclasses.replace(present.fitted, theta=theta, nuisances=nuisances)

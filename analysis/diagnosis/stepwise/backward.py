@@ -1,20 +1,34 @@
 """What a selection's names must stand: being left out, and every other effect of their slots.
 
-What could stand in for an effect is seen only beside all the others that act.
+What could stand in for an effect is seen only beside all the others that act. Where the time is
+over before that, what was found is judged, and what nobody asked stays open.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
+from collections.abc import Iterator, Sequence
 
 from analysis.diagnosis.basis.form_error import discrepancy
+from analysis.diagnosis.basis.proposals import can_be_tried
 from analysis.diagnosis.candidates.refit import Refit, continued
 from analysis.diagnosis.candidates.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.method_steps import Progress
 from analysis.diagnosis.score_test.linearised import linearise
-from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
+from analysis.diagnosis.stepwise.forward import (
+    MAX_EFFECTS,
+    Selection,
+    Step,
+    make_step,
+    select,
+    useful,
+)
+from analysis.diagnosis.time_budget import BudgetSpentError
 from analysis.effects.effect import Effect
+from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.model.impact_model import ImpactModel
@@ -47,16 +61,8 @@ def without_needless(selection: Selection) -> Selection:
 def held_against_unfinished(selection: Selection) -> Selection:
     """Return a selection whose last effect has stood against what was given up half-way.
 
-    Parameters
-    ----------
-    selection : Selection
-        Any.
-
-    Returns
-    -------
-    Selection
-        As `held_against_others` returns it, for others of its slot that a part of the shots spoke
-        for and that were never fitted to all.
+    Those are others of its slot that a part of the shots spoke for and that were never fitted to
+    all.
     """
     if not selection.chosen or not selection.adequate:
         return selection
@@ -77,19 +83,8 @@ def held_against_others(selection: Selection, effect_ids: set[str] | None = None
     """Return a selection whose last effect has stood against every other of its slot.
 
     An effect that was found beside one that has since been taken off was never compared with what
-    else could do the work alone.
-
-    Parameters
-    ----------
-    selection : Selection
-        Ending in noise.
-    effect_ids : set of str, optional
-        Only these others.
-
-    Returns
-    -------
-    Selection
-        With the others among the refits of the last turn; one that does better takes its place.
+    else could do the work alone. The others go among the refits of the last turn; one that does
+    better takes its place.
     """
     step, taken = selection.steps[-2], selection.chosen[-1]
     others = rivals_refitted(step.problem, step.fitted, taken, effect_ids)
@@ -109,19 +104,9 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
     """Return a selection of which every effect has stood against others, and what they leave open.
 
     What could stand in for an effect is seen only beside all the others that act, and at its turn
-    not all of them were known yet: each is taken as if it had been the last.
-
-    Parameters
-    ----------
-    selection : Selection
-        Ending in noise.
-
-    Returns
-    -------
-    selection : Selection
-        The same, or one in another order, of which another effect has taken a place.
-    near : dict
-        Id to the refits that the data cannot tell from it, without those that have none.
+    not all of them were known yet: each is taken as if it had been the last. Returns the selection,
+    in which another effect may have taken a place, and by id the refits that the data cannot tell
+    from it.
     """
     near = _rivals(selection)
     for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
@@ -181,15 +166,7 @@ def _is_effect(name: str, model: ImpactModel) -> bool:
 def behind(taken: Refit, other: Refit) -> float:
     """Return by how many squares another effect falls short, in gain or with its numbers paid.
 
-    Parameters
-    ----------
-    taken, other : Refit
-        On top of the same model.
-
-    Returns
-    -------
-    float
-        The lesser of the two; infinite where it was not fitted to all shots. [1]
+    Infinite where the other was not fitted to all shots. [1]
     """
     if other.effect_id == taken.effect_id or not other.on_all_shots:
         return math.inf
@@ -233,3 +210,87 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
         if behind(taken, other) < within or score - _score_of_inexact(other) < within:
             near.append(other)
     return {taken.effect_id: near} if near else {}
+
+
+def searched(start: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
+    """Return the selection of named effects, or as much of it as the time allowed."""
+    reached: list[Selection] = []
+    try:
+        selection = select(start, usual, progress, reached)
+    except BudgetSpentError:
+        selection = best_reached(start, reached)
+    with contextlib.suppress(BudgetSpentError):
+        selection = without_needless(selection)
+        selection = held_against_unfinished(selection)
+    return selection
+
+
+def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
+    """Return the best selection that a search had found when its time was over.
+
+    By the squares that are left, numbers paid for. It may end with an effect that was fitted to all
+    shots and neither held against all others nor asked for another form or grouping.
+    """
+    ways: list[tuple[float, Selection, Refit | None]] = []
+    for selection in (start, *reached):
+        ways.append((selection.score, selection, None))
+        if len(selection.chosen) < MAX_EFFECTS:
+            ways += [
+                (selection.score - r.score(), selection, r) for r in useful(selection.last)[:1]
+            ]
+    _, selection, further = min(ways, key=lambda way: way[0])
+    if further is None:
+        return selection
+    ahead = make_step(further.problem, further.fitted)
+    longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
+    # as in a whole search: what is third must leave noise, or it only mimics what is missing
+    return selection if len(longer.chosen) == MAX_EFFECTS and not longer.adequate else longer
+
+
+def not_held_against(selection: Selection) -> dict[str, list[str]]:
+    """Return the names that could still stand in for those of a selection.
+
+    Id to ids: those that fitted about as well, and those that nobody compared.
+    """
+    found = {}
+    for place, taken in enumerate(selection.chosen):
+        if taken.effect.replaces_base:
+            continue
+        step = selection.steps[place]
+        others = set(_near(step, taken))
+        if step.unfinished:
+            others |= _never_compared(step, taken)
+        elif place < len(selection.chosen) - 1:
+            others |= {o for o in _can_be_tried(step) if library()[o].slot == taken.effect.slot}
+        others -= {c.effect_id for c in selection.chosen}
+        if others:
+            found[taken.effect_id] = sorted(others)
+    return found
+
+
+def _near(step: Step, taken: Refit) -> Iterator[str]:
+    """Yield what is near enough an effect to be confused with it, or has not come to its end."""
+    yield from (e.id for e in effect_named(taken.effect_id).lookalikes)
+    for one in step.refits:
+        if one.at_bound or one.effect_id == taken.effect_id:
+            continue
+        open_end = CRITERIA.stepwise.unfinished_within * (not one.fitted.converged)
+        if behind(taken, one) < max(CRITERIA.stepwise.confusable_within, open_end) or (
+            one.effect.slot == taken.effect.slot
+            and not one.on_all_shots
+            and one.gain > CRITERIA.stepwise.partly_fitted_share * taken.gain
+        ):
+            yield one.effect_id
+
+
+def _never_compared(step: Step, taken: Refit) -> set[str]:
+    """Return the effects that were not fitted to all shots where another was taken."""
+    present = {e.id.partition(":")[0] for e in step.problem.model.effects}
+    fitted = {r.effect_id for r in step.refits if r.on_all_shots}
+    return set(_can_be_tried(step)) - present - fitted - {taken.effect_id}
+
+
+def _can_be_tried(step: Step) -> Iterator[str]:
+    for effect_id, effect in library().items():
+        if not effect.by_name and can_be_tried(effect, step.problem) is None:
+            yield effect_id

@@ -7,25 +7,28 @@ the search gives up.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import Proposal, proposals
 from analysis.diagnosis.candidates.other_forms import best_form
 from analysis.diagnosis.candidates.refit import Refit
-from analysis.diagnosis.candidates.subsets import PresentModel
-from analysis.diagnosis.candidates.successive_halving import one_form_each, rank, ranked
+from analysis.diagnosis.candidates.successive_halving import (
+    PresentModel,
+    one_form_each,
+    rank,
+    ranked,
+)
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.grouping_search.grouping import best_grouping, promises_other_grouping
 from analysis.diagnosis.grouping_search.one_material import (
+    WithoutMaterial,
     can_be_one_materials,
     explains_all,
     single_materials,
+    split_by_material,
     tried_alone,
-)
-from analysis.diagnosis.grouping_search.split_by_material import split_by_material
-from analysis.diagnosis.grouping_search.without_material import (
-    WithoutMaterial,
     without_each_material,
 )
 from analysis.diagnosis.method_steps import MethodStep, Progress
@@ -45,34 +48,21 @@ HUM = "mains_hum"
 
 @dataclass
 class Step:
-    """One turn of the loop.
-
-    Attributes
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The model of this turn, at its best.
-    linearised : Linearised
-        Its residual.
-    score_test : ScoreTest
-        Whether there is structure.
-    refits : list of Refit
-        What was tried on top, best first.
-    refused : dict
-        Why other effects could not be tried.
-    without : list of WithoutMaterial
-        The same model without each material's shots, where that was asked.
-    unfinished : bool
-        The time was over before all that can be tried was compared.
-    """
+    """One turn of the loop."""
 
     problem: JointProblem
     fitted: joint.Fitted
+    """The model of this turn, at its best."""
     linearised: Linearised
     score_test: ScoreTest
     refits: list[Refit] = field(default_factory=list)
+    """What was tried on top, best first."""
     refused: dict[str, str] = field(default_factory=dict)
+    """Why other effects could not be tried."""
     without: list[WithoutMaterial] = field(default_factory=list)
+    """The same model without each material's shots, where that was asked."""
     unfinished: bool = False
+    """The time was over before all that can be tried was compared."""
 
     @property
     def impossible(self) -> bool:
@@ -82,15 +72,7 @@ class Step:
 
 @dataclass
 class Selection:
-    """Steps, and the effects that lead from each to the next.
-
-    Attributes
-    ----------
-    steps : list of Step
-        One more than effects.
-    chosen : list of Refit
-        In order.
-    """
+    """Steps, and the effects that lead from each to the next."""
 
     steps: list[Step]
     chosen: list[Refit]
@@ -143,18 +125,6 @@ class Selection:
 def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
     """Return a fitted model with the answer to whether its residual is noise.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The model at its best.
-
-    Returns
-    -------
-    Step
-        Nothing tried on top yet.
-
-    Notes
-    -----
     Made to its end whatever the time: what was fitted is worth nothing without it. What an effect's
     law may be wrong by (`analysis.diagnosis.basis.form_error`) is no structure, nor is what masses,
     radii and heights explain that differ from their statements by what these allow is no structure:
@@ -173,11 +143,17 @@ def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
     return found if freed.structured else Step(problem, fitted, linearised, freed)
 
 
-def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
-    """Fill in what library effects bring on top of a step, as far as the time goes."""
+def try_effects(
+    step: Step, usual: joint.Fitted, progress: Progress, earlier: Sequence[Refit] = ()
+) -> None:
+    """Fill in what library effects bring on top of a step, as far as the time goes.
+
+    What an earlier turn fitted on top of less says where to look first.
+    """
     found: list[Refit] = []
+    before = {r.effect_id: r for r in earlier}
     try:
-        _compare(step, usual, progress, found)
+        _compare(PresentModel(step.problem, step.fitted, usual, before), step, progress, found)
     except BudgetSpentError:
         step.unfinished = True
         raise
@@ -185,11 +161,10 @@ def try_effects(step: Step, usual: joint.Fitted, progress: Progress) -> None:
         step.refits += one_form_each(sorted(found, key=rank))
 
 
-def _compare(step: Step, usual: joint.Fitted, progress: Progress, found: list[Refit]) -> None:
+def _compare(present: PresentModel, step: Step, progress: Progress, found: list[Refit]) -> None:
     """Fit library effects on top of a step, each into ``found`` once it is fitted to all shots."""
     tried: list[Proposal]
     tried, step.refused = proposals(step.problem)
-    present = PresentModel(step.problem, step.fitted, usual)
     first = not step.problem.model.effects
     at = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
     progress(at.told("does one material make the difference?"), 0.0)
@@ -228,21 +203,9 @@ def select(
 ) -> Selection:
     """Search for effects on top of where a selection stands.
 
-    Parameters
-    ----------
-    start : Selection
-        Structured at its end.
-    usual : Fitted
-        The base model at what was known before any record.
-    progress : callable
-        Told what is being done and a share between 0 and 1.
-    reached : list of Selection, optional
-        Filled with selections on the way: what is left where the time is over before the end.
-
-    Returns
-    -------
-    Selection
-        The first that ends in noise, fewest effects first; else the best that was found.
+    The first that ends in noise, fewest effects first; else the best that was found. ``usual`` is
+    the base model at what was known before any record. ``reached`` is filled on the way: what is
+    left where the time is over before the end.
     """
     found: list[Selection] = [] if reached is None else reached
     try_effects(start.last, usual, progress)
@@ -283,7 +246,7 @@ def _split_by_material(
         some = Selection([make_step(problem, fitted)], [])
         if some.adequate:
             return None  # then that material makes all the difference, and was tried alone
-        try_effects(some.last, place, told)
+        try_effects(some.last, place, told, start.last.refits)
         for first in useful(some.last)[:FIRSTS_TRIED]:
             one = some.on(first)
             # a part of the shots tells less of a law that may be wrong
@@ -291,7 +254,8 @@ def _split_by_material(
                 return one.chosen[-1]
         return None
 
-    present = PresentModel(start.last.problem, start.last.fitted, usual)
+    before = {r.effect_id: r for r in start.last.refits}
+    present = PresentModel(start.last.problem, start.last.fitted, usual, before)
     found = split_by_material(present, start.last.without, alone, progress)
     if found is None:
         return None
@@ -306,7 +270,7 @@ def _split_by_material(
 def _with_second(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
     """Return a selection with what helps most on top; the selection itself where nothing does."""
     if not selection.settled:
-        try_effects(selection.last, usual, progress)
+        try_effects(selection.last, usual, progress, selection.steps[-2].refits)
         found = useful(selection.last)
         if found:
             return selection.on(found[0])

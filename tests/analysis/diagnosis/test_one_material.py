@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.effect_range import is_there_before
+from analysis.diagnosis.candidates.refit import is_there_before
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.grouping_search.one_material import can_be_one_materials
 from analysis.diagnosis.named_model import definition_of, model_of
