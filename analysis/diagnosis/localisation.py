@@ -12,6 +12,7 @@ from analysis.diagnosis.discrepancy.choice import best_discrepancy, better
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform, mean_waveform
 from analysis.diagnosis.discrepancy.waveform import waveform_discrepancy
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import heldout_or_none
 from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
@@ -23,7 +24,6 @@ from analysis.diagnosis.slots import (
     probabilities,
     worth,
 )
-from analysis.diagnosis.stepwise.forward import Step
 
 FORMULA_TERMS = 2
 """A formula of more columns nobody reads as one."""

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.possible_drops import PossibleDrop, as_shot, possible_drops
 from analysis.fit import joint

@@ -8,22 +8,22 @@ from dataclasses import dataclass, field
 
 from analysis.base_models import DEFAULT_BASE, RINGING_BASES
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.multistart import usual_place
-from analysis.diagnosis.candidates.refit import Refit
-from analysis.diagnosis.candidates.successive_halving import rank
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.localisation import Located, locate
-from analysis.diagnosis.marginal_likelihood import Price
-from analysis.diagnosis.method_steps import MethodStep, Progress
-from analysis.diagnosis.next_drop import NextDrop, propose
-from analysis.diagnosis.noise_check import Background, check_noise
-from analysis.diagnosis.score_test.linearised import LAW
-from analysis.diagnosis.stepwise.backward import (
+from analysis.diagnosis.backward_elimination import (
     each_held_against_others,
     not_held_against,
     searched,
 )
-from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
+from analysis.diagnosis.candidate import Refit
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forward_selection import Selection, Step, make_step
+from analysis.diagnosis.localisation import Located, locate
+from analysis.diagnosis.marginal_likelihood import Price
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.multistart import usual_place
+from analysis.diagnosis.next_drop import NextDrop, propose
+from analysis.diagnosis.noise_check import Background, check_noise
+from analysis.diagnosis.score_test.linearised import LAW
+from analysis.diagnosis.successive_halving import rank
 from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint

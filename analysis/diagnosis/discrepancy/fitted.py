@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.scale import Scale
 from analysis.diagnosis.basis.tuning import scale_of, tuned
-from analysis.diagnosis.candidates.refit import extended
+from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.discrepancy.normal_equations import STEERED, Part, Point, form_of
 from analysis.diagnosis.discrepancy.search import (
     Reached,

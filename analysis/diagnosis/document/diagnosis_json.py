@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
 from analysis.diagnosis.document.description import describe
@@ -23,12 +23,12 @@ from analysis.diagnosis.document.noise_words import noise_json
 from analysis.diagnosis.document.per_shot import parameters_by_shot, told_of_shots
 from analysis.diagnosis.document.reasons import not_refitted, to_the_end, why_not
 from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform, sentence
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import heldout_or_none, quality
 from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.score_test.linearised import Explained
-from analysis.diagnosis.stepwise.forward import Step
 from analysis.diagnosis.time_budget import BudgetSpentError
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.document.stack import Grid, binned, grid_for
-from analysis.diagnosis.stepwise.forward import Step
+from analysis.diagnosis.forward_selection import Step
 from analysis.effects.contact_closure import ELASTIC_POWERS, RATE_POWERS
 from analysis.fit.measurand import Json
 from analysis.fit.shot_fit import ShotFit, collect

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.held_out import quality
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.fit.freed_inputs import inputs_freed

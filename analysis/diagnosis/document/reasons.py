@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from analysis.diagnosis.basis.proposals import scopes_of
-from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.noise_words import times_noise
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.procedure import Diagnosis
-from analysis.diagnosis.stepwise.forward import Step
 from analysis.effects.library import effect_named
 from analysis.fit.physical_range import out_of_range
 

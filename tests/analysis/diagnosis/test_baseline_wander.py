@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forward_selection import make_step
 from analysis.diagnosis.score_test.baseline_wander import _slow_powers, p_of_wander
 from analysis.diagnosis.score_test.score_test import WANDER, ScoreTest
-from analysis.diagnosis.stepwise.forward import make_step
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare

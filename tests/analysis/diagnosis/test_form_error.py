@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from analysis.budget_sources import sources
 from analysis.campaign import Campaign
 from analysis.diagnosis.basis.form_error import Discrepancy, discrepancy
-from analysis.diagnosis.candidates.refit import extended
+from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
+from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.held_out import quality
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.score_test.linearised import Linearised, linearise
 from analysis.diagnosis.score_test.score_test import ASKED, INEXACT, run_score_test
-from analysis.diagnosis.stepwise.forward import Step, make_step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows

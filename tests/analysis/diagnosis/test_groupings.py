@@ -9,19 +9,19 @@ import pytest
 
 from analysis.campaign import Campaign
 from analysis.diagnosis.basis.proposals import proposals
-from analysis.diagnosis.candidates.multistart import starts
-from analysis.diagnosis.candidates.refit import Refit, refit
-from analysis.diagnosis.candidates.successive_halving import rivals_refitted
+from analysis.diagnosis.candidate import Refit, refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.grouping_search.grouping import (
+from analysis.diagnosis.grouping_search import (
     best_grouping,
     promises_other_grouping,
     sizes_of,
 )
+from analysis.diagnosis.multistart import starts
 from analysis.diagnosis.named_model import definition_of, model_of
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.score_test.linearised import linearise
+from analysis.diagnosis.successive_halving import rivals_refitted
 from analysis.effects.acts_on import ActsOn
 from analysis.fit import joint
 from analysis.fit.problem import build

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.candidates.refit import price_of_scatter
+from analysis.diagnosis.candidate import price_of_scatter
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.procedure import diagnose_campaign
 

@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis.candidates.refit import _alike
+from analysis.diagnosis.candidate import _alike
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from impactd.console.tables import measured

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.refit import Refit, extended, refitted
+from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.marginal_likelihood import Price, coordinate_width, log_integral
 from analysis.effects.library import effect_named
 from analysis.fit import joint

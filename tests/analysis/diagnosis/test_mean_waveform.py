@@ -15,9 +15,9 @@ from analysis.diagnosis.discrepancy.waveform import IN_PLACE, ON_TOP, waveform_d
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.document.family_words import FAMILIES
 from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform
+from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from analysis.diagnosis.stepwise.forward import Step, make_step
 from analysis.effects.effect import SLOTS
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms

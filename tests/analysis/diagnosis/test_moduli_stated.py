@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.document.diagnosis_json import _block, diagnosis_json
 from analysis.diagnosis.document.moduli_stated import hold_for_all, members
+from analysis.diagnosis.forward_selection import make_step
 from analysis.diagnosis.held_out import quality
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from analysis.diagnosis.stepwise.forward import make_step
 from analysis.fit.freed_inputs import inputs_freed
 
 from .conftest import small_campaign

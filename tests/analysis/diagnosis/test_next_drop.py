@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.refit import Refit
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.effects.library import effect_named

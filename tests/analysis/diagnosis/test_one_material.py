@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.candidates.refit import is_there_before
+from analysis.diagnosis.candidate import is_there_before
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.grouping_search.one_material import can_be_one_materials
 from analysis.diagnosis.named_model import definition_of, model_of
+from analysis.diagnosis.one_material import can_be_one_materials
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.library import effect_named

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
+from analysis.diagnosis.forward_selection import Selection, Step, make_step
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare

@@ -12,11 +12,11 @@ import pytest
 
 from analysis.campaign import Campaign
 from analysis.diagnosing import diagnose
+from analysis.diagnosis.backward_elimination import best_reached, not_held_against
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
+from analysis.diagnosis.forward_selection import Selection
 from analysis.diagnosis.method_steps import MethodStep, each_step
 from analysis.diagnosis.procedure import Diagnosis, _judge, _standing
-from analysis.diagnosis.stepwise.backward import best_reached, not_held_against
-from analysis.diagnosis.stepwise.forward import Selection
 from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
 from analysis.errors import ParameterOutOfRangeError
 

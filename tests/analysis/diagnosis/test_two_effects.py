@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.diagnosis.candidates.refit import extended, fitted_below_one
+from analysis.diagnosis.candidate import extended, fitted_below_one
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.effects.library import effect_named
 from analysis.fit import joint

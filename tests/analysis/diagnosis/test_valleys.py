@@ -6,9 +6,9 @@ import math
 
 import pytest
 
-from analysis.diagnosis.candidates.other_forms import best_form
-from analysis.diagnosis.candidates.refit import Refit, extended
-from analysis.diagnosis.stepwise.forward import make_step
+from analysis.diagnosis.candidate import Refit, extended
+from analysis.diagnosis.forms import best_form
+from analysis.diagnosis.forward_selection import make_step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build

@@ -14,9 +14,9 @@ import pytest
 
 from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
-from analysis.diagnosis.candidates.refit import extended
+from analysis.diagnosis.candidate import extended
+from analysis.diagnosis.forward_selection import Selection, make_step
 from analysis.diagnosis.procedure import _crystal
-from analysis.diagnosis.stepwise.forward import Selection, make_step
 from analysis.diagnosis.time_budget import Watch
 from analysis.effects.library import effect_named
 from analysis.fit import joint

@@ -13,12 +13,9 @@ from collections.abc import Iterator, Sequence
 
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import can_be_tried
-from analysis.diagnosis.candidates.refit import Refit, continued
-from analysis.diagnosis.candidates.successive_halving import lookalikes_refitted, rivals_refitted
+from analysis.diagnosis.candidate import Refit, continued
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.method_steps import Progress
-from analysis.diagnosis.score_test.linearised import linearise
-from analysis.diagnosis.stepwise.forward import (
+from analysis.diagnosis.forward_selection import (
     MAX_EFFECTS,
     Selection,
     Step,
@@ -26,6 +23,9 @@ from analysis.diagnosis.stepwise.forward import (
     select,
     useful,
 )
+from analysis.diagnosis.method_steps import Progress
+from analysis.diagnosis.score_test.linearised import linearise
+from analysis.diagnosis.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.diagnosis.time_budget import BudgetSpentError
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named, library

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes_of, size_of
 from analysis.diagnosis.basis.some_materials import Sizes
-from analysis.diagnosis.candidates.refit import Refit, extended, refitted
+from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.score_test.linearised import Projection
 from analysis.effects.acts_on import KINDS, ActsOn

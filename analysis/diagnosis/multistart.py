@@ -18,7 +18,7 @@ from analysis.diagnosis.basis.proposals import (
     scopes_of,
 )
 from analysis.diagnosis.basis.some_materials import Sizes
-from analysis.diagnosis.candidates.refit import (
+from analysis.diagnosis.candidate import (
     KNOWN_BEFORE,
     Refit,
     extended,

@@ -14,14 +14,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidates.refit import (
+from analysis.diagnosis.candidate import (
     Refit,
     extended,
     fitted_coordinate,
     refit_elsewhere,
     refitted,
 )
-from analysis.diagnosis.candidates.successive_halving import part_of, thinned
+from analysis.diagnosis.successive_halving import part_of, thinned
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint

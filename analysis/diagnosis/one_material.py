@@ -21,14 +21,14 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import proposals, scopes_of
-from analysis.diagnosis.candidates.other_forms import best_form
-from analysis.diagnosis.candidates.refit import KNOWN_BEFORE, Refit, extended, refitted
-from analysis.diagnosis.candidates.successive_halving import PresentModel, rank, ranked
+from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.grouping_search.grouping import best_grouping
+from analysis.diagnosis.forms import best_form
+from analysis.diagnosis.grouping_search import best_grouping
 from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import linearise
 from analysis.diagnosis.score_test.score_test import run_score_test
+from analysis.diagnosis.successive_halving import PresentModel, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint

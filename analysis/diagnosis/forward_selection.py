@@ -12,17 +12,12 @@ from dataclasses import dataclass, field
 
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import Proposal, proposals
-from analysis.diagnosis.candidates.other_forms import best_form
-from analysis.diagnosis.candidates.refit import Refit
-from analysis.diagnosis.candidates.successive_halving import (
-    PresentModel,
-    one_form_each,
-    rank,
-    ranked,
-)
+from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.grouping_search.grouping import best_grouping, promises_other_grouping
-from analysis.diagnosis.grouping_search.one_material import (
+from analysis.diagnosis.forms import best_form
+from analysis.diagnosis.grouping_search import best_grouping, promises_other_grouping
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.one_material import (
     WithoutMaterial,
     can_be_one_materials,
     explains_all,
@@ -31,9 +26,14 @@ from analysis.diagnosis.grouping_search.one_material import (
     tried_alone,
     without_each_material,
 )
-from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import Linearised, linearise
 from analysis.diagnosis.score_test.score_test import ScoreTest, run_score_test
+from analysis.diagnosis.successive_halving import (
+    PresentModel,
+    one_form_each,
+    rank,
+    ranked,
+)
 from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
 from analysis.fit import joint
 from analysis.fit.freed_inputs import at_likeliest_inputs

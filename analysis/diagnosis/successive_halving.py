@@ -16,16 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
-from analysis.diagnosis.candidates.multistart import (
+from analysis.diagnosis.candidate import Refit, continued, refit, refit_elsewhere
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.multistart import (
     Start,
     below_a_ceiling,
     distinct,
     ends_the_signal,
     starts,
 )
-from analysis.diagnosis.candidates.refit import Refit, continued, refit, refit_elsewhere
-from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import linearise
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named

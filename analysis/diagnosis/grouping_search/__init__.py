@@ -1,1 +1,0 @@
-"""Whose an effect is: the rig's, a material's, each shot's own."""

@@ -1,1 +1,0 @@
-"""Effects on top of one another, forward and backward."""
