@@ -16,7 +16,7 @@ from analysis.diagnosis.candidates.subsets import PresentModel
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.grouping_search.one_material import apart_from, tried_alone
 from analysis.diagnosis.grouping_search.without_material import WithoutMaterial, excess
-from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem

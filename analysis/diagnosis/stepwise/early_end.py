@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from analysis.diagnosis.basis.proposals import can_be_tried
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.method_steps import Progress
+from analysis.diagnosis.progress import BudgetSpentError, Progress
 from analysis.diagnosis.stepwise.backward import behind, held_against_unfinished, without_needless
 from analysis.diagnosis.stepwise.forward import (
     MAX_EFFECTS,
@@ -18,7 +18,6 @@ from analysis.diagnosis.stepwise.forward import (
     select,
     useful,
 )
-from analysis.diagnosis.time_budget import BudgetSpentError
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 

@@ -16,8 +16,8 @@ from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
 from analysis.diagnosis.candidates.refit import extended
 from analysis.diagnosis.procedure import _crystal
+from analysis.diagnosis.progress import Watch
 from analysis.diagnosis.stepwise.forward import Selection, make_step
-from analysis.diagnosis.time_budget import Watch
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range

@@ -13,11 +13,10 @@ import pytest
 from analysis.campaign import Campaign
 from analysis.diagnosing import diagnose
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.method_steps import MethodStep, each_step
 from analysis.diagnosis.procedure import Diagnosis, _judge, _standing
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, TimeBudget, Watch, each_step
 from analysis.diagnosis.stepwise.early_end import best_reached, not_held_against
 from analysis.diagnosis.stepwise.forward import Selection
-from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
 from analysis.errors import ParameterOutOfRangeError
 
 from .conftest import small_campaign
