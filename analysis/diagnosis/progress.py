@@ -58,6 +58,7 @@ def each_step(tell: Callable[[str], object]) -> Callable[[str, float | None], No
     last_heading = ""
 
     def progress(text: str, share: float | None) -> None:
+        """Pass a text on where its heading is another than that of the one before."""
         nonlocal last_heading
         del share
         heading = text.partition(": ")[0]

@@ -12,24 +12,7 @@ import numpy as np
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
-from analysis.diagnosis.document.moduli_stated import (
-    STRUCTURE,
-    hold_for_all,
-    members,
-    withhold_sought,
-)
-from analysis.diagnosis.document.residual import describe, discrepancy_curves
-from analysis.diagnosis.document.wording import (
-    background_words,
-    beside_mean_waveform,
-    dependence,
-    fitted_to_the_end,
-    noise_kind,
-    noise_sentences,
-    not_refitted,
-    verdict_sentence,
-    why_not,
-)
+from analysis.diagnosis.document import moduli_stated, residual, wording
 from analysis.diagnosis.held_out import heldout_or_none, quality
 from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
@@ -73,10 +56,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     base, stated = _block(free_before), _block(free_after)
     located = diagnosis.located
     if not diagnosis.leaves_noise:
-        withhold_sought(base, free_before)
-        withhold_sought(stated, free_after)
+        moduli_stated.withhold_sought(base, free_before)
+        moduli_stated.withhold_sought(stated, free_after)
     elif diagnosis.rivals:
-        hold_for_all(stated, members(diagnosis, free_after))
+        moduli_stated.hold_for_all(stated, moduli_stated.members(diagnosis, free_after))
     if diagnosis.open_names:
         withhold_fitted(stated["moduli"], "the name beside which it was found is not certain")
     if diagnosis.verdict == "unknown" and located is not None:
@@ -87,8 +70,8 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     turns = [_turn(diagnosis, step) for step in diagnosis.steps]
     ended = diagnosis.watch.ended
     said = [
-        verdict_sentence(diagnosis, before, after),
-        *beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
+        wording.verdict_sentence(diagnosis, before, after),
+        *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
         *_on_moduli(stated, free_after),
         *_provisos(free_after),
     ]
@@ -117,8 +100,8 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "next_drop": None if diagnosis.next_drop is None else diagnosis.next_drop.to_json(),
         "campaign": _campaign(before),
         "residual": {
-            "before": describe(before),
-            "after": None if after is before else describe(after),
+            "before": residual.describe(before),
+            "after": None if after is before else residual.describe(after),
         },
         "rejected": [dataclasses.asdict(r) for r in first.problem.rejected],
         "assumptions": list(first.problem.assumptions),
@@ -215,9 +198,17 @@ def _add_discrepancy(block: Json, result: FitResult, located: Located) -> None:
 
 def _on_moduli(block: Json, result: FitResult) -> list[str]:
     """Return why moduli that were sought are not stated: what is missing, what is in the way."""
-    held = [name for name, one in block["moduli"].items() if one.get("reason") == STRUCTURE]
+    held = [
+        name
+        for name, one in block["moduli"].items()
+        if one.get("reason") == moduli_stated.STRUCTURE
+    ]
     said = [one.sentence for one in result.undetermined]
-    return [*said, f"Withheld is the modulus of {', '.join(held)}: {STRUCTURE}."] if held else said
+    return (
+        [*said, f"Withheld is the modulus of {', '.join(held)}: {moduli_stated.STRUCTURE}."]
+        if held
+        else said
+    )
 
 
 def _provisos(result: FitResult) -> list[str]:
@@ -237,16 +228,16 @@ def noise_json(result: FitResult, seen: Background | None = None) -> Json:
     noises: dict[tuple[str, float], NoiseModel] = {}
     for item in (shot.item for shot in result.shots):
         noises.setdefault((item.shot.quantity, item.frame.sample_rate_hz), item.noise)
-    said = [s for (_, rate), noise in noises.items() for s in noise_sentences(noise, rate)]
+    said = [s for (_, rate), noise in noises.items() for s in wording.noise_sentences(noise, rate)]
     said = list(dict.fromkeys(said))
     if seen is not None and seen.clear:
-        said.append(f"It is no plain noise: {background_words(seen)}.")
+        said.append(f"It is no plain noise: {wording.background_words(seen)}.")
     return {
         "instruments": [
             {
                 "sample_rate_Hz": rate,
                 "rms": noise.rms,
-                "kind": noise_kind(noise),
+                "kind": wording.noise_kind(noise),
                 "autoregressive_order": int(
                     (noise.coefficients if noise.short is None else noise.short).size
                 ),
@@ -319,8 +310,8 @@ def _acts_on(refit: Refit) -> Json | None:
     only = refit.effect.only
     if only is None:
         return None
-    present = {str(getattr(item.shot, only.kind)) for item in refit.problem.shots}
-    return {"kind": only.kind, "names": list(only.names), "words": only.words(present)}
+    words = wording.where_it_acts(refit)
+    return {"kind": only.kind, "names": list(only.names), "words": words}
 
 
 def _parameters_by_shot(effect: Effect, result: FitResult) -> Json:
@@ -371,18 +362,17 @@ def _over_shots(values: Sequence[float], unit: str, shots: Sequence[FitShot]) ->
         "least": float(np.min(values)),
         "most": float(np.max(values)),
         "shots": len(values),
-        "goes_with": dependence(values, shots),
+        "goes_with": wording.dependence(values, shots),
     }
 
 
 def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
     """Return every effect of the library with what became of it in one turn, best first."""
-    found = []
+    found: list[Json] = []
     for refit in step.refits:
-        ended = fitted_to_the_end(refit)
-        held = None
-        if ended and refit.on_all_shots:
-            held = heldout_or_none(refit.problem, refit.fitted)
+        ended = wording.fitted_to_the_end(refit)
+        whole = ended and refit.on_all_shots
+        held = heldout_or_none(refit.problem, refit.fitted) if whole else None
         found.append(
             {
                 "id": refit.effect_id,
@@ -395,13 +385,13 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
                 "delta_log_likelihood": refit.gain / 2.0 if ended else None,
                 "at_bound": refit.at_bound,
                 "converged": refit.fitted.converged,
-                "why_not": why_not(diagnosis, step, refit),
+                "why_not": wording.why_not(diagnosis, step, refit),
             }
         )
     if not step.score_test.structured:
         return found
     refitted = {refit.effect_id for refit in step.refits}
-    others = [
+    return found + [
         {
             "id": effect_id,
             "form": effect_id,
@@ -409,12 +399,11 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
             "heldout_rms_V": None,
             "delta_log_likelihood": None,
             "at_bound": False,
-            "why_not": not_refitted(step, effect_id),
+            "why_not": wording.not_refitted(step, effect_id),
         }
         for effect_id, effect in library().items()
         if effect_id not in refitted
     ]
-    return [*found, *others]
 
 
 # -- the turns of the selection, and what remains ------------------------------------------------
@@ -475,7 +464,7 @@ def _discrepancy(step: Step, located: Located | None) -> Json | None:
         **stated,
         "learned": True,
         **_learned(step, learned),
-        "curves": discrepancy_curves(step, learned),
+        "curves": residual.discrepancy_curves(step, learned),
         "by_columns": None if other is None or other is learned else _learned(step, other),
     }
 

@@ -33,14 +33,6 @@ PHASES = {
     "ring": f"in the ring after lift-off (until {RING_ENDS:g} contact times)",
     "later": "long after the contact: something slow, or a second touch",
 }
-SEGMENT = 1024
-"""Samples of a stretch of Welch's, where shots are that long."""
-SPECTRUM_POINTS = 60
-"""Bins of the picture, evenly over the logarithm of the frequency."""
-MOST_STACKS = 40
-"""More curves than this nobody reads; heights are then put together."""
-MOST_CURVES = 6
-"""Of a discrepancy, that somebody reads."""
 DEPTHS = np.linspace(0.05, 1.5, 30)
 """Where a learned force is drawn, in a campaign's usual indentation. [1]"""
 RATES = (1.0, 0.0, -1.0)
@@ -143,10 +135,9 @@ def _phases(shots: Sequence[ShotFit]) -> Json:
         # a misfit pulls the fitted baseline away; that is no event before the trigger
         level = float(np.mean(residual[before])) if before.any() else 0.0
         whitened = np.zeros(residual.size)
-        whitened[noise.history :] = noise.whiten(residual)
-        levelled = np.zeros(residual.size)
-        levelled[noise.history :] = noise.whiten(residual - level)
-        whitened[before] = levelled[before]
+        whitened[noise.history :] = np.where(
+            before[noise.history :], noise.whiten(residual - level), noise.whiten(residual)
+        )
         for name, mask in masks.items():
             sums[name] += np.sum(residual[mask] ** 2), np.sum(whitened[mask] ** 2), mask.sum()
     return {
@@ -169,22 +160,18 @@ def _spectrum(shots: Sequence[ShotFit]) -> Json:
     rate = max(set(rates), key=rates.count)
     used = [s for s in shots if s.item.frame.sample_rate_hz == rate]
     used = [s for s in used if s.item.shot.quantity == used[0].item.shot.quantity]
-    size = min(SEGMENT, *(s.residual.size for s in used))
+    size = min(1024, *(s.residual.size for s in used))
     densities = [welch(s.residual, rate, nperseg=size, detrend=False)[1] for s in used]
-    f: Array = np.asarray(np.arange(1, size // 2 + 1) * (rate / size), dtype=np.float64)
-    filters = [
-        freqz(s.item.noise.innovation_rms, [1.0, *-s.item.noise.coefficients], worN=f, fs=rate)[1]
-        for s in used
-    ]
-    edges = np.geomspace(f[0] * 0.99, f[-1] * 1.01, SPECTRUM_POINTS + 1)
+    f = np.fft.rfftfreq(size, 1.0 / rate)[1:]
+    noises = [s.item.noise for s in used]
+    filters = [freqz(n.innovation_rms, [1.0, *-n.coefficients], worN=f, fs=rate)[1] for n in noises]
+    residual = np.mean(densities, axis=0)[1:]
+    noise = np.mean(2 / rate * np.abs(filters) ** 2, axis=0)
+    edges = np.geomspace(f[0] * 0.99, f[-1] * 1.01, 61)  # as many points as a picture shows
     place = np.searchsorted(edges, f) - 1
     at, left, floor = (
         np.array([np.mean(values[place == b]) for b in np.unique(place)])
-        for values in (
-            f,
-            np.mean(densities, axis=0)[1:],
-            np.mean([2 / rate * np.abs(one) ** 2 for one in filters], axis=0),
-        )
+        for values in (f, residual, noise)
     )
     best = int(np.argmax(left / floor))
     return {
@@ -248,10 +235,9 @@ def _speed_dependence(shots: Sequence[ShotFit]) -> Json:
 
 def _by_material(shots: Sequence[ShotFit], side: str) -> Json:
     """Return chi2 per degree of freedom by surface or sphere."""
-    found: dict[str, list[float]] = {}
-    for shot in shots:
-        found.setdefault(str(getattr(shot.item.shot, side)), []).append(shot.chi2_per_dof)
-    return {name: float(np.mean(values)) for name, values in sorted(found.items())}
+    names = [str(getattr(s.item.shot, side)) for s in shots]
+    squares = np.array([s.chi2_per_dof for s in shots])
+    return {n: float(np.mean(squares[np.array(names) == n])) for n in sorted(set(names))}
 
 
 def _order(shots: Sequence[ShotFit]) -> Json:
@@ -323,7 +309,8 @@ def binned(edges_us: Array, shot: ShotFit, values: Array) -> tuple[Array, Array]
     place = np.searchsorted(edges_us, time_us(shot), side="right") - 1
     inside = (place >= 0) & (place < bins)
     place, values = place[inside], values[inside]
-    return np.bincount(place, values, minlength=bins), np.bincount(place, minlength=bins)
+    counts: Array = np.bincount(place, minlength=bins).astype(np.float64)
+    return np.bincount(place, values, minlength=bins).astype(np.float64), counts
 
 
 def mean_in_bins(edges_us: Array, shots: Sequence[ShotFit], values: Sequence[Array]) -> Array:
@@ -348,19 +335,11 @@ def _by_pair(
 def stacks_json(shots: Sequence[ShotFit]) -> Json:
     """Return the mean residual of each pair and height, and of early, middle and late shots.
 
-    Parameters
-    ----------
-    shots : sequence of ShotFit
-        In order of time, at least one.
-
-    Returns
-    -------
-    dict
-        ``time_us`` and curves as lists, null where a bin is empty. [unit of the signal]
+    Over ``time_us``, null where a bin is empty [unit of the signal]; of shots in order of time.
     """
     edges_us = bin_edges_us(shots)
     groups = _by_pair(shots, by_height=True)
-    if len(groups) > MOST_STACKS:
+    if len(groups) > 40:  # more curves nobody reads
         groups = _by_pair(shots, by_height=False)
     third = max(1, (len(shots) + 2) // 3)
     parts = {
@@ -369,6 +348,7 @@ def stacks_json(shots: Sequence[ShotFit]) -> Json:
     }
 
     def stack(own: Sequence[ShotFit]) -> Json:
+        """Return the mean of some shots and their number."""
         mean = mean_in_bins(edges_us, own, [s.residual for s in own])
         return {"shots": len(own), "mean": _rounded(mean)}
 
@@ -392,8 +372,8 @@ def _rounded(values: Array) -> list[float | None]:
 def discrepancy_curves(step: Step, learned: Learned) -> Json:
     """Return the curves of a discrepancy, model and discrepancy fitted to each other.
 
-    ``shots``: for at most `MOST_CURVES` groups, the shot to which it adds most: the pulse, the
-    residual, what the discrepancy adds and what is left [unit of the signal], over ``time_us``.
+    ``shots``: of at most six groups, as many as somebody reads, the shot to which it adds most: the
+    pulse, the residual, what is added and what is left [unit of the signal], over ``time_us``.
     ``force``: of a contact discrepancy the added share of the elastic force over indentation, at
     each of `RATES`; else null.
     """
@@ -410,7 +390,7 @@ def discrepancy_curves(step: Step, learned: Learned) -> Json:
         if key not in largest or added[place] > added[largest[key]]:
             largest[key] = place
     curves = []
-    for place in sorted(sorted(largest.values(), key=lambda place: -added[place])[:MOST_CURVES]):
+    for place in sorted(sorted(largest.values(), key=lambda place: -added[place])[:6]):
         item, residual = problem.shots[place], step.linearised.shots[place].residual
         traces = {
             "pulse": item.window.signal - residual,
@@ -418,19 +398,16 @@ def discrepancy_curves(step: Step, learned: Learned) -> Json:
             "added": learned.added[place],
             "left": learned.residual[place],
         }
-        curves.append(
-            {
-                "owner": groups[place],
-                "shot": item.shot.name,
-                "pair": item.pair,
-                "drop_height_m": item.shot.drop_height_m,
-                "time_us": _rounded((edges_us[1:] + edges_us[:-1]) / 2),
-            }
-            | {
-                name: _rounded(mean_in_bins(edges_us, [shots[place]], [trace]))
-                for name, trace in traces.items()
-            }
-        )
+        curve = {
+            "owner": groups[place],
+            "shot": item.shot.name,
+            "pair": item.pair,
+            "drop_height_m": item.shot.drop_height_m,
+            "time_us": _rounded((edges_us[1:] + edges_us[:-1]) / 2),
+        }
+        for name, trace in traces.items():
+            curve[name] = _rounded(mean_in_bins(edges_us, [shots[place]], [trace]))
+        curves.append(curve)
     return {"shots": curves, "force": _forces(learned)}
 
 

@@ -76,11 +76,7 @@ UNITS = {
     "force_N": ("N", 1.0),
     "acceleration_m_per_s2": ("m/s^2", 1.0),
 }
-"""Unit in which a signal is told, and a number's factor in it."""
-COARSE_NOISE = (
-    "what the converter's rounding leaves; its step is larger than the noise, so that quantisation "
-    "limits what these data can show"
-)
+"""Unit in which a signal is given, and a number's factor in it."""
 
 
 # -- numbers -------------------------------------------------------------------------------------
@@ -124,14 +120,20 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
             )
         said = f"Found: {names}; with it {fall}{ends}"
     elif diagnosis.verdict == "family" and diagnosis.open_names:
-        said = f"Found: {names}; with it {fall} ({noise}), but {_not_compared(diagnosis)}."
+        uncompared = "; ".join(
+            f"{effect_id} was not held against {', '.join(beside)}"
+            for effect_id in diagnosis.effect_ids
+            if (beside := diagnosis.confusable_with(effect_id))
+        )
+        but = f"but the names are not certain: {uncompared}"
+        said = f"Found: {names}; with it {fall} ({noise}), {but}."
     elif diagnosis.verdict == "family":
         others = ", ".join(diagnosis.confusable)
         said = f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
     elif diagnosis.verdict == "partial":
         ends = f", but structure remains ({noise})"
         if diagnosis.disturbed and not structured:
-            ends = f" ({noise}), but beside it {_on_the_line(diagnosis)}"
+            ends = f" ({noise}), but beside it {background_words(diagnosis.check_noise)}"
         said = f"Found in part: {names}; {fall}{ends}."
     elif diagnosis.verdict == "unknown":
         said = _unknown(diagnosis, before)
@@ -147,37 +149,30 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
 
 def _named(found: Refit) -> str:
     """Return an effect's title and id, and where it acts unless it acts on everything."""
+    where = where_it_acts(found)
     said = f"{library()[found.effect_id].title} ({found.effect_id})"
+    return f"{said} {where}" if where else said
+
+
+def where_it_acts(found: Refit) -> str:
+    """Return on which materials an effect acts; nothing of one that acts on everything."""
     only = found.effect.only
     if only is None:
-        return said
-    present = {str(getattr(item.shot, only.kind)) for item in found.problem.shots}
-    return f"{said} {only.words(present)}"
+        return ""
+    return only.words({str(getattr(item.shot, only.kind)) for item in found.problem.shots})
 
 
 def _noise_left(result: FitResult) -> str:
     """Return what a residual is that is noise, and that it rises like 1/f where it does."""
     noises = [s.item.noise for s in result.shots]
     if any(noise.coarse is not None for noise in noises):
-        return COARSE_NOISE
+        return (
+            "what the converter's rounding leaves; its step is larger than the noise, so that "
+            "quantisation limits what these data can show"
+        )
     rates = [s.item.frame.sample_rate_hz for s in result.shots]
     corner = max((n.corner * rate for n, rate in zip(noises, rates, strict=True)), default=0.0)
     return f"noise, which rises like 1/f below {frequency(corner)}" if corner > 0.0 else "noise"
-
-
-def _not_compared(diagnosis: Diagnosis) -> str:
-    """Return which names were not held against what was found."""
-    said = "; ".join(
-        f"{effect_id} was not held against {', '.join(diagnosis.confusable_with(effect_id))}"
-        for effect_id in diagnosis.effect_ids
-        if diagnosis.confusable_with(effect_id)
-    )
-    return f"the names are not certain: {said}"
-
-
-def _on_the_line(diagnosis: Diagnosis) -> str:
-    assert diagnosis.check_noise is not None
-    return background_words(diagnosis.check_noise)
 
 
 def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
@@ -187,9 +182,10 @@ def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
         leaves = "explains what an impact causes"
         if diagnosis.steps[-1].score_test.structured:
             leaves = "leaves no more than what is on the line anyway"
+        disturbance = background_words(diagnosis.check_noise)
         return (
-            f"The model {before.model} {leaves}, but {_on_the_line(diagnosis)}; nothing in the "
-            "library does that: look at plugs, cables and the supply."
+            f"The model {before.model} {leaves}, but {disturbance}; nothing in the library does "
+            "that: look at plugs, cables and the supply."
         )
     what = "that no effect of the library explains" if diagnosis.search_ended else "not yet named"
     said = f"The model {before.model} misses something {what}{_place(diagnosis)}"
@@ -296,8 +292,9 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
     return said
 
 
-def background_words(seen: Background) -> str:
+def background_words(seen: Background | None) -> str:
     """Return the part of a sentence that says what is on the line all the time."""
+    assert seen is not None
     said = []
     spikes, tone = seen.spikes, seen.tone
     if spikes.clear:
