@@ -30,7 +30,7 @@ def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
         return None
 
 
-def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
+def as_fit_result(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
     """Return a model at its best as the fit result that `fit_campaign` would have made of it.
 
     What its effects' laws may be wrong by is among its globals; the covariance is widened where the

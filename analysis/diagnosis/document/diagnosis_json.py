@@ -12,8 +12,14 @@ import numpy as np
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
-from analysis.diagnosis.document import moduli_stated, residual, wording
-from analysis.diagnosis.held_out import heldout_or_none, quality
+from analysis.diagnosis.document import residual, wording
+from analysis.diagnosis.document.moduli_stated import (
+    STRUCTURE_LEFT,
+    family_members,
+    widen_over_family,
+    withhold_sought,
+)
+from analysis.diagnosis.held_out import as_fit_result, heldout_or_none
 from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
 from analysis.diagnosis.noise_check import Background
@@ -48,18 +54,18 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         JSON-ready; NaN and infinity never appear.
     """
     first, last = diagnosis.steps[0], diagnosis.steps[-1]
-    before = quality(first.problem, first.fitted)
-    after = before if last is first else quality(last.problem, last.fitted)
+    before = as_fit_result(first.problem, first.fitted)
+    after = before if last is first else as_fit_result(last.problem, last.fitted)
     # the search takes masses, heights and the like as exact; what is stated of moduli does not
     free_before = _with_free_inputs(before, first)
     free_after = free_before if after is before else _with_free_inputs(after, last)
     base, stated = _block(free_before), _block(free_after)
     located = diagnosis.located
     if not diagnosis.leaves_noise:
-        moduli_stated.withhold_sought(base, free_before)
-        moduli_stated.withhold_sought(stated, free_after)
+        withhold_sought(base, free_before)
+        withhold_sought(stated, free_after)
     elif diagnosis.rivals:
-        moduli_stated.hold_for_all(stated, moduli_stated.members(diagnosis, free_after))
+        widen_over_family(stated, family_members(diagnosis, free_after))
     if diagnosis.open_names:
         withhold_fitted(stated["moduli"], "the name beside which it was found is not certain")
     if diagnosis.verdict == "unknown" and located is not None:
@@ -198,17 +204,11 @@ def _add_discrepancy(block: Json, result: FitResult, located: Located) -> None:
 
 def _on_moduli(block: Json, result: FitResult) -> list[str]:
     """Return why moduli that were sought are not stated: what is missing, what is in the way."""
-    held = [
-        name
-        for name, one in block["moduli"].items()
-        if one.get("reason") == moduli_stated.STRUCTURE
-    ]
+    held = [name for name, one in block["moduli"].items() if one.get("reason") == STRUCTURE_LEFT]
     said = [one.sentence for one in result.undetermined]
-    return (
-        [*said, f"Withheld is the modulus of {', '.join(held)}: {moduli_stated.STRUCTURE}."]
-        if held
-        else said
-    )
+    if held:
+        said.append(f"Withheld is the modulus of {', '.join(held)}: {STRUCTURE_LEFT}.")
+    return said
 
 
 def _provisos(result: FitResult) -> list[str]:

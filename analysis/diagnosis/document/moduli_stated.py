@@ -15,17 +15,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.candidates.refit import Refit
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.measurand import NORMAL95, Json, measurand
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
 
-STRUCTURE = "more than noise is left in these shots, and nobody knows how far that moves this"
-OF_MODULI = ("sphere.", "surface.")
+STRUCTURE_LEFT = "more than noise is left in these shots, and nobody knows how far that moves this"
+"""Why a modulus is withheld."""
+MODULUS_PREFIXES = ("sphere.", "surface.")
 """Beginnings of the parameters that are moduli."""
-OF_PAIR = ("sphere", "surface", "shots", "stiffness_over_mass")
+KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness_over_mass")
 """What is known of a pair whatever its reduced modulus is."""
 
 
@@ -42,17 +43,16 @@ def withhold_sought(block: Json, result: FitResult) -> None:
         elif name not in undetermined and not (
             result.explained_by_a_statement and entry["without_conflicts"]["stable"]
         ):
-            block["moduli"][name] = withheld(entry["side"], STRUCTURE)
+            block["moduli"][name] = withheld(entry["side"], STRUCTURE_LEFT)
     if not result.shots:
         return
     block["budget"] = None
     block["pairs"] = {
-        pair: {key: value for key, value in entry.items() if key in OF_PAIR}
+        pair: {key: value for key, value in entry.items() if key in KNOWN_OF_PAIR}
         for pair, entry in block["pairs"].items()
     }
-    block["parameters"] = {
-        name: value for name, value in block["parameters"].items() if not name.startswith(OF_MODULI)
-    }
+    for name in [name for name in block["parameters"] if name.startswith(MODULUS_PREFIXES)]:
+        del block["parameters"][name]
 
 
 def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
@@ -81,7 +81,7 @@ class Member:
     """Whitened squares that it leaves, its numbers paid for, as far as models differ in them."""
 
 
-def members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
+def family_members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
     """Return the models of a family, each with one name replaced, the one that stands first.
 
     ``after`` is that one, masses and the like as uncertain as they are.
@@ -92,7 +92,7 @@ def members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
         if rivals and not found:
             found.append(Member(taken.effect_id, after, diagnosis.steps[-1].fitted.cost))
         for rival in rivals:
-            freed = inputs_freed(quality(rival.problem, rival.fitted, heldout=False))
+            freed = inputs_freed(as_fit_result(rival.problem, rival.fitted, heldout=False))
             squares = rival.fitted.cost + _price(rival) - _price(taken)
             found.append(Member(rival.effect_id, freed, squares))
     return found
@@ -102,7 +102,7 @@ def _price(refit: Refit) -> float:
     return refit.gain - refit.score()
 
 
-def hold_for_all(block: Json, family: Sequence[Member]) -> None:
+def widen_over_family(block: Json, family: Sequence[Member]) -> None:
     """Widen every modulus in the first member's block so that it holds whichever model is true.
 
     The value is the mean of all members by linearisation, weighted by exp(-squares/2); the 95 %
@@ -134,12 +134,12 @@ def hold_for_all(block: Json, family: Sequence[Member]) -> None:
             stated = _widen(entry, key, every, weights)
             budget = ((block["budget"] or {}).get("moduli") or {}).get(name, {}).get(key)
             if stated is not None and budget is not None:
-                _account(budget, stated, [one.name for one in family])
+                _add_to_budget(budget, stated, [one.name for one in family])
     for pair, entry in block["pairs"].items():
         of_pair = [one.result.pairs().get(pair, {}) for one in family]
         _widen(entry, "reduced_modulus_Pa", of_pair, weights)
     for name in block["parameters"]:
-        if name.startswith(OF_MODULI):
+        if name.startswith(MODULUS_PREFIXES):
             _widen(block["parameters"], name, [one.result.parameters() for one in family], weights)
 
 
@@ -160,7 +160,7 @@ def _widen(
     return stated
 
 
-def _account(budget: Json, stated: Json, names: Sequence[str]) -> None:
+def _add_to_budget(budget: Json, stated: Json, names: Sequence[str]) -> None:
     """Add a row to a modulus' budget for not knowing which of the names is true."""
     relative_u, others = stated["u"] / stated["value"], budget["relative_u"]
     more = math.sqrt(max(relative_u**2 - others**2, 0.0))

@@ -417,7 +417,12 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
         return []
     coupons = np.array([s.shot.surface for s in shots])
     spheres = np.array([s.shot.sphere for s in shots])
-    said = [*_between("coupon", found, coupons), *_between("sphere", found, spheres)]
+    said, largest_p = [], CRITERIA.words.dependence_p_value
+    for what, names in (("coupon", coupons), ("sphere", spheres)):
+        by_name = {name: found[names == name] for name in sorted(set(names.tolist()))}
+        if len(by_name) > 1 and kruskal(*by_name.values()).pvalue <= largest_p:
+            medians = ", ".join(f"{name} {np.median(own):.3g}" for name, own in by_name.items())
+            said.append(f"goes with the {what}: {medians}")
     groups = {"": np.full(found.size, fill_value=True)}
     groups |= {f" on {name}": coupons == name for name in sorted(set(coupons.tolist()))}
     said += _along("from drop to drop", found, np.arange(found.size, dtype=np.float64), groups)
@@ -425,15 +430,6 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
     if None not in heights:
         said += _along("with the drop height", found, np.array(heights, dtype=np.float64), groups)
     return said
-
-
-def _between(what: str, values: Array, names: NDArray[np.str_]) -> list[str]:
-    """Return how a number differs between materials, by their medians."""
-    groups = {name: values[names == name] for name in sorted(set(names.tolist()))}
-    if len(groups) < 2 or kruskal(*groups.values()).pvalue > CRITERIA.words.dependence_p_value:
-        return []
-    medians = ", ".join(f"{name} {np.median(own):.3g}" for name, own in groups.items())
-    return [f"goes with the {what}: {medians}"]
 
 
 def _along(

@@ -17,8 +17,12 @@ from analysis import fit_campaign
 from analysis.campaign import Campaign, Quantity
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.document.diagnosis_json import _block, _provisos, diagnosis_json
-from analysis.diagnosis.document.moduli_stated import hold_for_all, members, withhold_sought
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.document.moduli_stated import (
+    family_members,
+    widen_over_family,
+    withhold_sought,
+)
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.stepwise.forward import make_step
 from analysis.fit.freed_inputs import inputs_freed
@@ -87,12 +91,12 @@ def family(leaky: Diagnosis) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     taken = leaky.chosen[0]
     near = dataclasses.replace(leaky, verdict="family", rivals={taken.effect_id: [second]})
     last = leaky.steps[-1]
-    after = inputs_freed(quality(last.problem, last.fitted, heldout=False))
-    both = members(near, after)
+    after = inputs_freed(as_fit_result(last.problem, last.fitted, heldout=False))
+    both = family_members(near, after)
     # as if both left alike, which no two effects of a test of seconds do
     alike = [dataclasses.replace(one, squares=0.0) for one in both]
     block = _block(after)
-    hold_for_all(block, alike)
+    widen_over_family(block, alike)
     return block, [one.result.moduli() for one in both]
 
 
@@ -137,10 +141,10 @@ def test_a_member_of_little_evidence_moves_the_value_little(leaky: Diagnosis) ->
     taken = leaky.chosen[0]
     near = dataclasses.replace(leaky, verdict="family", rivals={taken.effect_id: [_second(leaky)]})
     last = leaky.steps[-1]
-    after = inputs_freed(quality(last.problem, last.fitted, heldout=False))
+    after = inputs_freed(as_fit_result(last.problem, last.fitted, heldout=False))
     block = _block(after)
     alone = block["moduli"]["specimen"][PLANE]["value"]
-    hold_for_all(block, members(near, after))
+    widen_over_family(block, family_members(near, after))
     assert block["moduli"]["specimen"][PLANE]["value"] == pytest.approx(alone, rel=1e-9)
 
 

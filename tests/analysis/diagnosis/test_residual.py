@@ -16,19 +16,19 @@ from analysis.diagnosis.document.residual import (
     discrepancy_curves,
     mean_in_bins,
 )
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.held_out import as_fit_result
 
 
 @pytest.fixture(scope="session")
 def leaky_before(leaky):
     """The base model's fit of the leaky campaign."""
-    return quality(leaky.steps[0].problem, leaky.steps[0].fitted)
+    return as_fit_result(leaky.steps[0].problem, leaky.steps[0].fitted)
 
 
 @pytest.fixture(scope="session")
 def leaky_after(leaky):
     """The repaired fit."""
-    return quality(leaky.steps[-1].problem, leaky.steps[-1].fitted)
+    return as_fit_result(leaky.steps[-1].problem, leaky.steps[-1].fitted)
 
 
 def test_a_slow_leak_is_seen_after_the_pulse_at_low_frequency(leaky_before):

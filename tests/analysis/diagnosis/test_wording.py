@@ -24,7 +24,7 @@ from analysis.diagnosis.document.wording import (
     times_noise,
     two_digits,
 )
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.score_test.score_test import ASKED
 from analysis.diagnosis.slots import BANK, SHARES
 from analysis.fit.problem import FitShot, build
@@ -91,7 +91,7 @@ def test_numbers_are_said_and_not_computed():
 
 def test_one_entry_for_each_instrument(clean) -> None:
     """Shots of one instrument share one entry, with its unit and where it was learned."""
-    found = noise_json(quality(clean.steps[0].problem, clean.steps[0].fitted))
+    found = noise_json(as_fit_result(clean.steps[0].problem, clean.steps[0].fitted))
     (entry,) = found["instruments"]
     assert entry["source"] == "pre-trigger"
     assert entry["quantity"] == "voltage"
