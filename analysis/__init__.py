@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from analysis.campaign_readers import load_campaign
     from analysis.cell_drift import drift
     from analysis.diagnosing import diagnose
-    from analysis.diagnosis.method_steps import each_step
-    from analysis.diagnosis.time_budget import TimeBudget
+    from analysis.diagnosis.progress import TimeBudget, each_step
     from analysis.errors import AnalysisError
     from analysis.fit.campaign_fit import fit_campaign
     from analysis.fit.result import FitResult
@@ -49,14 +48,14 @@ _HOME = {
     "Shot": "analysis.campaign",
     "Sphere": "analysis.campaign",
     "Surface": "analysis.campaign",
-    "TimeBudget": "analysis.diagnosis.time_budget",
+    "TimeBudget": "analysis.diagnosis.progress",
     "adjust_moduli": "analysis.moduli",
     "bounce_indices": "analysis.bounce",
     "bounce_shots": "analysis.bounce_shots",
     "calibrate": "analysis.calibration",
     "diagnose": "analysis.diagnosing",
     "drift": "analysis.cell_drift",
-    "each_step": "analysis.diagnosis.method_steps",
+    "each_step": "analysis.diagnosis.progress",
     "fit_campaign": "analysis.fit.campaign_fit",
     "literature_of": "analysis.plots.moduli",
     "load_campaign": "analysis.campaign_readers",

@@ -7,9 +7,8 @@ from typing import Any
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.procedure import diagnose_campaign
-from analysis.diagnosis.time_budget import TimeBudget
+from analysis.diagnosis.progress import MethodStep, Progress, TimeBudget
 
 Json = dict[str, Any]
 

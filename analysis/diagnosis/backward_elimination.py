@@ -23,10 +23,9 @@ from analysis.diagnosis.forward_selection import (
     select,
     useful,
 )
-from analysis.diagnosis.method_steps import Progress
+from analysis.diagnosis.progress import BudgetSpentError, Progress
 from analysis.diagnosis.score_test.linearised import linearise
 from analysis.diagnosis.successive_halving import lookalikes_refitted, rivals_refitted
-from analysis.diagnosis.time_budget import BudgetSpentError
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint

@@ -16,7 +16,6 @@ from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping, promises_other_grouping
-from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.one_material import (
     WithoutMaterial,
     can_be_one_materials,
@@ -26,15 +25,10 @@ from analysis.diagnosis.one_material import (
     tried_alone,
     without_each_material,
 )
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
 from analysis.diagnosis.score_test.linearised import Linearised, linearise
 from analysis.diagnosis.score_test.score_test import ScoreTest, run_score_test
-from analysis.diagnosis.successive_halving import (
-    PresentModel,
-    one_form_each,
-    rank,
-    ranked,
-)
-from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
+from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
 from analysis.fit.freed_inputs import at_likeliest_inputs
 from analysis.fit.physical_range import out_of_range

@@ -1,4 +1,4 @@
-"""How well one turn of the loop fits, by the same figures as any other fit."""
+"""The held-out check: the error on shots left out, and a model as the result of any other fit."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from analysis.diagnosis.basis.form_error import discrepancy
-from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
+from analysis.diagnosis.progress import BudgetSpentError, unwatched
 from analysis.fit.campaign_fit import heldout_rms, solve
 from analysis.fit.joint import Fitted
 from analysis.fit.law_error import with_law_errors
@@ -17,19 +17,10 @@ from analysis.fit.shot_fit import collect
 
 
 def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
-    """Return the error on held-out shots, None where a fold leaves the model without a solution.
+    """Return the rms error on held-out shots. [unit of the signal]
 
-    None as well where the time is over.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        Any candidate, also one that ended at the edge of what can be evaluated.
-
-    Returns
-    -------
-    float or None
-        [unit of the signal]
+    None where a fold leaves the model without a solution, as at the edge of what can be evaluated,
+    and where the time is over.
     """
     if not fitted.blocks:
         return None
@@ -39,21 +30,11 @@ def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
         return None
 
 
-def quality(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
-    """Return a turn of the loop as the fit result that `fit_campaign` would have made of it.
+def as_fit_result(problem: JointProblem, fitted: Fitted, *, heldout: bool = True) -> FitResult:
+    """Return a model at its best as the fit result that `fit_campaign` would have made of it.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A model at its best, the noise as measured.
-    heldout : bool
-        Also compute the error on held-out shots.
-
-    Returns
-    -------
-    FitResult
-        What its effects' laws may be wrong by among its globals; covariance widened where the
-        residual exceeds the noise all the same.
+    What its effects' laws may be wrong by is among its globals; the covariance is widened where the
+    residual exceeds the noise all the same.
     """
     name = problem.model.name
     if not fitted.blocks:

@@ -14,7 +14,7 @@ from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform, mean_wave
 from analysis.diagnosis.discrepancy.waveform import waveform_discrepancy
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import heldout_or_none
-from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
 from analysis.diagnosis.slots import (
     FAMILIES,

@@ -17,7 +17,7 @@ import math
 from collections.abc import Callable
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
@@ -149,7 +149,7 @@ def fit_named(
         if j is not None:
             problem.start[j] = quantity["coordinate"]
     fitted = joint.fit(problem, nuisances, progress=progress)
-    return inputs_freed(quality(problem, fitted, heldout=heldout))
+    return inputs_freed(as_fit_result(problem, fitted, heldout=heldout))
 
 
 def _put_priors(problem: JointProblem, known: Json) -> None:

@@ -18,13 +18,12 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Selection, Step, make_step
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
-from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, TimeBudget, Watch
 from analysis.diagnosis.score_test.linearised import LAW
 from analysis.diagnosis.successive_halving import rank
-from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
 from analysis.diagnosis.candidate import Refit, continued, refit, refit_elsewhere
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.multistart import (
     Start,
     below_a_ceiling,
@@ -26,6 +25,7 @@ from analysis.diagnosis.multistart import (
     ends_the_signal,
     starts,
 )
+from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import linearise
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from analysis.diagnosis.document.stack import time_us
+from analysis.diagnosis.document.residual import time_us
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import ShotFit

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.diagnosis.document.stack import stacks_json
+from analysis.diagnosis.document.residual import stacks_json
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from analysis.plots.span import span_us

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from analysis.diagnosis.method_steps import each_step
+from analysis.diagnosis.progress import each_step
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID

@@ -9,7 +9,7 @@ from typing import Any
 from analysis import diagnosing
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
-from analysis.diagnosis.time_budget import TimeBudget
+from analysis.diagnosis.progress import TimeBudget
 from impactd.storage.version import software
 
 Json = dict[str, Any]

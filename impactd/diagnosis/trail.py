@@ -5,7 +5,7 @@ from __future__ import annotations
 import html
 from typing import Any
 
-from analysis.diagnosis.document.family_words import FAMILIES
+from analysis.diagnosis.document.wording import FAMILIES
 from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.unit import Unit, unit_of
 

@@ -10,10 +10,9 @@ import numpy as np
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fitted import Learned, learn, learn_force, on_top
 from analysis.diagnosis.forward_selection import Step
-from analysis.diagnosis.method_steps import MethodStep, Progress
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress
 from analysis.diagnosis.score_test.linearised import Explained, Linearised
 from analysis.diagnosis.slots import Part, worth
-from analysis.diagnosis.time_budget import BudgetSpentError
 
 FORCES = ("elastic", "rate")
 FORCED = ("contact", "loss")

@@ -17,7 +17,7 @@ from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import Fold, MeanWaveform, Prediction, predictions
 from analysis.diagnosis.discrepancy.waveform_fit import Hit
 from analysis.diagnosis.forward_selection import Step
-from analysis.diagnosis.time_budget import BudgetSpentError
+from analysis.diagnosis.progress import BudgetSpentError
 from analysis.fit.campaign_fit import heldout_fits, refit_nuisances
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem

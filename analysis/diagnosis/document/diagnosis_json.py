@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,37 +12,30 @@ import numpy as np
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
-from analysis.diagnosis.document.description import describe
-from analysis.diagnosis.document.discrepancy_curves import discrepancy_curves
+from analysis.diagnosis.document import residual, wording
 from analysis.diagnosis.document.moduli_stated import (
-    STRUCTURE,
-    hold_for_all,
-    members,
+    STRUCTURE_LEFT,
+    family_members,
+    widen_over_family,
     withhold_sought,
 )
-from analysis.diagnosis.document.noise_words import noise_json
-from analysis.diagnosis.document.per_shot import parameters_by_shot, told_of_shots
-from analysis.diagnosis.document.reasons import not_refitted, to_the_end, why_not
-from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform, sentence
 from analysis.diagnosis.forward_selection import Step
-from analysis.diagnosis.held_out import heldout_or_none, quality
+from analysis.diagnosis.held_out import as_fit_result, heldout_or_none
 from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
+from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.procedure import Diagnosis
+from analysis.diagnosis.progress import BudgetSpentError
 from analysis.diagnosis.score_test.linearised import Explained
-from analysis.diagnosis.time_budget import BudgetSpentError
+from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.measurand import Json
 from analysis.fit.physical_range import advice
+from analysis.fit.problem import FitShot
 from analysis.fit.result import FitResult
-from analysis.fit.statements import (
-    effect_parameters_json,
-    parameters_json,
-    withhold_fitted,
-)
-
-FORMAT = "impactd-diagnosis/1"
+from analysis.fit.statements import effect_parameters_json, parameters_json, withhold_fitted
+from analysis.noise import NoiseModel
 
 
 def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
@@ -60,49 +54,44 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         JSON-ready; NaN and infinity never appear.
     """
     first, last = diagnosis.steps[0], diagnosis.steps[-1]
-    before = quality(first.problem, first.fitted)
-    after = before if last is first else quality(last.problem, last.fitted)
-    # the loop itself takes masses, heights and the like as exact; what it states does not
-    honest = (_honest(before, first),) * 2
-    if after is not before:
-        honest = honest[0], _honest(after, last)
-    base, stated = _block(honest[0]), _block(honest[1])
-    accepted = diagnosis.chosen and diagnosis.leaves_noise and not honest[1].out_of_range
+    before = as_fit_result(first.problem, first.fitted)
+    after = before if last is first else as_fit_result(last.problem, last.fitted)
+    # the search takes masses, heights and the like as exact; what is stated of moduli does not
+    free_before = _with_free_inputs(before, first)
+    free_after = free_before if after is before else _with_free_inputs(after, last)
+    base, stated = _block(free_before), _block(free_after)
     located = diagnosis.located
     if not diagnosis.leaves_noise:
-        withhold_sought(base, honest[0])
-        withhold_sought(stated, honest[1])
+        withhold_sought(base, free_before)
+        withhold_sought(stated, free_after)
     elif diagnosis.rivals:
-        hold_for_all(stated, members(diagnosis, honest[1]))
+        widen_over_family(stated, family_members(diagnosis, free_after))
     if diagnosis.open_names:
         withhold_fitted(stated["moduli"], "the name beside which it was found is not certain")
     if diagnosis.verdict == "unknown" and located is not None:
-        _add_discrepancy(stated, honest[1], located)
+        _add_discrepancy(stated, free_after, located)
     mean = mean_waveform(first.problem) if located is None or located.mean is None else located.mean
-    next_drop = diagnosis.next_drop
     # these look at held-out shots, where the time allows: only then is it known whether it did
     candidates = _candidates(diagnosis, first)
     turns = [_turn(diagnosis, step) for step in diagnosis.steps]
     ended = diagnosis.watch.ended
     said = [
-        sentence(diagnosis, before, after),
-        *beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
-        *_on_moduli(stated, honest[1]),
-        *_provisos(honest[1]),
+        wording.verdict_sentence(diagnosis, before, after),
+        *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
+        *_on_moduli(stated, free_after),
+        *_provisos(free_after),
     ]
+    accepted = diagnosis.chosen and diagnosis.leaves_noise and not free_after.out_of_range
     document: Json = {
-        "format": FORMAT,
+        "format": "impactd-diagnosis/1",
         "verdict": diagnosis.verdict,
         "sentence": " ".join(said if ended is None else [*said, ended.sentence]),
         "ended_early": None if ended is None else ended.to_json(),
-        "undetermined": [one.to_json() for one in honest[1].undetermined],
+        "undetermined": [one.to_json() for one in free_after.undetermined],
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.check_noise),
-        "effects": [
-            _effect(refit, after, diagnosis.confusable_with(refit.effect_id))
-            for refit in diagnosis.chosen
-        ],
+        "effects": [_effect(diagnosis, refit, after) for refit in diagnosis.chosen],
         "slot": diagnosis.slot,
         "slots": {} if located is None else _slots(last, located),
         "also_possible_slots": [] if located is None else located.also,
@@ -111,14 +100,14 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "mean_waveform": mean.to_json(),
         "accepted_model": definition_of(after.problem, after.fitted) if accepted else None,
         "remaining": _remaining(diagnosis, last),
-        "closure": _discrepancy(diagnosis, before),
+        "closure": _discrepancy(last, located),
         "candidates": candidates,
         "trail": turns,
-        "next_drop": next_drop.to_json() if next_drop is not None else None,
+        "next_drop": None if diagnosis.next_drop is None else diagnosis.next_drop.to_json(),
         "campaign": _campaign(before),
         "residual": {
-            "before": describe(before),
-            "after": None if after is before else describe(after),
+            "before": residual.describe(before),
+            "after": None if after is before else residual.describe(after),
         },
         "rejected": [dataclasses.asdict(r) for r in first.problem.rejected],
         "assumptions": list(first.problem.assumptions),
@@ -128,7 +117,32 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     return finite
 
 
-def _honest(result: FitResult, step: Step) -> FitResult:
+def _finite(value: Any) -> Any:
+    """Return JSON without NaN and infinity, which are null instead."""
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(one) for one in value]
+    if isinstance(value, np.generic):
+        return _finite(value.item())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
+
+
+def _campaign(result: FitResult) -> Json:
+    items = result.problem.shots
+    heights = {s.shot.drop_height_m for s in items}
+    return {
+        "shots": len(items),
+        "spheres": sorted({str(s.shot.sphere) for s in items}),
+        "surfaces": sorted({str(s.shot.surface) for s in items}),
+        "drop_heights_m": sorted(h for h in heights if h is not None),
+    }
+
+
+# -- the models before and after -----------------------------------------------------------------
+def _with_free_inputs(result: FitResult, step: Step) -> FitResult:
     """Return a fit in which masses, heights and the like are as uncertain as stated.
 
     Whether its moduli rest on statements that the shots contradict takes one more fit, and is asked
@@ -142,17 +156,6 @@ def _honest(result: FitResult, step: Step) -> FitResult:
     except BudgetSpentError:
         return dataclasses.replace(freed, statements_asked=False)
     return timed
-
-
-def _provisos(result: FitResult) -> list[str]:
-    """Return what must be said beside a verdict: impossible numbers, contradicted statements.
-
-    A model that misses something bends every number, so it contradicts statements that are right:
-    nobody is sent to check a label unless noise is left, or would be without the statement.
-    """
-    blames = bool(result.shots) and (result.misfit <= 1 or result.explained_by_a_statement)
-    said = result.contradictions() if blames else []
-    return [advice(result.out_of_range), *said] if result.out_of_range else said
 
 
 def _block(result: FitResult) -> Json:
@@ -179,13 +182,6 @@ def _block(result: FitResult) -> Json:
     }
 
 
-def _on_moduli(block: Json, result: FitResult) -> list[str]:
-    """Return why moduli that were sought are not stated: what is missing, what is in the way."""
-    held = [name for name, one in block["moduli"].items() if one.get("reason") == STRUCTURE]
-    said = [one.sentence for one in result.undetermined]
-    return [*said, f"Withheld is the modulus of {', '.join(held)}: {STRUCTURE}."] if held else said
-
-
 def _add_discrepancy(block: Json, result: FitResult, located: Located) -> None:
     """Give a block the figures of its model with the learned discrepancy, in place.
 
@@ -206,18 +202,97 @@ def _add_discrepancy(block: Json, result: FitResult, located: Located) -> None:
     )
 
 
-def _effect(refit: Refit, after: FitResult, confusable: list[str]) -> Json:
+def _on_moduli(block: Json, result: FitResult) -> list[str]:
+    """Return why moduli that were sought are not stated: what is missing, what is in the way."""
+    held = [name for name, one in block["moduli"].items() if one.get("reason") == STRUCTURE_LEFT]
+    said = [one.sentence for one in result.undetermined]
+    if held:
+        said.append(f"Withheld is the modulus of {', '.join(held)}: {STRUCTURE_LEFT}.")
+    return said
+
+
+def _provisos(result: FitResult) -> list[str]:
+    """Return what must be said beside a verdict: impossible numbers, contradicted statements.
+
+    A model that misses something bends every number, so it contradicts statements that are right:
+    nobody is sent to check a label unless noise is left, or would be without the statement.
+    """
+    blames = bool(result.shots) and (result.misfit <= 1 or result.explained_by_a_statement)
+    said = result.contradictions() if blames else []
+    return [advice(result.out_of_range), *said] if result.out_of_range else said
+
+
+# -- the noise -----------------------------------------------------------------------------------
+def noise_json(result: FitResult, seen: Background | None = None) -> Json:
+    """Return the noise of each instrument, what else is on the line all the time, and its words."""
+    noises: dict[tuple[str, float], NoiseModel] = {}
+    for item in (shot.item for shot in result.shots):
+        noises.setdefault((item.shot.quantity, item.frame.sample_rate_hz), item.noise)
+    said = [s for (_, rate), noise in noises.items() for s in wording.noise_sentences(noise, rate)]
+    said = list(dict.fromkeys(said))
+    if seen is not None and seen.clear:
+        said.append(f"It is no plain noise: {wording.background_words(seen)}.")
+    return {
+        "instruments": [
+            {
+                "sample_rate_Hz": rate,
+                "rms": noise.rms,
+                "kind": wording.noise_kind(noise),
+                "autoregressive_order": int(
+                    (noise.coefficients if noise.short is None else noise.short).size
+                ),
+                "corner_Hz": noise.corner * rate if noise.corner else None,
+                "filter_samples": noise.order,
+                "converter_step": None if noise.coarse is None else noise.coarse.step,
+                "drift_rms": noise.drift_rms,
+                "drift_expected_rms": None if noise.drift_rms is None else noise.drift_expected_rms,
+                "quiet_samples": noise.samples,
+                "source": noise.source,
+                "quantity": quantity,
+            }
+            for (quantity, rate), noise in noises.items()
+        ],
+        "background": None if seen is None else _background_json(seen),
+        "said": said,
+    }
+
+
+def _background_json(seen: Background) -> Json:
+    spikes, tone = seen.spikes, seen.tone
+    return {
+        "clear": seen.clear,
+        "spikes": {
+            "clear": spikes.clear,
+            "quiet_samples": spikes.samples,
+            "beyond_five_deviations": spikes.far,
+            "excess_kurtosis": spikes.excess_kurtosis,
+            "p_value": spikes.p_value,
+        },
+        "tone": None
+        if tone is None
+        else {
+            "clear": tone.clear,
+            "frequency_Hz": tone.frequency_hz,
+            "times_its_neighbours": tone.times,
+            "p_value": tone.p_value,
+        },
+    }
+
+
+# -- effects and candidates ----------------------------------------------------------------------
+def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
     """Return a named effect with its numbers as they stand in the last model."""
-    prefix = f"{refit.effect.id}."
-    found = effect_parameters_json(after.problem, after.fitted) if after.shots else {}
-    parameters = {n.removeprefix(prefix): v for n, v in found.items() if n.startswith(prefix)}
-    if refit.effect.replaces_base and after.shots:
-        # its numbers are the new base's own
-        cell = parameters_json(after.problem, after.fitted)
-        parameters = {
-            n.removeprefix("sensor."): v for n, v in cell.items() if n.startswith("sensor.")
-        }
-    told = {name: _quantity(value) for name, value in parameters.items()}
+    prefix, found = f"{refit.effect.id}.", {}
+    if after.shots:
+        found = effect_parameters_json(after.problem, after.fitted)
+        if refit.effect.replaces_base:  # its numbers are the new base's own
+            prefix, found = "sensor.", parameters_json(after.problem, after.fitted)
+    # a group of whom the effect asks nothing has no finite value (a stiffness without limit)
+    parameters = {
+        name.removeprefix(prefix): value or {"value": None, "u": None, "unit": ""}
+        for name, value in found.items()
+        if name.startswith(prefix)
+    }
     return {
         "id": refit.effect_id,
         "form": refit.effect.id,
@@ -225,8 +300,8 @@ def _effect(refit: Refit, after: FitResult, confusable: list[str]) -> Json:
         "title": refit.effect.title,
         "scope": refit.scope,
         "acts_on": _acts_on(refit),
-        "parameters": told | parameters_by_shot(refit.effect, after),
-        "confusable_with": list(confusable),
+        "parameters": parameters | _parameters_by_shot(refit.effect, after),
+        "confusable_with": diagnosis.confusable_with(refit.effect_id),
     }
 
 
@@ -235,20 +310,67 @@ def _acts_on(refit: Refit) -> Json | None:
     only = refit.effect.only
     if only is None:
         return None
-    present = {str(getattr(item.shot, only.kind)) for item in refit.problem.shots}
-    return {"kind": only.kind, "names": list(only.names), "words": only.words(present)}
+    words = wording.where_it_acts(refit)
+    return {"kind": only.kind, "names": list(only.names), "words": words}
 
 
-def _quantity(value: Json | None) -> Json:
-    # a group of whom the effect asks nothing has no finite value (a stiffness without limit)
-    return {"value": None, "u": None, "unit": ""} if value is None else value
+def _parameters_by_shot(effect: Effect, result: FitResult) -> Json:
+    """Return the numbers of an effect that belong to single shots, by parameter.
+
+    ``size_rms`` stands for the free sizes of a shot: the rms of what they add to the record.
+    """
+    problem, model, nuisances = result.problem, result.problem.model, result.fitted.nuisances
+    own = next((e for e in model.effects if e.id == effect.id), None)
+    if own is None or not result.shots:
+        return {}
+    found: Json = {}
+    felt = [own.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots]
+    shots = [s for s, acts in zip(problem.shots, felt, strict=True) if acts]
+    for parameter in own.parameters:
+        if parameter.scope == "shot":
+            at = model.nuisances.index(f"{own.id}.{parameter.name}")
+            values = [parameter.value(float(x)) for x in nuisances[felt, at]]
+            found[parameter.name] = _over_shots(values, parameter.unit, shots)
+    if own.basis is not None:
+        unit = "V" if problem.shots[0].shot.quantity == "voltage" else "of the signal"
+        sizes = [_rms_of_basis(own, result, row) for row in range(len(problem.shots))]
+        found["size_rms"] = _over_shots(sizes, unit, problem.shots)
+    return found
+
+
+def _rms_of_basis(effect: Effect, result: FitResult, row: int) -> float:
+    """Return the rms of what an effect's free sizes add to one shot. [unit of the signal]"""
+    model, item = result.problem.model, result.problem.shots[row]
+    shared, _ = result.problem.shared_local(item, result.fitted.theta)
+    local = np.concatenate([shared, result.fitted.nuisances[row]])
+    without = local.copy()
+    first = model.names.index(f"{effect.id}.basis0")
+    without[first : first + effect.basis_size] = 0.0
+    added = model.predict(local, item.frame).signal - model.predict(without, item.frame).signal
+    return float(np.sqrt(np.mean(added**2)))
+
+
+def _over_shots(values: Sequence[float], unit: str, shots: Sequence[FitShot]) -> Json:
+    """Return one number a shot as their median and range, and in words what they go with.
+
+    ``u`` is null: the shots differ, and that is not an uncertainty.
+    """
+    return {
+        "value": float(np.median(values)),
+        "u": None,
+        "unit": unit,
+        "least": float(np.min(values)),
+        "most": float(np.max(values)),
+        "shots": len(values),
+        "goes_with": wording.dependence(values, shots),
+    }
 
 
 def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
     """Return every effect of the library with what became of it in one turn, best first."""
-    found = []
+    found: list[Json] = []
     for refit in step.refits:
-        ended = to_the_end(refit)
+        ended = wording.fitted_to_the_end(refit)
         whole = ended and refit.on_all_shots
         held = heldout_or_none(refit.problem, refit.fitted) if whole else None
         found.append(
@@ -263,34 +385,35 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
                 "delta_log_likelihood": refit.gain / 2.0 if ended else None,
                 "at_bound": refit.at_bound,
                 "converged": refit.fitted.converged,
-                "why_not": why_not(diagnosis, step, refit),
+                "why_not": wording.why_not(diagnosis, step, refit),
             }
         )
     if not step.score_test.structured:
         return found
-    for effect_id, effect in library().items():
-        if effect_id not in {r.effect_id for r in step.refits}:
-            found.append(
-                {
-                    "id": effect_id,
-                    "form": effect_id,
-                    "slot": effect.slot,
-                    "heldout_rms_V": None,
-                    "delta_log_likelihood": None,
-                    "at_bound": False,
-                    "why_not": not_refitted(step, effect_id),
-                }
-            )
-    return found
+    refitted = {refit.effect_id for refit in step.refits}
+    return found + [
+        {
+            "id": effect_id,
+            "form": effect_id,
+            "slot": effect.slot,
+            "heldout_rms_V": None,
+            "delta_log_likelihood": None,
+            "at_bound": False,
+            "why_not": wording.not_refitted(step, effect_id),
+        }
+        for effect_id, effect in library().items()
+        if effect_id not in refitted
+    ]
 
 
+# -- the turns of the selection, and what remains ------------------------------------------------
 def _turn(diagnosis: Diagnosis, step: Step) -> Json:
-    """Return one turn of the loop."""
+    """Return one turn of the selection."""
     return {
         "model": step.problem.model.name,
         "structured": step.score_test.structured,
         "p_value": step.score_test.p_value,
-        "evidence": [_explained(e, brief=True) for e in step.score_test.answers.values()],
+        "evidence": [_explained(one) for one in step.score_test.answers.values()],
         "candidates": _candidates(diagnosis, step) if step is not diagnosis.steps[0] else [],
     }
 
@@ -314,41 +437,39 @@ def _p_value(diagnosis: Diagnosis, step: Step) -> float:
     return min(step.score_test.p_value, seen.p_value if seen is not None and seen.clear else 1.0)
 
 
-def _explained(found: Explained, *, brief: bool = False) -> Json:
-    stated: Json = {
+def _explained(found: Explained) -> Json:
+    return {
         "family": found.family,
         "scope": found.scope,
         "p_value": found.p_value,
         "gain": found.gain,
         "numbers": found.dof,
     }
-    if not brief:
-        stated["heldout_gain"] = found.heldout_gain
-        stated["coefficients"] = dict(found.coefficients)
-    return stated
 
 
-def _discrepancy(diagnosis: Diagnosis, before: FitResult) -> Json | None:
+def _discrepancy(step: Step, located: Located | None) -> Json | None:
     """Return the learned discrepancy: figures, coefficients, curves and, where short, formula."""
-    located = diagnosis.located
     if located is None:
         return None
-    step = diagnosis.steps[-1]
-    stated = _explained(located.discrepancy)
-    stated["formula"] = _formula(located)
+    by_family = located.discrepancy
+    stated: Json = _explained(by_family) | {
+        "heldout_gain": by_family.heldout_gain,
+        "coefficients": dict(by_family.coefficients),
+        "formula": _formula(located),
+    }
     learned, other = located.learned, located.by_columns
     if learned is None:
         return {**stated, "learned": False, "curves": {"shots": [], "force": None}}
     return {
         **stated,
         "learned": True,
-        **_numbers(step, learned),
-        "curves": discrepancy_curves(step, learned),
-        "by_columns": None if other is None or other is learned else _numbers(step, other),
+        **_learned(step, learned),
+        "curves": residual.discrepancy_curves(step, learned),
+        "by_columns": None if other is None or other is learned else _learned(step, other),
     }
 
 
-def _numbers(step: Step, learned: Learned) -> Json:
+def _learned(step: Step, learned: Learned) -> Json:
     """Return what a discrepancy consists of, its coefficients and its error."""
     return {
         "family": learned.family,
@@ -356,7 +477,7 @@ def _numbers(step: Step, learned: Learned) -> Json:
         "parts": [{"family": family, "scope": scope} for family, scope in learned.parts],
         "coefficients": dict(learned.coefficients),
         "by_shot": {
-            label: told_of_shots(values.tolist(), "1", step.problem.shots)
+            label: _over_shots(values.tolist(), "1", step.problem.shots)
             for label, values in learned.by_shot.items()
         },
         "heldout_rms_V": learned.heldout_rms,
@@ -388,27 +509,3 @@ def _slots(step: Step, located: Located) -> Json:
         }
         for slot, gain in located.gains.items()
     }
-
-
-def _campaign(result: FitResult) -> Json:
-    items = result.problem.shots
-    heights = {s.shot.drop_height_m for s in items}
-    return {
-        "shots": len(items),
-        "spheres": sorted({str(s.shot.sphere) for s in items}),
-        "surfaces": sorted({str(s.shot.surface) for s in items}),
-        "drop_heights_m": sorted(h for h in heights if h is not None),
-    }
-
-
-def _finite(value: Any) -> Any:
-    """Return JSON without NaN and infinity, which are null instead."""
-    if isinstance(value, dict):
-        return {key: _finite(one) for key, one in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(one) for one in value]
-    if isinstance(value, np.generic):
-        return _finite(value.item())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -12,77 +12,47 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from analysis.diagnosis.candidate import Refit
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.measurand import NORMAL95, Json, measurand
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
 
-STRUCTURE = "more than noise is left in these shots, and nobody knows how far that moves this"
-MODULI = ("plane_strain_modulus_Pa", "youngs_modulus_Pa")
-OF_MODULI = ("sphere.", "surface.")
+STRUCTURE_LEFT = "more than noise is left in these shots, and nobody knows how far that moves this"
+"""Why a modulus is withheld."""
+MODULUS_PREFIXES = ("sphere.", "surface.")
 """Beginnings of the parameters that are moduli."""
-OF_PAIR = ("sphere", "surface", "shots", "stiffness_over_mass")
+KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness_over_mass")
 """What is known of a pair whatever its reduced modulus is."""
-
-
-@dataclass(frozen=True)
-class Member:
-    """One of the models that the data cannot tell apart.
-
-    Attributes
-    ----------
-    name : str
-        Id of the effect in which it differs.
-    result : FitResult
-        Its fit.
-    squares : float
-        Whitened squares that it leaves, its numbers paid for, as far as models differ in them.
-    """
-
-    name: str
-    result: FitResult
-    squares: float
 
 
 def withhold_sought(block: Json, result: FitResult) -> None:
     """Withhold in a block every modulus that was sought, and whatever would give it away.
 
-    Parameters
-    ----------
-    block : dict
-        Of a document, changed in place.
-    result : FitResult
-        Whose figures it has.
-
-    Notes
-    -----
     One stays that hardly moves without a statement that the shots contradict, where only noise is
     left without that. Those of references are as they were stated, not as a misfit bends them.
     """
-    explained = result.explained_by_a_statement
-    open_anyway = {one.key for one in result.undetermined}
-    block["moduli"] = {
-        name: _as_stated(result, name, entry)
-        if entry["status"] == "reference"
-        else entry
-        if name in open_anyway or (explained and entry["without_conflicts"]["stable"])
-        else withheld(entry["side"], STRUCTURE)
-        for name, entry in block["moduli"].items()
-    }
+    undetermined = {one.key for one in result.undetermined}
+    for name, entry in block["moduli"].items():
+        if entry["status"] == "reference":
+            block["moduli"][name] = _as_stated(result, name, entry)
+        elif name not in undetermined and not (
+            result.explained_by_a_statement and entry["without_conflicts"]["stable"]
+        ):
+            block["moduli"][name] = withheld(entry["side"], STRUCTURE_LEFT)
     if not result.shots:
         return
     block["budget"] = None
     block["pairs"] = {
-        pair: {key: value for key, value in entry.items() if key in OF_PAIR}
+        pair: {key: value for key, value in entry.items() if key in KNOWN_OF_PAIR}
         for pair, entry in block["pairs"].items()
     }
-    block["parameters"] = {
-        name: value for name, value in block["parameters"].items() if not name.startswith(OF_MODULI)
-    }
+    for name in [name for name in block["parameters"] if name.startswith(MODULUS_PREFIXES)]:
+        del block["parameters"][name]
 
 
 def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
@@ -100,129 +70,104 @@ def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
     }
 
 
-def members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
-    """Return the models that a family consists of, the one that stands first.
+@dataclass(frozen=True)
+class Member:
+    """One of the models that the data cannot tell apart."""
 
-    Parameters
-    ----------
-    diagnosis : Diagnosis
-        With the rivals of each name.
-    after : FitResult
-        The model that stands, masses and the like as uncertain as they are.
+    name: str
+    """Id of the effect in which it differs."""
+    result: FitResult
+    squares: float
+    """Whitened squares that it leaves, its numbers paid for, as far as models differ in them."""
 
-    Returns
-    -------
-    list of Member
-        Each of the others has one of the names replaced.
+
+def family_members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
+    """Return the models of a family, each with one name replaced, the one that stands first.
+
+    ``after`` is that one, masses and the like as uncertain as they are.
     """
-    last = diagnosis.steps[-1].fitted.cost
     found: list[Member] = []
     for taken in diagnosis.chosen:
         rivals = diagnosis.rivals.get(taken.effect_id, [])
         if rivals and not found:
-            found.append(Member(taken.effect_id, after, last))
+            found.append(Member(taken.effect_id, after, diagnosis.steps[-1].fitted.cost))
         for rival in rivals:
-            own = inputs_freed(quality(rival.problem, rival.fitted, heldout=False))
-            squares = rival.fitted.cost + _paid(rival) - _paid(taken)
-            found.append(Member(rival.effect_id, own, squares))
+            freed = inputs_freed(as_fit_result(rival.problem, rival.fitted, heldout=False))
+            squares = rival.fitted.cost + _price(rival) - _price(taken)
+            found.append(Member(rival.effect_id, freed, squares))
     return found
 
 
-def _paid(refit: Refit) -> float:
+def _price(refit: Refit) -> float:
     return refit.gain - refit.score()
 
 
-def hold_for_all(block: Json, family: Sequence[Member]) -> None:
-    """Widen in a block every modulus so that it holds whichever of some models is true.
+def widen_over_family(block: Json, family: Sequence[Member]) -> None:
+    """Widen every modulus in the first member's block so that it holds whichever model is true.
 
-    Parameters
-    ----------
-    block : dict
-        Of the first of them, changed in place.
-    family : sequence of Member
-        Two or more; the value is their mean by linearisation, the 95 % interval the least that is
-        symmetric in the logarithm and holds those of all.
+    The value is the mean of all members by linearisation, weighted by exp(-squares/2); the 95 %
+    interval is the least that is symmetric in the logarithm and holds those of all.
     """
-    weights = _weights(family)
+    squares = np.array([one.squares for one in family])
+    weights = np.exp(-0.5 * (squares - squares.min()))
+    weights /= weights.sum()
     moduli = [one.result.moduli() for one in family]
     for name, entry in block["moduli"].items():
-        open_in = next((i for i, one in enumerate(moduli) if not _known(one.get(name))), None)
-        if not _known(entry):
+        if not entry["plane_strain_modulus_Pa"]:
             continue
-        if open_in is not None:
-            block["moduli"][name] = withheld(entry["side"], _open_under(family, open_in))
-            _drop(block, name)
+        every = [one.get(name) or {} for one in moduli]
+        open_in = [
+            one.name
+            for one, own in zip(family, every, strict=True)
+            if not own.get("plane_strain_modulus_Pa")
+        ]
+        if open_in:
+            reason = (
+                f"these data cannot tell {family[0].name} from {open_in[0]}, and with that they "
+                "leave it open"
+            )
+            block["moduli"][name] = withheld(entry["side"], reason)
+            if block["budget"] is not None:
+                block["budget"]["moduli"].pop(name, None)
             continue
-        for key in MODULI:
-            both = [one[name][key] for one in moduli]
-            if all(both):
-                entry[key] = _reaching(both, weights)
-                _account(block, (name, key), entry[key], family)
+        for key in ("plane_strain_modulus_Pa", "youngs_modulus_Pa"):
+            stated = _widen(entry, key, every, weights)
+            budget = ((block["budget"] or {}).get("moduli") or {}).get(name, {}).get(key)
+            if stated is not None and budget is not None:
+                _add_to_budget(budget, stated, [one.name for one in family])
     for pair, entry in block["pairs"].items():
-        _widen(
-            entry, "reduced_modulus_Pa", [o.result.pairs().get(pair, {}) for o in family], weights
-        )
+        of_pair = [one.result.pairs().get(pair, {}) for one in family]
+        _widen(entry, "reduced_modulus_Pa", of_pair, weights)
     for name in block["parameters"]:
-        if name.startswith(OF_MODULI):
-            _widen(block["parameters"], name, [o.result.parameters() for o in family], weights)
+        if name.startswith(MODULUS_PREFIXES):
+            _widen(block["parameters"], name, [one.result.parameters() for one in family], weights)
 
 
-def _weights(family: Sequence[Member]) -> list[float]:
-    squares = np.array([one.squares for one in family])
-    found = np.exp(-0.5 * (squares - squares.min()))
-    return [float(w) for w in found / found.sum()]
-
-
-def _known(entry: Json | None) -> bool:
-    return bool(entry and entry["plane_strain_modulus_Pa"])
-
-
-def _open_under(family: Sequence[Member], at: int) -> str:
-    return (
-        f"these data cannot tell {family[0].name} from {family[at].name}, and with that they leave "
-        "it open"
-    )
-
-
-def _widen(found: Json, key: str, all_of_them: Sequence[Json], weights: Sequence[float]) -> None:
-    every = [one.get(key) for one in all_of_them]
-    if all(every):
-        found[key] = _reaching([one for one in every if one], weights)
-
-
-def _reaching(quantities: Sequence[Json], weights: Sequence[float]) -> Json | None:
-    """Return the mean of some measurands, with an interval that holds the intervals of all."""
-    logs = [math.log(one["value"]) for one in quantities]
-    centre = sum(w * log for w, log in zip(weights, logs, strict=True))
-    reach = max(
-        abs(log - centre) + NORMAL95 * one["u"] / one["value"]
-        for log, one in zip(logs, quantities, strict=True)
-    )
+def _widen(
+    block: Json, key: str, of_members: Sequence[Json], weights: NDArray[np.float64]
+) -> Json | None:
+    """Put the members' mean, with an interval that holds all of theirs, into a block; return it."""
+    each = [one[key] for one in of_members if one.get(key)]
+    if len(each) < len(of_members):
+        return None
+    values = np.array([one["value"] for one in each])
+    relative_u = np.array([one["u"] for one in each]) / values
+    centre = float(weights @ np.log(values))
+    reach = float(np.max(np.abs(np.log(values) - centre) + NORMAL95 * relative_u))
     value = math.exp(centre)
-    return measurand(value, value * reach / NORMAL95, quantities[0]["unit"])
+    block[key] = measurand(value, value * reach / NORMAL95, each[0]["unit"])
+    stated: Json | None = block[key]
+    return stated
 
 
-def _drop(block: Json, name: str) -> None:
-    if block["budget"] is not None:
-        block["budget"]["moduli"].pop(name, None)
-
-
-def _account(
-    block: Json, whose: tuple[str, str], stated: Json | None, family: Sequence[Member]
-) -> None:
+def _add_to_budget(budget: Json, stated: Json, names: Sequence[str]) -> None:
     """Add a row to a modulus' budget for not knowing which of the names is true."""
-    name, key = whose
-    budget = ((block["budget"] or {}).get("moduli") or {}).get(name, {}).get(key)
-    if budget is None or stated is None:
-        return
     relative_u, others = stated["u"] / stated["value"], budget["relative_u"]
     more = math.sqrt(max(relative_u**2 - others**2, 0.0))
-    rest = sorted({one.name for one in family[1:]})
-    for row in budget["rows"]:
-        row["share"] = row["contribution"] ** 2 / relative_u**2
+    which = f"which of {names[0]}, {', '.join(sorted(set(names[1:])))} acts"
     row = {
         "input": "names",
-        "label": f"which of {family[0].name}, {', '.join(rest)} acts",
+        "label": which,
         "value": None,
         "u": more,
         "unit": "1",
@@ -230,22 +175,22 @@ def _account(
         "sensitivity": None,
         "sensitivity_to": "logarithm",
         "contribution": more,
-        "share": more**2 / relative_u**2,
+        "share": 0.0,
         "degrees_of_freedom": None,
         "traceable_to": None,
         "common": True,
     }
-    budget["rows"] = sorted([*budget["rows"], row], key=lambda r: -r["contribution"])
+    rows = sorted([*budget["rows"], row], key=lambda r: -r["contribution"])
+    for one in rows:
+        one["share"] = one["contribution"] ** 2 / relative_u**2
     freedom = budget["effective_degrees_of_freedom"]
     budget.update(
+        rows=rows,
         value=stated["value"],
         u=stated["u"],
         relative_u=relative_u,
         relative_u_common=math.hypot(budget["relative_u_common"], more),
         effective_degrees_of_freedom=freedom and freedom * (relative_u / others) ** 4,
     )
-    if budget["rows"][0] is row:
-        budget["improve"] = (
-            f"Not knowing which of {family[0].name}, {', '.join(rest)} acts weighs most: make the "
-            "drop that tells them apart."
-        )
+    if rows[0] is row:
+        budget["improve"] = f"Not knowing {which} weighs most: make the drop that tells them apart."

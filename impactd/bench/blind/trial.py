@@ -6,7 +6,7 @@ import time
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
-from analysis.diagnosis.method_steps import MethodStep
+from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
 from drivers.simulated.rig_model import DEFAULT_RIG
 from impactd.bench.blind.plan import Plan, colour_of, draw_plan

@@ -12,7 +12,7 @@ from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
 from analysis.diagnosis.forward_selection import Selection
 from analysis.diagnosis.localisation import locate
 from analysis.diagnosis.procedure import _judge
-from analysis.diagnosis.time_budget import Watch
+from analysis.diagnosis.progress import Watch
 from analysis.effects.library import library
 from analysis.fit.result import FitResult, outcome_of
 

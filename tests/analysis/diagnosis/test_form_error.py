@@ -16,7 +16,7 @@ from analysis.diagnosis.basis.form_error import Discrepancy, discrepancy
 from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.forward_selection import Step, make_step
-from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.score_test.linearised import Linearised, linearise
 from analysis.diagnosis.score_test.score_test import ASKED, INEXACT, run_score_test
@@ -87,7 +87,7 @@ def taped(drawn: tuple[Campaign, float]) -> Step:
 @pytest.fixture(scope="module")
 def stated(taped: Step) -> FitResult:
     """The same as a document has it: the law and what was measured as uncertain as they are."""
-    return inputs_freed(quality(taped.problem, taped.fitted, heldout=False))
+    return inputs_freed(as_fit_result(taped.problem, taped.fitted, heldout=False))
 
 
 @pytest.fixture(scope="module")

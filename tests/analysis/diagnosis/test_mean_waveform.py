@@ -13,8 +13,7 @@ from analysis.diagnosis.discrepancy.choice import better
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
 from analysis.diagnosis.discrepancy.waveform import IN_PLACE, ON_TOP, waveform_discrepancy
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.document.family_words import FAMILIES
-from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform
+from analysis.diagnosis.document.wording import FAMILIES, beside_mean_waveform
 from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign

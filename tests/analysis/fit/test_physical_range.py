@@ -17,7 +17,7 @@ from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
 from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.forward_selection import Selection, make_step
 from analysis.diagnosis.procedure import _crystal
-from analysis.diagnosis.time_budget import Watch
+from analysis.diagnosis.progress import Watch
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range

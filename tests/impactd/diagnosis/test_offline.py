@@ -10,7 +10,7 @@ import sys
 import jsonschema_rs
 import pytest
 
-from analysis.diagnosis.method_steps import MethodStep
+from analysis.diagnosis.progress import MethodStep
 from impactd.console.diagnoses import summary
 
 

@@ -15,9 +15,8 @@ from analysis.diagnosing import diagnose
 from analysis.diagnosis.backward_elimination import best_reached, not_held_against
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.forward_selection import Selection
-from analysis.diagnosis.method_steps import MethodStep, each_step
 from analysis.diagnosis.procedure import Diagnosis, _judge, _standing
-from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, TimeBudget, Watch, each_step
 from analysis.errors import ParameterOutOfRangeError
 
 from .conftest import small_campaign

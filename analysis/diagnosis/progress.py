@@ -1,4 +1,4 @@
-"""How long a diagnosis may search, and what it was doing when that time was over.
+"""What a diagnosis is doing, by the steps of METHOD.md, and how long it may search.
 
 The clock comes from the caller. It is asked before every shot that a fit of the search evaluates
 (`analysis.fit.problem.JointProblem.checkpoint`). The base fit and the fits of the final statement
@@ -11,12 +11,62 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
 
-from analysis.diagnosis.method_steps import Progress
 from analysis.errors import ParameterOutOfRangeError
-from analysis.fit.problem import JointProblem, go_on
 
-Json = dict[str, object]
+if TYPE_CHECKING:  # the command line shows progress, and must not wait for the compiler
+    from analysis.fit.problem import JointProblem
+
+Progress = Callable[[str, float], None]
+"""Told what is being done and a share between 0 and 1."""
+
+
+class MethodStep(Enum):
+    """A step of METHOD.md, under the title that it has there."""
+
+    NOISE = "Noise"
+    BASE_FIT = "Base fit"
+    STRUCTURE = "Is there structure?"
+    CANDIDATES = "Candidates"
+    COMPARE = "Compare"
+    ON_TOP = "Another effect on top?"
+    HELD_OUT = "Held-out check"
+    VERDICT = "Verdict"
+    NEXT_DROP = "What to drop next"
+
+    @property
+    def heading(self) -> str:
+        """Return the title with its place among all steps."""
+        steps = list(MethodStep)
+        return f"{self.value} ({steps.index(self) + 1} of {len(steps)})"
+
+    def told(self, what: str) -> str:
+        """Return what is being done, the step's heading before it."""
+        return f"{self.heading}: {what}"
+
+
+def each_step(tell: Callable[[str], object]) -> Callable[[str, float | None], None]:
+    """Return a ``progress`` for a diagnosis that passes on only the first words of each step.
+
+    Parameters
+    ----------
+    tell : callable
+        Gets one line whenever another step begins; ``print`` will do.
+    """
+    last_heading = ""
+
+    def progress(text: str, share: float | None) -> None:
+        """Pass a text on where its heading is another than that of the one before."""
+        nonlocal last_heading
+        del share
+        heading = text.partition(": ")[0]
+        if heading != last_heading:
+            last_heading = heading
+            tell(text)
+
+    return progress
 
 
 class BudgetSpentError(Exception):
@@ -53,22 +103,16 @@ class TimeBudget:
 
 @dataclass(frozen=True)
 class EndedEarly:
-    """When and where a diagnosis ran out of time.
-
-    Attributes
-    ----------
-    budget_s, after_s : float
-        The time it had, and when it first noticed. [s]
-    doing : str
-        The step and what was being done.
-    verdict_stands : bool
-        Whether the search for names had ended by then, so that only what follows it is missing.
-    """
+    """When and where a diagnosis ran out of time."""
 
     budget_s: float
+    """[s]"""
     after_s: float
+    """When it first noticed. [s]"""
     doing: str
+    """The step and what was being done."""
     verdict_stands: bool
+    """Whether the search for names had ended by then, so that only what follows it is missing."""
 
     @property
     def sentence(self) -> str:
@@ -83,32 +127,17 @@ class EndedEarly:
             f'was at "{self.doing}".'
         )
 
-    def to_json(self) -> Json:
+    def to_json(self) -> dict[str, object]:
         """Return it as ``ended_early`` of a diagnosis."""
         return dataclasses.asdict(self)
 
 
 class Watch:
-    """Passes on what a diagnosis is doing, and ends its search when the time is over.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-    budget : TimeBudget, optional
-        Without one no search is ended.
-
-    Attributes
-    ----------
-    ended : EndedEarly or None
-        Set where the time was found to be over.
-    judged : bool
-        Set once the search for names is over.
-    """
+    """Passes on what a diagnosis is doing, and ends its search when the time, if any, is over."""
 
     def __init__(self, progress: Progress | None = None, budget: TimeBudget | None = None) -> None:
-        self.ended: EndedEarly | None = None
-        self.judged = False
+        self.ended: EndedEarly | None = None  # set where the time was found to be over
+        self.judged = False  # set once the search for names is over
         self._progress = progress
         self._budget = budget
         self._doing = ""
@@ -120,13 +149,7 @@ class Watch:
             self._progress(text, share)
 
     def check(self) -> None:
-        """Raise once the time is over.
-
-        Raises
-        ------
-        BudgetSpentError
-            From then on at every call.
-        """
+        """Raise `BudgetSpentError` once the time is over, from then on at every call."""
         if self.ended is None and self._budget is not None:
             after_s = self._budget.elapsed_s()
             if after_s < self._budget.seconds:
@@ -142,4 +165,4 @@ class Watch:
 
 def unwatched(problem: JointProblem) -> JointProblem:
     """Return a problem whose fits go to their end, whatever the time."""
-    return dataclasses.replace(problem, checkpoint=go_on)
+    return Watch().over(problem)

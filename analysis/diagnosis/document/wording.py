@@ -1,0 +1,450 @@
+"""What a diagnosis says in words: the verdict, the noise, families of columns, and why not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import kruskal, norm, spearmanr
+
+from analysis.diagnosis.basis.proposals import scopes_of
+from analysis.diagnosis.candidate import Refit
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform
+from analysis.diagnosis.forward_selection import Step
+from analysis.diagnosis.noise_check import Background
+from analysis.diagnosis.procedure import Diagnosis
+from analysis.effects.library import effect_named, library
+from analysis.fit.physical_range import out_of_range
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.result import FitResult
+from analysis.noise import NoiseModel
+
+Array = NDArray[np.float64]
+
+FAMILIES = {
+    "response": "a linear chain: delays, slow decays, resonances",
+    "static": "a nonlinearity of the signal",
+    "dynamic": "a nonlinearity of the signal's slope",
+    "contact": "a contact force over depth and rate",
+    "loss": "a force on the sphere alone",
+    "cell": "the cell's own numbers",
+    "speed": "the impact speed that a height promises",
+    "waveform": "a waveform locked to the record, from before touch-down on",
+    "mean_waveform": "the mean waveform of a pair's other hits, which takes the model's place",
+    "locked": "anything at a fixed time after touch-down",
+    "law": "more than a published law is usually wrong by",
+    "background": "what is on the line all the time",
+    "template": "a waveform that repeats from shot to shot, locked to touch-down",
+    "ringing": "resonances behind the signal",
+    "memory": "delays and slow decays behind the signal",
+    "bend": "a smooth nonlinearity of the signal",
+    "top": "a nonlinearity at the signal's top",
+    "outline": "a waveform locked to touch-down",
+    "curve": "a nonlinearity of the signal",
+    "fine": "a nonlinearity of the signal, in small steps",
+    "ripple": "a periodic curve of the signal, as of uneven steps of a converter",
+    "path": "a nonlinearity that is another one on the way up and on the way down",
+    "creep": "a memory from microseconds to milliseconds",
+    "impulse": "a linear chain of any impulse response",
+    "slew": "a limit of the signal's slope",
+    "seat": "a force on the crystal that is no straight function of its motion",
+    "droop": "a gain that sinks with what the signal has been",
+    "alternate": "every second sample unlike the one before, as of a converter of two halves",
+    "baseline": "a zero line that is no constant",
+    "warmth": "a memory of the signal's square or cube, as of something that warms",
+    "blow": "a blow after the impact, in every shot at a time of its own",
+    "pieces": "a gain that changes within the contact",
+    "jump": "a clock that jumps once, as where samples are lost",
+    "clock": "a clock that swings",
+    "swing": "an oscillation that is there before the impact too",
+    "mode": "a resonance that the impact sets off",
+    "damped": "a resonance that the impact sets off",
+    "gain": "the cell's gain",
+    "pitch": "the cell's frequency and damping",
+    "stiffness": "the stiffness of the contact",
+    "force_elastic": "a free contact force over depth",
+    "force_rate": "a free contact force over the rate of depth",
+}
+"""What each takes up; more are said by their name."""
+
+UNITS = {
+    "voltage": ("mV", 1e3),
+    "force_N": ("N", 1.0),
+    "acceleration_m_per_s2": ("m/s^2", 1.0),
+}
+"""Unit in which a signal is given, and a number's factor in it."""
+
+
+# -- numbers -------------------------------------------------------------------------------------
+def times_noise(squares: float) -> str:
+    """Return whitened squares a sample as a ratio of rms to noise, to three digits."""
+    ratio = math.sqrt(max(squares, 0.0))
+    return f"{ratio:.3g}" if ratio < 1000 else f"{ratio:,.0f}"
+
+
+def frequency(hz: float) -> str:
+    """Return a frequency to two digits, in Hz or kHz."""
+    return f"{two_digits(hz / 1e3)} kHz" if hz >= 1e3 else f"{two_digits(hz)} Hz"
+
+
+def two_digits(number: float) -> str:
+    """Return a number to two digits as it is said: 4100, never 4.1e+03."""
+    return f"{float(f'{number:.2g}'):.12g}"
+
+
+# -- the verdict ---------------------------------------------------------------------------------
+def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
+    """Return the verdict in one sentence, and for what has no name what it looks like.
+
+    ``before`` and ``after`` are the model without and with what was found.
+    """
+    names = " and ".join(_named(refit) for refit in diagnosis.chosen)
+    in_volts = before.problem.shots[0].shot.quantity == "voltage"
+    unit = "mV" if in_volts else "e-3 of the signal's unit"
+    had, left, floor = (f"{1e3 * v:.3g}" for v in (before.rms, after.rms, before.noise_rms))
+    fall = f"the residual falls from {had} to {left} {unit} rms"
+    noise = f"the noise is {floor} {unit}"
+    structured = diagnosis.steps[-1].score_test.structured
+    if diagnosis.verdict == "adequate":
+        said = f"The model {before.model} explains the data: its residual is {_noise_left(before)}."
+    elif diagnosis.verdict == "identified":
+        ends = f", which is noise ({noise})."
+        if structured:
+            ends = (
+                f" ({noise}). What remains beside the noise is less than 0.5 % of what it adds to "
+                "the signal, as far as its equation can be trusted."
+            )
+        said = f"Found: {names}; with it {fall}{ends}"
+    elif diagnosis.verdict == "family" and diagnosis.open_names:
+        uncompared = "; ".join(
+            f"{effect_id} was not held against {', '.join(beside)}"
+            for effect_id in diagnosis.effect_ids
+            if (beside := diagnosis.confusable_with(effect_id))
+        )
+        but = f"but the names are not certain: {uncompared}"
+        said = f"Found: {names}; with it {fall} ({noise}), {but}."
+    elif diagnosis.verdict == "family":
+        others = ", ".join(diagnosis.confusable)
+        said = f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
+    elif diagnosis.verdict == "partial":
+        ends = f", but structure remains ({noise})"
+        if diagnosis.disturbed and not structured:
+            ends = f" ({noise}), but beside it {background_words(diagnosis.check_noise)}"
+        said = f"Found in part: {names}; {fall}{ends}."
+    elif diagnosis.verdict == "unknown":
+        said = _unknown(diagnosis, before)
+    elif after.undetermined and not after.out_of_range:
+        said = (
+            f"The model {after.model} explains the data, but no modulus that was sought can be "
+            "told from them."
+        )
+    else:
+        said = "These data could not show whether the model is complete."
+    return said
+
+
+def _named(found: Refit) -> str:
+    """Return an effect's title and id, and where it acts unless it acts on everything."""
+    where = where_it_acts(found)
+    said = f"{library()[found.effect_id].title} ({found.effect_id})"
+    return f"{said} {where}" if where else said
+
+
+def where_it_acts(found: Refit) -> str:
+    """Return on which materials an effect acts; nothing of one that acts on everything."""
+    only = found.effect.only
+    if only is None:
+        return ""
+    return only.words({str(getattr(item.shot, only.kind)) for item in found.problem.shots})
+
+
+def _noise_left(result: FitResult) -> str:
+    """Return what a residual is that is noise, and that it rises like 1/f where it does."""
+    noises = [s.item.noise for s in result.shots]
+    if any(noise.coarse is not None for noise in noises):
+        return (
+            "what the converter's rounding leaves; its step is larger than the noise, so that "
+            "quantisation limits what these data can show"
+        )
+    rates = [s.item.frame.sample_rate_hz for s in result.shots]
+    corner = max((n.corner * rate for n, rate in zip(noises, rates, strict=True)), default=0.0)
+    return f"noise, which rises like 1/f below {frequency(corner)}" if corner > 0.0 else "noise"
+
+
+def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
+    """Return what is known of an effect without a name: slot, what it looks like, what repairs."""
+    located = diagnosis.located
+    if located is None and diagnosis.search_ended:
+        leaves = "explains what an impact causes"
+        if diagnosis.steps[-1].score_test.structured:
+            leaves = "leaves no more than what is on the line anyway"
+        disturbance = background_words(diagnosis.check_noise)
+        return (
+            f"The model {before.model} {leaves}, but {disturbance}; nothing in the library does "
+            "that: look at plugs, cables and the supply."
+        )
+    what = "that no effect of the library explains" if diagnosis.search_ended else "not yet named"
+    said = f"The model {before.model} misses something {what}{_place(diagnosis)}"
+    if located is None:
+        return said
+    looks = _repair("It looks like", located.by_columns, before)
+    if located.learned is not located.by_columns:
+        looks += _repair(
+            "Best on other shots is" if looks else "It looks like", located.learned, before
+        )
+    return said + looks
+
+
+def _repair(begin: str, learned: Learned | None, before: FitResult) -> str:
+    """Return what a discrepancy is and does on held-out shots, where that is worth a sentence."""
+    if learned is None or not before.heldout_rms or not learned.heldout_rms:
+        return ""
+    fold = before.heldout_rms / learned.heldout_rms
+    if fold < CRITERIA.words.heldout_fold:
+        return ""
+    like = ", and beside it ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
+    return f" {begin} {like}: with that the error on held-out shots falls {fold:.2g}-fold."
+
+
+def _place(diagnosis: Diagnosis) -> str:
+    """Return where it lives, with the slots that the data cannot rule out."""
+    slot, located = diagnosis.slot, diagnosis.located
+    if slot is None or located is None:
+        return "."
+    if located.hardly_anywhere:
+        share = located.gains[slot] / located.structure
+        return (
+            f"; no slot's closure explains much of it on other shots, {slot} most with "
+            f"{100 * share:.0f} %."
+        )
+    names = [slot, *located.also]
+    if len(names) == 1:
+        return f"; it lives in the {slot} slot."
+    if len(names) == len(located.probabilities):
+        return "; nothing says in which slot it lives."
+    return f"; the data cannot tell whether it lives in the slot {' or '.join(names)}."
+
+
+def beside_mean_waveform(
+    mean: MeanWaveform, after_rms: float | None, problem: JointProblem
+) -> list[str]:
+    """Return a sentence where no model predicts as well as a mean of the other hits, or none.
+
+    ``after_rms`` is the error of the repaired model on held-out shots. [unit of the signal]
+    """
+    if mean.heldout_rms is None or after_rms is None or mean.heldout_rms > after_rms:
+        return []
+    quantities = {item.shot.quantity for item in problem.shots}
+    unit, factor = UNITS[quantities.pop()] if len(quantities) == 1 else ("of each record", 1.0)
+    does = "better" if mean.heldout_rms < after_rms else "as well"
+    return [
+        f"A mean of the other hits, without any model, does {does} on held-out shots: "
+        f"{factor * mean.heldout_rms:.3g} against {factor * after_rms:.3g} {unit}."
+    ]
+
+
+# -- the noise -----------------------------------------------------------------------------------
+def noise_kind(noise: NoiseModel) -> str:
+    """Return ``white``, ``autoregressive``, ``1/f``, ``quantisation`` or ``unknown colour``."""
+    if noise.source == "differences":
+        return "unknown colour"
+    if noise.coarse is not None:
+        return "quantisation"
+    if noise.corner > 0.0:
+        return "1/f"
+    return "autoregressive" if noise.order else "white"
+
+
+def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
+    """Return what a person should know of an instrument's noise before residuals are judged."""
+    kind = noise_kind(noise)
+    if kind == "unknown colour":
+        return [
+            "No record has a quiet stretch: the level of the noise is a guess from differences of "
+            "neighbouring samples, its colour is not known, and structure may be colour."
+        ]
+    if noise.coarse is not None:
+        return [
+            f"Quantisation limits: the converter's step is {two_digits(1.0 / noise.coarse.noise)} "
+            "times the noise before the trigger, or more. Its rounding error, step over sqrt(12), "
+            "is taken for noise, and samples within a step of one another count as one value."
+        ]
+    like = {
+        "1/f": f"rises like 1/f below {frequency(noise.corner * rate_hz)}",
+        "autoregressive": (
+            f"is correlated from sample to sample (autoregressive, order {noise.order})"
+        ),
+        "white": "is white",
+    }[kind]
+    judged = "" if kind == "white" else "; residuals are judged with that taken into account"
+    said = [f"The noise before the trigger {like}{judged}."]
+    far = CRITERIA.words.drift_ratio * noise.drift_expected_rms
+    if noise.drift_rms is not None and noise.drift_rms > far:
+        times = noise.drift_rms / noise.drift_expected_rms
+        said.append(
+            f"Before the trigger the records also drift slowly, {times:.3g} times as far as noise "
+            "makes them, as hum does. That is not taken for noise."
+        )
+    return said
+
+
+def background_words(seen: Background | None) -> str:
+    """Return the part of a sentence that says what is on the line all the time."""
+    assert seen is not None
+    said = []
+    spikes, tone = seen.spikes, seen.tone
+    if spikes.clear:
+        why = (
+            f"excess kurtosis {spikes.excess_kurtosis:.2g} of {spikes.samples} quiet samples; "
+            "Gaussian noise has 0"
+        )
+        if spikes.far:
+            far = CRITERIA.noise.far_deviations
+            chance = 2.0 * float(norm.sf(far)) * spikes.samples
+            why = (
+                f"{spikes.far} of {spikes.samples} quiet samples lie beyond {far:g} standard "
+                f"deviations; Gaussian noise leaves {chance:.1g}"
+            )
+        said.append(f"spikes or jumps come at any time, also before the trigger ({why})")
+    if tone is not None and tone.clear:
+        said.append(
+            f"a tone of {frequency(tone.frequency_hz)} is there all the time, also before the "
+            f"trigger ({tone.times:.3g} times the noise beside it)"
+        )
+    return " and ".join(said)
+
+
+# -- why a candidate was not named ---------------------------------------------------------------
+def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
+    """Return why a candidate was not taken in a turn of the loop; None for the one that was."""
+    taken = next((c for c in diagnosis.chosen if any(c is r for r in step.refits)), None)
+    if refit is taken:
+        return None
+    if not fitted_to_the_end(refit):
+        return "not fitted to the end: its search was far behind the others when they were taken on"
+    if refit.at_bound:
+        return _not_physical(refit)
+    if refit.score() < CRITERIA.comparison.least_lead:
+        cost = "number costs" if refit.parameters == 1 else f"{refit.parameters} numbers cost"
+        return (
+            f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its {cost} by chance "
+            "alone"
+        )
+    return _beaten(diagnosis, step, refit, taken)
+
+
+def fitted_to_the_end(refit: Refit) -> bool:
+    """Tell whether a candidate's fit got as far as the model that it extends.
+
+    With its effect at nothing it fits as well; one that fits worse is still on its way from afar.
+    """
+    return refit.gain > -CRITERIA.words.nested_shortfall
+
+
+def _not_physical(refit: Refit) -> str:
+    """Return why a fit has not found the effect whose numbers it has."""
+    if refit.effect.basis is not None:
+        return (
+            "it is not there before the trigger, or its sizes and phases are alike in all shots, "
+            "and the mains do not know of a drop"
+        )
+    if refit.gain < CRITERIA.comparison.least_gain_per_shot * refit.own:
+        return "every shot needs a number of its own, and they bring too little to be believed"
+    outside = out_of_range(refit.problem, refit.fitted)
+    if outside:
+        return "; ".join(one.sentence for one in outside)
+    bounds = "; ".join(
+        f"{p.name} within {p.low:g} .. {p.high:g} {p.unit}".removesuffix(" 1")
+        for p in refit.effect.parameters
+    )
+    return f"its best fit leaves what is physically possible ({bounds})"
+
+
+def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None) -> str:
+    """Return why a candidate that helps and is possible was still not taken."""
+    left = f"it leaves a residual of {_left(refit)} times the noise"
+    if taken is None and step is not diagnosis.steps[-1]:
+        return "what was added later explains it better"
+    if taken is None:
+        return f"{left}; what remains is still structured"
+    if refit.effect_id in diagnosis.confusable and step is diagnosis.steps[0]:
+        return f"these data cannot tell it from {taken.effect_id}"
+    return f"{left}; {taken.effect_id} leaves {_left(taken)}"
+
+
+def _left(refit: Refit) -> str:
+    """Return the rms that a candidate leaves over the noise, four nuisances a shot counted."""
+    used = sum(s.data - 4 for s in refit.problem.shots) - len(refit.problem.names)
+    return times_noise(sum(b.chi2 for b in refit.fitted.blocks) / max(used, 1))
+
+
+def not_refitted(step: Step, effect_id: str) -> str:
+    """Return why an effect of the library was not refitted at all in a turn of the loop."""
+    if effect_id in step.refused:
+        return f"not tried: {step.refused[effect_id]}"
+    if effect_id in (e.id.partition(":")[0] for e in step.problem.model.effects):
+        return "already in the model"
+    gains = [
+        step.linearised.explain(key, scope, heldout=False).gain
+        for key in step.linearised.families
+        if "@" in key and key.partition("@")[0].partition(":")[0] == effect_id
+        for scope in scopes_of(effect_named(key.partition("@")[0]))
+    ]
+    if not gains:
+        return "not tried: the time was over before" if step.unfinished else "not tried"
+    share = max(gains) / max(step.linearised.chi2, 1e-300)
+    return (
+        f"to first order it explains {share:.1%} of the residual's energy; "
+        "others promised more and were refitted"
+    )
+
+
+# -- numbers of single shots ---------------------------------------------------------------------
+def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
+    """Return what a number of every shot goes with; nothing where chance could order them so.
+
+    Shots are in order of time. Ranks only, so that neither a wild shot nor the law of the
+    dependence matters: Kruskal-Wallis between materials, with a p-value below
+    ``CRITERIA.words.dependence_p_value``; Spearman's rank correlation with order and height, over
+    all shots and over each coupon's, of which the smallest p-value times their number is.
+    """
+    found = np.asarray(values, dtype=np.float64)
+    if found.size < CRITERIA.words.dependence_least_shots or np.ptp(found) == 0.0:
+        return []
+    coupons = np.array([s.shot.surface for s in shots])
+    spheres = np.array([s.shot.sphere for s in shots])
+    said, largest_p = [], CRITERIA.words.dependence_p_value
+    for what, names in (("coupon", coupons), ("sphere", spheres)):
+        by_name = {name: found[names == name] for name in sorted(set(names.tolist()))}
+        if len(by_name) > 1 and kruskal(*by_name.values()).pvalue <= largest_p:
+            medians = ", ".join(f"{name} {np.median(own):.3g}" for name, own in by_name.items())
+            said.append(f"goes with the {what}: {medians}")
+    groups = {"": np.full(found.size, fill_value=True)}
+    groups |= {f" on {name}": coupons == name for name in sorted(set(coupons.tolist()))}
+    said += _along("from drop to drop", found, np.arange(found.size, dtype=np.float64), groups)
+    heights = [s.shot.drop_height_m for s in shots]
+    if None not in heights:
+        said += _along("with the drop height", found, np.array(heights, dtype=np.float64), groups)
+    return said
+
+
+def _along(
+    what: str, values: Array, place: Array, groups: dict[str, NDArray[np.bool_]]
+) -> list[str]:
+    """Return whether a number rises or falls along something, where it does so most clearly."""
+    found = []
+    for where, group in groups.items():
+        one, other = values[group], place[group]
+        enough = one.size >= CRITERIA.words.dependence_least_shots
+        if enough and np.ptp(one) > 0.0 and np.ptp(other) > 0.0:
+            correlation, p = map(float, spearmanr(one, other))
+            found.append((p, correlation, where))
+    p, correlation, where = min(found, key=lambda one: one[0], default=(1.0, 0.0, ""))
+    if p * len(groups) > CRITERIA.words.dependence_p_value:
+        return []
+    turn = "rises" if correlation > 0.0 else "falls"
+    return [f"{turn} {what}{where}, rank correlation {correlation:.2f}"]
