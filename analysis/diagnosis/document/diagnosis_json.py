@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from analysis.diagnosis.candidates.refit import Refit
-from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
 from analysis.diagnosis.document.description import describe
 from analysis.diagnosis.document.discrepancy_curves import discrepancy_curves

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.document.stack import Grid, binned, grid_for
 from analysis.diagnosis.stepwise.forward import Step
 from analysis.effects.contact_closure import ELASTIC_POWERS, RATE_POWERS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from analysis.diagnosis.candidates.refit import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform
 from analysis.diagnosis.document.family_words import FAMILIES
 from analysis.diagnosis.document.noise_words import background_said, frequency

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.diagnosis.discrepancy.fitted import learn, learn_force
+from analysis.diagnosis.discrepancy.fit import learn, learn_force
 from analysis.diagnosis.document.discrepancy_curves import DEPTHS, discrepancy_curves
 
 

@@ -13,8 +13,8 @@ from analysis.diagnosis.discrepancy.choice import (
     REFINED,
 )
 from analysis.diagnosis.document.family_words import FAMILIES
+from analysis.diagnosis.localisation import BANK, SHARES
 from analysis.diagnosis.score_test.score_test import ASKED
-from analysis.diagnosis.slots import BANK, SHARES
 
 LEARNED = {
     *(ALSO.get(family, family) for family, _ in (*LEARNABLE, *BEYOND_FIRST_ORDER, *LAST)),

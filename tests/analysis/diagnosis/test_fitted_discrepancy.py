@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.diagnosis.discrepancy.fitted import learn, learn_force, on_top
+from analysis.diagnosis.discrepancy.fit import learn, learn_force, on_top
 from analysis.diagnosis.localisation import formula, locate
 from analysis.fit.campaign_fit import heldout_rms
 

@@ -1,0 +1,592 @@
+"""Discrepancies fitted with the model: what columns repair, judged on shots left out.
+
+The linearisation is first order around one fit. Here the fit moves: columns and model are fitted to
+each other until they agree, as one would a named effect, and the error on held-out shots is
+that of the repaired prediction. Numbers that every shot has for itself are fitted to a held-out
+shot as its speed and its touch-down are: they stand beside its nuisances and are eliminated with
+them, while coefficients with groups among several shots stand beside the globals.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
+
+from analysis.diagnosis.basis.dynamic_curve import SLEW
+from analysis.diagnosis.basis.families import BASELINE, View, family_columns
+from analysis.diagnosis.basis.groups import groups
+from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.static_curve import RIPPLE
+from analysis.diagnosis.basis.tuning import scale_of, tuned
+from analysis.diagnosis.candidates.refit import extended
+from analysis.diagnosis.held_out import heldout_or_none
+from analysis.diagnosis.score_test.linearised import PARTS, Linearised
+from analysis.effects.contact_closure import contact_closure
+from analysis.fit import joint, steps
+from analysis.fit.blocks import prior_rows, whitened_squares
+from analysis.fit.campaign_fit import heldout_folds
+from analysis.fit.problem import JointProblem
+
+Array = NDArray[np.float64]
+Part = tuple[str, str]
+"""(family, scope) of columns; the scope ``shot`` gives every shot its own coefficients."""
+
+STEERED = (RIPPLE, SLEW)
+"""Families of the rig that follow the signal so closely that a step of the model asks them."""
+STEER_STEP = 1e-4
+"""Of the largest signal, to see how they follow: large beside rounding, small beside a ripple."""
+OWN_WIDTH = 3.0
+"""How large a coefficient of a single shot may be: columns are scaled to be of order one."""
+WIDTHS = (0.5, 0.1, 0.02, 4e-3)
+"""How large shared ones may be, in steps of five; the one that holds best on other shots counts."""
+ROUNDS, STEERED_ROUNDS, FOLD_ROUNDS, TURNS = 6, 20, 3, 2
+"""Steps of a search, those of `STEERED` families short and cheap; turns of own numbers and shared
+ones. Chosen by trial."""
+FIRST_DAMPING, LEAST_DAMPING = 1e-4, 1e-9
+"""Levenberg and Marquardt's, of the diagonal; the least no longer shortens a step."""
+FAILURES = 4
+"""Steps that may fail one after the other: the damping has then grown by 1e8."""
+AGREED = 3e-4
+"""Relative fall of the cost at which a search ends."""
+SETTLE_STEPS = 4
+"""Of the shots' own numbers, the shared ones held. Chosen by trial."""
+FORCE_WIDTH = 1.0
+"""A free force is thought of as at most Hertz's own."""
+FORCE_STEPS = 8
+"""Of a fit with a free force, which is linear in its coefficients. Chosen by trial."""
+
+
+@dataclass(frozen=True)
+class Learned:
+    """A discrepancy and what it repairs."""
+
+    parts: tuple[Part, ...]
+    problem: JointProblem
+    """The model that the columns were added to, a free force included."""
+    fitted: joint.Fitted
+    """Where that model ended."""
+    coefficients: dict[str, float]
+    """By label, with its group."""
+    by_shot: dict[str, Array]
+    """Label to the coefficients that every shot has for itself, shape (shots,)."""
+    added: list[Array]
+    """What it adds to each shot. [unit of the signal]"""
+    residual: list[Array]
+    """What is left of each shot. [unit of the signal]"""
+    chi2: float
+    """Whitened squares left."""
+    rms: float
+    """Pooled residual. [unit of the signal]"""
+    heldout_rms: float | None
+    """The same on shots that the discrepancy was not learned on. [unit of the signal]"""
+
+    @property
+    def family(self) -> str:
+        """Return the families, joined."""
+        return "+".join(f for f, _ in self.parts)
+
+    @property
+    def scope(self) -> str:
+        """Return the groups, joined."""
+        return "+".join(s for _, s in self.parts)
+
+
+@dataclass(frozen=True)
+class _Training:
+    """Shots that a discrepancy is learned on, and what it consists of."""
+
+    problem: JointProblem
+    parts: tuple[Part, ...]
+    scale: Scale
+    """The columns' sizes, kept while the discrepancy is learned."""
+    labels: list[str]
+    """Of the w shared coefficients, with their groups."""
+    own_labels: list[str]
+    """Of the o coefficients of each shot."""
+    maps: list[tuple[NDArray[np.intp], Array]]
+    """For each shot: the k shared coefficients it has, and how each moves its columns, (a, k)."""
+    width: float
+    """How large a shared coefficient is thought of."""
+
+    def part(self, rows: Sequence[int]) -> _Training:
+        """Return the same of some of the shots."""
+        problem = dataclasses.replace(self.problem, shots=[self.problem.shots[i] for i in rows])
+        return dataclasses.replace(self, problem=problem, maps=[self.maps[i] for i in rows])
+
+
+@dataclass(frozen=True)
+class _Point:
+    """Where a search is."""
+
+    theta: Array
+    """Globals, shape (g,)."""
+    nuisances: Array
+    """Of the base model, shape (shots, p)."""
+    shared: Array
+    """Coefficients of the discrepancy, shape (w,)."""
+    own: Array
+    """Coefficients of each shot, shape (shots, o)."""
+
+    def of(self, rows: Sequence[int]) -> _Point:
+        at = list(rows)
+        return _Point(self.theta, self.nuisances[at], self.shared, self.own[at])
+
+
+@dataclass(frozen=True)
+class _Block:
+    """One shot at a point: k shared parameters and columns first, what is its own last."""
+
+    matrix: Array
+    """Whitened normal matrix, what is known of the shot's own numbers included."""
+    vector: Array
+    at: NDArray[np.intp]
+    """Which of all globals and shared coefficients the shot has."""
+    wide: Array
+    """Its shared parameters and columns by these, shape (k, at)."""
+    chi2: float
+    cost: float
+    """Whitened squares with what is known of the shot's own numbers."""
+    residual: Array
+    """[unit of the signal]"""
+    added: Array
+    """By the discrepancy. [unit of the signal]"""
+
+    def reduced(self, damping: float) -> tuple[Array, Array, Array, Array]:
+        """Return matrix and vector with all of the shot's own numbers eliminated.
+
+        These step by ``own - back @ step of the others``; ``back`` and ``own`` come last.
+        """
+        k = self.wide.shape[0]
+        inner = self.matrix[k:, k:].copy()
+        inner[np.diag_indices_from(inner)] *= 1.0 + damping
+        cross = self.matrix[:k, k:]
+        right = np.column_stack([cross.T, self.vector[k:]])
+        solved = np.asarray(np.linalg.solve(inner, right), dtype=np.float64)
+        back, own = solved[:, :-1], solved[:, -1]
+        return self.matrix[:k, :k] - cross @ back, self.vector[:k] - cross @ own, back, own
+
+
+@dataclass(frozen=True)
+class _Reached:
+    """A point with its blocks and its cost."""
+
+    point: _Point
+    blocks: list[_Block]
+    cost: float
+
+
+def learn(
+    problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part], scale: Scale | None = None
+) -> Learned | None:
+    """Fit a discrepancy and a model at its best to each other; None where no step helps.
+
+    The scale holds the sizes of the columns, with the frequencies of tuned families.
+    """
+    sizes = tuned(problem, fitted, scale or scale_of(problem, fitted), [f for f, _ in parts])
+    training = _training(problem, fitted, tuple(parts), sizes)
+    own = np.zeros((len(problem.shots), len(training.own_labels)))
+    begin = _Point(fitted.theta, fitted.nuisances, np.zeros(len(training.labels)), own)
+    start = _reach(training, begin)
+    if start is None:
+        return None
+    folds = heldout_folds(problem)
+    if folds and training.labels:
+        training = dataclasses.replace(training, width=_best_width(training, start, folds))
+    rounds = STEERED_ROUNDS if any(f in STEERED for f, _ in parts) else ROUNDS
+    end = start
+    for _ in range(TURNS if training.own_labels else 1):
+        if training.own_labels:  # these may be anywhere: shot by shot first, each as it fares best
+            end = _settled(training, end.point) or end
+        end = _descend(training, end, rounds)
+    if not end.cost < start.cost:
+        return None
+    point, residual = end.point, [b.residual for b in end.blocks]
+    return Learned(
+        parts=training.parts,
+        problem=problem,
+        fitted=joint.Fitted(
+            point.theta, point.nuisances, fitted.blocks, fitted.covariance, end.cost, 0, True
+        ),
+        coefficients=dict(zip(training.labels, map(float, point.shared), strict=True)),
+        by_shot=dict(zip(training.own_labels, point.own.T, strict=True)),
+        added=[b.added for b in end.blocks],
+        residual=residual,
+        chi2=sum(b.chi2 for b in end.blocks),
+        rms=_rms(residual),
+        heldout_rms=_heldout(training, start, end, folds),
+    )
+
+
+def _rms(residual: Sequence[Array]) -> float:
+    return math.sqrt(sum(float(r @ r) for r in residual) / sum(r.size for r in residual))
+
+
+def _heldout(
+    training: _Training, start: _Reached, end: _Reached, folds: Sequence[Sequence[int]]
+) -> float | None:
+    """Return the residual of shots that neither globals nor shared coefficients were fitted to."""
+    left: list[Array] = []
+    for fold in folds:
+        kept = [i for i in range(len(end.blocks)) if i not in fold]
+        others = training.part(kept)
+        begin = _reach(others, end.point.of(kept))
+        if begin is None:
+            return None
+        learned = _descend(others, begin, FOLD_ROUNDS)
+        if learned is begin and training.labels:
+            # what the held-out shots had a say in would still stand: once more, from before
+            begin = _reach(others, start.point.of(kept))
+            if begin is None:
+                return None
+            learned = _descend(others, begin, ROUNDS)
+            if learned is begin:
+                return None
+        known = dataclasses.replace(
+            end.point.of(fold), theta=learned.point.theta, shared=learned.point.shared
+        )
+        found = _settled(training.part(fold), known)
+        if found is None:
+            return None
+        left += [b.residual for b in found.blocks]
+    return _rms(left) if left else None
+
+
+def learn_force(
+    problem: JointProblem,
+    fitted: joint.Fitted,
+    linearised: Linearised,
+    *,
+    forms: Sequence[str],
+    scope: str,
+) -> Learned | None:
+    """Fit a contact force of free form, integrated as any contact law is; None where it cannot be.
+
+    The forms are of ``analysis.effects.contact_closure.FORMS``; the scope is rig, surface or
+    sphere.
+    """
+    scale = scale_of(problem, fitted)
+    wide, found = problem, fitted
+    for form in forms:
+        effect = contact_closure(form, scale.indentation_m, scale.speed_m_per_s, scope)
+        wide, theta, nuisances = extended(wide, found, effect, {})
+        for j in range(found.theta.size, theta.size):
+            wide.prior_precision[j, j] = FORCE_WIDTH**-2
+        found = joint.fit(wide, nuisances, theta=theta, max_iterations=FORCE_STEPS)
+        if not found.blocks:
+            return None
+    residual = []
+    for item, nuisance in zip(wide.shots, found.nuisances, strict=True):
+        shared, _ = wide.shared_local(item, found.theta)
+        seen = wide.model.predict(np.concatenate([shared, nuisance]), item.frame)
+        residual.append(item.window.signal - seen.signal)
+    added = zip(wide.names, found.theta, strict=True)
+    return Learned(
+        parts=tuple((f"force_{form}", scope) for form in forms),
+        problem=wide,
+        fitted=found,
+        coefficients={
+            name.removeprefix("closure_"): float(value)
+            for name, value in list(added)[len(problem.names) :]
+        },
+        by_shot={},
+        added=[old.residual - r for old, r in zip(linearised.shots, residual, strict=True)],
+        residual=residual,
+        chi2=sum(b.chi2 for b in found.blocks),
+        rms=_rms(residual),
+        heldout_rms=heldout_or_none(wide, found),
+    )
+
+
+def on_top(first: Learned, second: Learned) -> Learned:
+    """Return a force and what was learned with its ``problem`` and ``fitted`` as one."""
+    before = [a + r for a, r in zip(first.added, first.residual, strict=True)]
+    return dataclasses.replace(
+        second,
+        parts=(*first.parts, *second.parts),
+        coefficients=first.coefficients | second.coefficients,
+        added=[b - r for b, r in zip(before, second.residual, strict=True)],
+    )
+
+
+def _columns(view: View, parts: Sequence[Part]) -> list[tuple[list[str], Array]]:
+    """Return labels and columns of each part."""
+    wholes = dict.fromkeys(PARTS[f][0] if f in PARTS else f for f, _ in parts)
+    whole = {f: family_columns(view, f)[:2] for f in wholes}
+    chosen = []
+    for family, _ in parts:
+        if family not in PARTS:
+            chosen.append(whole[family])
+            continue
+        name, first_words = PARTS[family]
+        labels, columns = whole[name]
+        at = [j for j, label in enumerate(labels) if label.startswith(first_words)]
+        chosen.append(([labels[j] for j in at], columns[:, at]))
+    return chosen
+
+
+def _training(
+    problem: JointProblem, fitted: joint.Fitted, parts: tuple[Part, ...], scale: Scale
+) -> _Training:
+    """Return what a discrepancy consists of for all shots of a campaign."""
+    model, item = problem.model, problem.shots[0]
+    shared, _ = problem.shared_local(item, fitted.theta)
+    local = np.concatenate([shared, fitted.nuisances[0]])
+    found, jacobian, _ = model.linearise(local, item.frame)
+    clean = found.signal - local[shared.size + BASELINE]
+    view = View(model, item, local, clean, jacobian, scale)
+    labels: list[str] = []
+    own: list[str] = []
+    links: list[list[list[tuple[int, float]]]] = [[] for _ in problem.shots]
+    sizes: list[int] = []
+    for (_, scope), (names, _) in zip(parts, _columns(view, parts), strict=True):
+        if scope == "shot":
+            own += names
+            continue
+        by_shot = groups(problem, scope)
+        distinct = sorted({group for shot in by_shot for group, _ in shot})
+        for row, shot in enumerate(by_shot):
+            links[row].append(
+                [(len(labels) + distinct.index(g) * len(names), weight) for g, weight in shot]
+            )
+        sizes.append(len(names))
+        labels += [f"{n}{f' [{group}]' if group else ''}" for group in distinct for n in names]
+    maps = [_map(shot, sizes) for shot in links]
+    return _Training(problem, parts, scale, labels, own, maps, WIDTHS[0])
+
+
+def _map(
+    links: Sequence[Sequence[tuple[int, float]]], sizes: Sequence[int]
+) -> tuple[NDArray[np.intp], Array]:
+    """Return the coefficients of one shot, and how each moves its columns.
+
+    For each part: where the coefficients of a group begin, with the group's weight, and how many
+    columns there are.
+    """
+    parts = list(zip(links, sizes, strict=True))
+    all_of = [range(first, first + q) for groups_, q in parts for first, _ in groups_]
+    at = np.unique(np.array([j for some in all_of for j in some], dtype=np.intp))
+    weights, begin = np.zeros((sum(sizes), at.size)), 0
+    for groups_, q in parts:
+        for first, weight in groups_:
+            columns = np.searchsorted(at, range(first, first + q))
+            weights[range(begin, begin + q), columns] = weight
+        begin += q
+    return at, weights
+
+
+def _block(training: _Training, point: _Point, row: int) -> _Block | None:
+    """Return one shot's normal equations, None where there is no trace."""
+    problem = training.problem
+    problem.checkpoint()
+    model, item = problem.model, problem.shots[row]
+    values, chain = problem.shared_local(item, point.theta)
+    local = np.concatenate([values, point.nuisances[row]])
+    if not np.all(np.isfinite(local)):
+        return None
+    found, jacobian, gradient = model.linearise(local, item.frame)
+    if not np.all(np.isfinite(jacobian)):
+        return None
+    s = values.size
+    clean = found.signal - local[s + BASELINE]
+    view = View(model, item, local, clean, jacobian, training.scale)
+    parts = list(zip(training.parts, _columns(view, training.parts), strict=True))
+    common = [columns for (_, scope), (_, columns) in parts if scope != "shot"]
+    single = [columns for (_, scope), (_, columns) in parts if scope == "shot"]
+    nothing = np.zeros((clean.size, 0))
+    shared, alone = (np.column_stack([nothing, *some]) for some in (common, single))
+    coefficients, weights = training.maps[row]
+    sizes, own = weights @ point.shared[coefficients], point.own[row]
+    added = shared @ sizes
+    added += alone @ own
+    jacobian = jacobian + _steered(view, training.parts, common, sizes)
+    residual = item.window.signal - found.signal - added
+    design = np.column_stack([jacobian[:, :s], shared, alone, jacobian[:, s:]])
+    squares = whitened_squares(item, residual, design)
+    if squares is None:
+        return None
+    matrix, vector, chi2 = squares
+    k, o, g = s + sizes.size, own.size, point.theta.size
+    extra, rows = prior_rows(model, item, local, found.rebound_ratio, gradient)
+    at = [*range(s), *range(k + o, matrix.shape[0])]
+    for value, slope in zip(extra, rows, strict=True):
+        matrix[np.ix_(at, at)] += np.outer(slope, slope)
+        vector[at] -= value * slope
+    mine = np.arange(k, k + o)
+    matrix[mine, mine] += OWN_WIDTH**-2
+    vector[mine] -= own * OWN_WIDTH**-2
+    cost = chi2 + float(np.sum(np.square(extra))) + float(own @ own) * OWN_WIDTH**-2
+    having = np.concatenate([np.arange(g), g + coefficients])
+    wide = block_diag(chain, weights)
+    return _Block(matrix, vector, having, wide, chi2, cost, residual, added)
+
+
+def _steered(view: View, parts: Sequence[Part], columns: Sequence[Array], sizes: Array) -> Array:
+    """Return how shared columns, so large, change with the model's parameters. Shape (n, p)."""
+    found = np.zeros_like(view.jacobian)
+    each = np.split(sizes, np.cumsum([c.shape[1] for c in columns], dtype=int))[:-1]
+    shared = [part for part in parts if part[1] != "shot"]
+    for part, here, size in zip(shared, columns, each, strict=True):
+        if part[0] not in STEERED or not np.any(size):
+            continue
+        for at, slope in enumerate(view.jacobian.T):
+            most = float(np.max(np.abs(slope)))
+            if most == 0.0 or at == len(view.model.shared) + BASELINE:
+                continue  # a family of the signal does not see the baseline
+            step = STEER_STEP * view.scale.top / most
+            moved = dataclasses.replace(view, clean=view.clean + step * slope)
+            found[:, at] += (_columns(moved, [part])[0][1] - here) @ size / step
+    return found
+
+
+def _reach(training: _Training, point: _Point) -> _Reached | None:
+    """Return a point with its cost, None where there is no trace."""
+    blocks = []
+    for row in range(len(training.problem.shots)):
+        one = _block(training, point, row)
+        if one is None:
+            return None
+        blocks.append(one)
+    away = point.theta - training.problem.prior_mean
+    cost = sum(b.cost for b in blocks) + float(away @ training.problem.prior_precision @ away)
+    return _Reached(point, blocks, cost + float(point.shared @ point.shared) * training.width**-2)
+
+
+_Reduced = tuple[Array, Array, Array, Array]
+"""As `_Block.reduced` returns it."""
+
+
+def _normal(
+    training: _Training, found: _Reached, parts: Sequence[_Reduced], rows: Sequence[int]
+) -> tuple[Array, Array]:
+    """Return the normal equations of globals and coefficients over some shots, without priors."""
+    size = found.point.theta.size + len(training.labels)
+    matrix, vector = np.zeros((size, size)), np.zeros(size)
+    for row in rows:
+        at, wide = found.blocks[row].at, found.blocks[row].wide
+        matrix[np.ix_(at, at)] += wide.T @ parts[row][0] @ wide
+        vector[at] += wide.T @ parts[row][1]
+    return matrix, vector
+
+
+def _with_priors(
+    training: _Training, point: _Point, matrix: Array, vector: Array, width: float
+) -> tuple[Array, Array]:
+    g, precision = point.theta.size, training.problem.prior_precision
+    matrix, vector = matrix.copy(), vector.copy()
+    matrix[:g, :g] += precision
+    vector[:g] -= precision @ (point.theta - training.problem.prior_mean)
+    at = np.arange(g, matrix.shape[0])
+    matrix[at, at] += width**-2
+    vector[g:] -= point.shared * width**-2
+    return matrix, vector
+
+
+def _best_width(training: _Training, found: _Reached, folds: Sequence[Sequence[int]]) -> float:
+    """Return the one of `WIDTHS` whose coefficients hold best on other shots, to first order."""
+    parts = [b.reduced(0.0) for b in found.blocks]
+    pieces = [_normal(training, found, parts, fold) for fold in folds]
+    whole = sum((m for m, _ in pieces), start=np.zeros(()))
+    load = sum((v for _, v in pieces), start=np.zeros(()))
+    falls = dict.fromkeys(WIDTHS, 0.0)
+    g = found.point.theta.size
+    for inside, own in pieces:
+        rest, pull = whole - inside, load - own
+        least, force = _with_priors(training, found.point, rest, pull, 1.0)
+        base = np.linalg.solve(least[:g, :g], force[:g])
+        without = float(2 * base @ own[:g] - base @ inside[:g, :g] @ base)
+        for width in WIDTHS:
+            x = np.linalg.solve(*_with_priors(training, found.point, rest, pull, width))
+            falls[width] += float(2 * x @ own - x @ inside @ x) - without
+    return max(falls, key=lambda width: falls[width])
+
+
+def _descend(training: _Training, here: _Reached, rounds: int) -> _Reached:
+    """Return where model and discrepancy agree, never worse than here.
+
+    After at most so many steps, those that failed included.
+    """
+    damping, failed = FIRST_DAMPING, 0
+    g = here.point.theta.size
+    for _ in range(rounds):
+        parts = [b.reduced(damping) for b in here.blocks]
+        normal = _normal(training, here, parts, range(len(parts)))
+        matrix, vector = _with_priors(training, here.point, *normal, training.width)
+        matrix[np.diag_indices(g)] *= 1.0 + damping
+        step = np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
+        ahead = _reach(training, _moved(training, here, parts, step))
+        if ahead is None or not ahead.cost < here.cost:
+            failed += 1
+            damping = max(100.0 * damping, 1e-3)
+            if failed >= FAILURES:
+                break
+            continue
+        small = here.cost - ahead.cost < AGREED * here.cost
+        here, failed, damping = ahead, 0, max(damping / 10, LEAST_DAMPING)
+        if small:
+            break
+    return here
+
+
+def _moved(training: _Training, here: _Reached, parts: Sequence[_Reduced], step: Array) -> _Point:
+    """Return the point after a step of globals and coefficients, each shot's own following."""
+    point = here.point
+    g, o = point.theta.size, point.own.shape[1]
+    follow = [own - back @ (b.wide @ step[b.at])
+              for b, (_, _, back, own) in zip(here.blocks, parts, strict=True)]  # fmt: skip
+    mine = np.array(follow)
+    theta = steps.along(training.problem, point.theta, step[:g])
+    return _Point(
+        theta, point.nuisances + mine[:, o:], point.shared + step[g:], point.own + mine[:, :o]
+    )
+
+
+def _settled(training: _Training, point: _Point) -> _Reached | None:
+    """Return each shot's own numbers at their best, everything shared kept.
+
+    None where there is no trace.
+    """
+    here = _reach(training, point)
+    if here is None:
+        return None
+    damping = np.full(len(here.blocks), FIRST_DAMPING)
+    o = point.own.shape[1]
+    for _ in range(SETTLE_STEPS):
+        mine = np.array(
+            [b.reduced(float(d))[-1] for b, d in zip(here.blocks, damping, strict=True)]
+        )
+        old = here.point
+        there = dataclasses.replace(
+            old, nuisances=old.nuisances + mine[:, o:], own=old.own + mine[:, :o]
+        )
+        ahead = _reach(training, there)
+        if ahead is None:
+            damping *= 100.0
+            continue
+        better = np.array(
+            [new.cost < old.cost for new, old in zip(ahead.blocks, here.blocks, strict=True)]
+        )
+        fall = here.cost - ahead.cost
+        here = _each_better(here, ahead, better)
+        damping = np.where(better, np.maximum(damping / 10, LEAST_DAMPING), damping * 100.0)
+        if better.all() and fall < AGREED * here.cost:
+            break
+    return here
+
+
+def _each_better(old: _Reached, new: _Reached, better: NDArray[np.bool_]) -> _Reached:
+    """Return each shot where it fares better."""
+    which = better[:, None]
+    point = dataclasses.replace(
+        old.point,
+        nuisances=np.where(which, new.point.nuisances, old.point.nuisances),
+        own=np.where(which, new.point.own, old.point.own),
+    )
+    blocks = [n if b else o for n, o, b in zip(new.blocks, old.blocks, better, strict=True)]
+    change = sum(b.cost for b in blocks) - sum(b.cost for b in old.blocks)
+    return _Reached(point, blocks, old.cost + change)
