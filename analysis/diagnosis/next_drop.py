@@ -173,16 +173,11 @@ def _as_shot(problem: JointProblem, drop: _Drop) -> FitShot:
 class _Prediction:
     """What one rival says of a drop: its record, and how it would give way."""
 
-    signal: Array
-    """[unit of the signal]"""
-    white: Array
-    """The same, whitened. [1]"""
-    columns: Array
-    """Whitened derivatives by shared and own parameters."""
-    rows: Array
-    """Gradients of what is known of the own parameters."""
-    chain: Array
-    """Shared parameters by the globals."""
+    signal: Array  # [unit of the signal]
+    white: Array  # the same, whitened. [1]
+    columns: Array  # whitened derivatives by shared and own parameters
+    rows: Array  # gradients of what is known of the own parameters
+    chain: Array  # shared parameters by the globals
 
     def parts(self, difference: Array) -> tuple[float, Array, Array]:
         """Return q, v and H where this rival gives way to a difference."""

@@ -13,11 +13,13 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from analysis.diagnosis.basis.contact_force import OF_PARAMETERS
 from analysis.diagnosis.basis.dynamic_curve import SLEW
 from analysis.diagnosis.basis.families import BASELINE, View, family_columns
 from analysis.diagnosis.basis.groups import groups
@@ -29,16 +31,22 @@ from analysis.diagnosis.held_out import heldout_or_none
 from analysis.diagnosis.score_test.linearised import PARTS, Linearised
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint, steps
-from analysis.fit.blocks import prior_rows, whitened_squares
+from analysis.fit.blocks import prior_rows
 from analysis.fit.campaign_fit import heldout_folds
 from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
 Part = tuple[str, str]
 """(family, scope) of columns; the scope ``shot`` gives every shot its own coefficients."""
+Equations = tuple[Array, Array]
+"""Matrix and vector."""
+_Reduced = tuple[Array, Array, Array, Array]
+"""As `_Block.reduced` returns it."""
 
 STEERED = (RIPPLE, SLEW)
 """Families of the rig that follow the signal so closely that a step of the model asks them."""
+OF_SLOPES = (*OF_PARAMETERS, "cell")
+"""Families whose columns are slopes of the model."""
 STEER_STEP = 1e-4
 """Of the largest signal, to see how they follow: large beside rounding, small beside a ripple."""
 OWN_WIDTH = 3.0
@@ -102,17 +110,13 @@ class _Training:
     """Shots that a discrepancy is learned on, and what it consists of."""
 
     problem: JointProblem
-    parts: tuple[Part, ...]
-    scale: Scale
-    """The columns' sizes, kept while the discrepancy is learned."""
-    labels: list[str]
-    """Of the w shared coefficients, with their groups."""
-    own_labels: list[str]
-    """Of the o coefficients of each shot."""
+    parts: tuple[Part, ...]  # those with shared coefficients first
+    scale: Scale  # the columns' sizes, kept while the discrepancy is learned
+    labels: list[str]  # of the w shared coefficients, with their groups
+    own_labels: list[str]  # of the o coefficients of each shot
     maps: list[tuple[NDArray[np.intp], Array]]
     """For each shot: the k shared coefficients it has, and how each moves its columns, (a, k)."""
-    width: float
-    """How large a shared coefficient is thought of."""
+    width: float  # how large a shared coefficient is thought of
 
     def part(self, rows: Sequence[int]) -> _Training:
         """Return the same of some of the shots."""
@@ -124,14 +128,10 @@ class _Training:
 class _Point:
     """Where a search is."""
 
-    theta: Array
-    """Globals, shape (g,)."""
-    nuisances: Array
-    """Of the base model, shape (shots, p)."""
-    shared: Array
-    """Coefficients of the discrepancy, shape (w,)."""
-    own: Array
-    """Coefficients of each shot, shape (shots, o)."""
+    theta: Array  # globals, shape (g,)
+    nuisances: Array  # of the base model, shape (shots, p)
+    shared: Array  # coefficients of the discrepancy, shape (w,)
+    own: Array  # coefficients of each shot, shape (shots, o)
 
     def of(self, rows: Sequence[int]) -> _Point:
         at = list(rows)
@@ -140,36 +140,89 @@ class _Point:
 
 @dataclass(frozen=True)
 class _Block:
-    """One shot at a point: k shared parameters and columns first, what is its own last."""
+    """One shot at a point. Its slopes take most of the time: they are computed where asked for."""
 
-    matrix: Array
-    """Whitened normal matrix, what is known of the shot's own numbers included."""
-    vector: Array
-    at: NDArray[np.intp]
-    """Which of all globals and shared coefficients the shot has."""
-    wide: Array
-    """Its shared parameters and columns by these, shape (k, at)."""
+    training: _Training
+    view: View  # with the model's slopes where columns are made of these
+    linear: Sequence[Array] | None  # slopes of signal and rebound ratio, in the same case
+    rebound: float
+    chain: Array  # shared local parameters by the globals, shape (s, g)
+    at: NDArray[np.intp]  # which of all globals and shared coefficients the shot has
+    weights: Array  # its a shared columns by the coefficients among these, shape (a, k)
+    numbers: Array  # coefficients of its columns, shape (a + o,)
+    residual: Array  # [unit of the signal]
+    added: Array  # by the discrepancy. [unit of the signal]
     chi2: float
-    cost: float
-    """Whitened squares with what is known of the shot's own numbers."""
-    residual: Array
-    """[unit of the signal]"""
-    added: Array
-    """By the discrepancy. [unit of the signal]"""
+    cost: float  # whitened squares with what is known of the shot's own numbers
 
-    def reduced(self, damping: float) -> tuple[Array, Array, Array, Array]:
-        """Return matrix and vector with all of the shot's own numbers eliminated.
+    @cached_property
+    def of_all(self) -> Equations:
+        """Return the whitened normal equations: what is shared, then what is the shot's own."""
+        return self._normal(self.training.parts, first=0)
 
-        These step by ``own - back @ step of the others``; ``back`` and ``own`` come last.
+    @cached_property
+    def of_own(self) -> Equations:
+        """Return the same with everything shared held."""
+        own = [part for part in self.training.parts if part[1] == "shot"]
+        return self._normal(own, first=self.chain.shape[0])
+
+    @cached_property
+    def _slopes(self) -> tuple[Array, Array]:
+        """Return the derivatives of the signal, discrepancy included, and of the rebound ratio."""
+        view = self.view
+        slopes, rebound = self.linear or view.model.linearise(view.local, view.item.frame)[1:]
+        if not any(family in STEERED for family, _ in self.training.parts):
+            return slopes, rebound
+        steered, end = slopes.copy(), 0
+        parts = self.training.parts
+        for part, (_, here) in zip(parts, _columns(view, parts), strict=True):
+            begin, end = end, end + here.shape[1]
+            size = self.numbers[begin:end]
+            if part[0] not in STEERED or not np.any(size):
+                continue
+            for at, slope in enumerate(slopes.T):
+                most = float(np.max(np.abs(slope)))
+                if most == 0.0 or at == self.chain.shape[0] + BASELINE:
+                    continue  # a family of the signal does not see the baseline
+                step = STEER_STEP * view.scale.top / most
+                moved = dataclasses.replace(view, clean=view.clean + step * slope)
+                steered[:, at] += (_columns(moved, [part])[0][1] - here) @ size / step
+        return steered, rebound
+
+    def _normal(self, parts: Sequence[Part], first: int) -> Equations:
+        """Return the normal equations of parameters from the first on, with columns between."""
+        view, s, a = self.view, self.chain.shape[0], self.weights.shape[0]
+        slopes, rebound = self._slopes
+        own, begin = self.numbers[a:], 0 if first else s + a
+        columns = [c for _, c in _columns(view, parts)]
+        rows = [slopes[:, first:s].T, *(c.T for c in columns), slopes[:, s:].T, self.residual]
+        with np.errstate(over="ignore", invalid="ignore"):
+            white = view.item.whiten(np.vstack(rows).T)
+            products = white.T @ white
+        matrix, vector = products[:-1, :-1], products[:-1, -1]
+        values, gradients = prior_rows(view.model, view.item, view.local, self.rebound, rebound)
+        known = np.array(gradients)[:, first:]
+        at = np.r_[: s - first, begin + own.size : vector.size]
+        matrix[np.ix_(at, at)] += known.T @ known
+        vector[at] -= known.T @ values
+        mine = np.arange(begin, begin + own.size)
+        matrix[mine, mine] += OWN_WIDTH**-2
+        vector[mine] -= own * OWN_WIDTH**-2
+        return matrix, vector
+
+    def reduced(self, damping: float) -> _Reduced:
+        """Return matrix and vector of what is shared, and ``back`` and ``own``.
+
+        All of the shot's own numbers are eliminated; they step by ``own - back @ step``.
         """
-        k = self.wide.shape[0]
-        inner = self.matrix[k:, k:].copy()
-        inner[np.diag_indices_from(inner)] *= 1.0 + damping
-        cross = self.matrix[:k, k:]
-        right = np.column_stack([cross.T, self.vector[k:]])
-        solved = np.asarray(np.linalg.solve(inner, right), dtype=np.float64)
+        wide, (matrix, vector) = block_diag(self.chain, self.weights), self.of_all
+        k = wide.shape[0]
+        cross = matrix[:k, k:]
+        right = np.column_stack([cross.T, vector[k:]])
+        solved = np.asarray(np.linalg.solve(_damped(matrix[k:, k:], damping), right))
         back, own = solved[:, :-1], solved[:, -1]
-        return self.matrix[:k, :k] - cross @ back, self.vector[:k] - cross @ own, back, own
+        inner, load = matrix[:k, :k] - cross @ back, vector[:k] - cross @ own
+        return wide.T @ inner @ wide, wide.T @ load, back @ wide, own
 
 
 @dataclass(frozen=True)
@@ -180,6 +233,10 @@ class _Reached:
     blocks: list[_Block]
     cost: float
 
+    def of(self, training: _Training, rows: Sequence[int]) -> _Reached:
+        """Return the same of some of the shots, with what is known of their slopes."""
+        return _with_cost(training, self.point.of(rows), [self.blocks[i] for i in rows])
+
 
 def learn(
     problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part], scale: Scale | None = None
@@ -189,7 +246,7 @@ def learn(
     The scale holds the sizes of the columns, with the frequencies of tuned families.
     """
     sizes = tuned(problem, fitted, scale or scale_of(problem, fitted), [f for f, _ in parts])
-    training = _training(problem, fitted, tuple(parts), sizes)
+    training = _training(problem, fitted, parts, sizes)
     own = np.zeros((len(problem.shots), len(training.own_labels)))
     begin = _Point(fitted.theta, fitted.nuisances, np.zeros(len(training.labels)), own)
     start = _reach(training, begin)
@@ -202,13 +259,13 @@ def learn(
     end = start
     for _ in range(TURNS if training.own_labels else 1):
         if training.own_labels:  # these may be anywhere: shot by shot first, each as it fares best
-            end = _settled(training, end.point) or end
+            end = _settled(training, end)
         end = _descend(training, end, rounds)
     if not end.cost < start.cost:
         return None
     point, residual = end.point, [b.residual for b in end.blocks]
     return Learned(
-        parts=training.parts,
+        parts=tuple(parts),
         problem=problem,
         fitted=joint.Fitted(
             point.theta, point.nuisances, fitted.blocks, fitted.covariance, end.cost, 0, True
@@ -235,25 +292,21 @@ def _heldout(
     for fold in folds:
         kept = [i for i in range(len(end.blocks)) if i not in fold]
         others = training.part(kept)
-        begin = _reach(others, end.point.of(kept))
-        if begin is None:
-            return None
+        begin = end.of(others, kept)
         learned = _descend(others, begin, FOLD_ROUNDS)
         if learned is begin and training.labels:
             # what the held-out shots had a say in would still stand: once more, from before
-            begin = _reach(others, start.point.of(kept))
-            if begin is None:
-                return None
+            begin = start.of(others, kept)
             learned = _descend(others, begin, ROUNDS)
             if learned is begin:
                 return None
         known = dataclasses.replace(
             end.point.of(fold), theta=learned.point.theta, shared=learned.point.shared
         )
-        found = _settled(training.part(fold), known)
-        if found is None:
+        known_shots = _reach(training.part(fold), known)
+        if known_shots is None:
             return None
-        left += [b.residual for b in found.blocks]
+        left += [b.residual for b in _settled(training.part(fold), known_shots).blocks]
     return _rms(left) if left else None
 
 
@@ -331,57 +384,39 @@ def _columns(view: View, parts: Sequence[Part]) -> list[tuple[list[str], Array]]
 
 
 def _training(
-    problem: JointProblem, fitted: joint.Fitted, parts: tuple[Part, ...], scale: Scale
+    problem: JointProblem, fitted: joint.Fitted, parts: Sequence[Part], scale: Scale
 ) -> _Training:
     """Return what a discrepancy consists of for all shots of a campaign."""
     model, item = problem.model, problem.shots[0]
     shared, _ = problem.shared_local(item, fitted.theta)
     local = np.concatenate([shared, fitted.nuisances[0]])
-    found, jacobian, _ = model.linearise(local, item.frame)
+    found, slopes, _ = model.linearise(local, item.frame)
     clean = found.signal - local[shared.size + BASELINE]
-    view = View(model, item, local, clean, jacobian, scale)
+    view = View(model, item, local, clean, slopes, scale)
+    parts = sorted(parts, key=lambda part: part[1] == "shot")
     labels: list[str] = []
     own: list[str] = []
-    links: list[list[list[tuple[int, float]]]] = [[] for _ in problem.shots]
-    sizes: list[int] = []
+    pieces: list[list[Array]] = [[np.zeros((0, 0))] for _ in problem.shots]
     for (_, scope), (names, _) in zip(parts, _columns(view, parts), strict=True):
         if scope == "shot":
             own += names
             continue
-        by_shot = groups(problem, scope)
-        distinct = sorted({group for shot in by_shot for group, _ in shot})
-        for row, shot in enumerate(by_shot):
-            links[row].append(
-                [(len(labels) + distinct.index(g) * len(names), weight) for g, weight in shot]
-            )
-        sizes.append(len(names))
+        by_shot = [dict(groups_) for groups_ in groups(problem, scope)]
+        distinct = sorted({group for groups_ in by_shot for group in groups_})
+        for piece, weights in zip(pieces, by_shot, strict=True):
+            row = np.array([[weights.get(group, 0.0) for group in distinct]], dtype=np.float64)
+            piece.append(np.asarray(np.kron(row, np.eye(len(names))), dtype=np.float64))
         labels += [f"{n}{f' [{group}]' if group else ''}" for group in distinct for n in names]
-    maps = [_map(shot, sizes) for shot in links]
-    return _Training(problem, parts, scale, labels, own, maps, WIDTHS[0])
-
-
-def _map(
-    links: Sequence[Sequence[tuple[int, float]]], sizes: Sequence[int]
-) -> tuple[NDArray[np.intp], Array]:
-    """Return the coefficients of one shot, and how each moves its columns.
-
-    For each part: where the coefficients of a group begin, with the group's weight, and how many
-    columns there are.
-    """
-    parts = list(zip(links, sizes, strict=True))
-    all_of = [range(first, first + q) for groups_, q in parts for first, _ in groups_]
-    at = np.unique(np.array([j for some in all_of for j in some], dtype=np.intp))
-    weights, begin = np.zeros((sum(sizes), at.size)), 0
-    for groups_, q in parts:
-        for first, weight in groups_:
-            columns = np.searchsorted(at, range(first, first + q))
-            weights[range(begin, begin + q), columns] = weight
-        begin += q
-    return at, weights
+    maps = []
+    for piece in pieces:
+        whole = np.asarray(block_diag(*piece), dtype=np.float64)
+        at = np.flatnonzero(whole.any(axis=0))
+        maps.append((at, whole[:, at]))
+    return _Training(problem, tuple(parts), scale, labels, own, maps, WIDTHS[0])
 
 
 def _block(training: _Training, point: _Point, row: int) -> _Block | None:
-    """Return one shot's normal equations, None where there is no trace."""
+    """Return one shot at a point, None where there is no trace."""
     problem = training.problem
     problem.checkpoint()
     model, item = problem.model, problem.shots[row]
@@ -389,59 +424,33 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
     local = np.concatenate([values, point.nuisances[row]])
     if not np.all(np.isfinite(local)):
         return None
-    found, jacobian, gradient = model.linearise(local, item.frame)
-    if not np.all(np.isfinite(jacobian)):
-        return None
-    s = values.size
-    clean = found.signal - local[s + BASELINE]
-    view = View(model, item, local, clean, jacobian, training.scale)
-    parts = list(zip(training.parts, _columns(view, training.parts), strict=True))
-    common = [columns for (_, scope), (_, columns) in parts if scope != "shot"]
-    single = [columns for (_, scope), (_, columns) in parts if scope == "shot"]
-    nothing = np.zeros((clean.size, 0))
-    shared, alone = (np.column_stack([nothing, *some]) for some in (common, single))
+    linear = None
+    if any(family in OF_SLOPES for family, _ in training.parts):
+        found, *linear = model.linearise(local, item.frame)
+    else:
+        found = model.predict(local, item.frame)
+    clean = found.signal - local[values.size + BASELINE]
+    slopes = linear[0] if linear else np.zeros((clean.size, 0))
+    view = View(model, item, local, clean, slopes, training.scale)
     coefficients, weights = training.maps[row]
-    sizes, own = weights @ point.shared[coefficients], point.own[row]
-    added = shared @ sizes
-    added += alone @ own
-    jacobian = jacobian + _steered(view, training.parts, common, sizes)
+    own = point.own[row]
+    numbers = np.concatenate([weights @ point.shared[coefficients], own])
+    added, begin = np.zeros(clean.size), 0
+    for _, columns in _columns(view, training.parts):
+        added += columns @ numbers[begin : begin + columns.shape[1]]
+        begin += columns.shape[1]
     residual = item.window.signal - found.signal - added
-    design = np.column_stack([jacobian[:, :s], shared, alone, jacobian[:, s:]])
-    squares = whitened_squares(item, residual, design)
-    if squares is None:
+    known, _ = prior_rows(model, item, local, found.rebound_ratio, np.zeros(local.size))
+    with np.errstate(over="ignore", invalid="ignore"):
+        chi2 = float(np.sum(np.square(item.whiten(residual))))
+    if not math.isfinite(chi2):
         return None
-    matrix, vector, chi2 = squares
-    k, o, g = s + sizes.size, own.size, point.theta.size
-    extra, rows = prior_rows(model, item, local, found.rebound_ratio, gradient)
-    at = [*range(s), *range(k + o, matrix.shape[0])]
-    for value, slope in zip(extra, rows, strict=True):
-        matrix[np.ix_(at, at)] += np.outer(slope, slope)
-        vector[at] -= value * slope
-    mine = np.arange(k, k + o)
-    matrix[mine, mine] += OWN_WIDTH**-2
-    vector[mine] -= own * OWN_WIDTH**-2
-    cost = chi2 + float(np.sum(np.square(extra))) + float(own @ own) * OWN_WIDTH**-2
-    having = np.concatenate([np.arange(g), g + coefficients])
-    wide = block_diag(chain, weights)
-    return _Block(matrix, vector, having, wide, chi2, cost, residual, added)
-
-
-def _steered(view: View, parts: Sequence[Part], columns: Sequence[Array], sizes: Array) -> Array:
-    """Return how shared columns, so large, change with the model's parameters. Shape (n, p)."""
-    found = np.zeros_like(view.jacobian)
-    each = np.split(sizes, np.cumsum([c.shape[1] for c in columns], dtype=int))[:-1]
-    shared = [part for part in parts if part[1] != "shot"]
-    for part, here, size in zip(shared, columns, each, strict=True):
-        if part[0] not in STEERED or not np.any(size):
-            continue
-        for at, slope in enumerate(view.jacobian.T):
-            most = float(np.max(np.abs(slope)))
-            if most == 0.0 or at == len(view.model.shared) + BASELINE:
-                continue  # a family of the signal does not see the baseline
-            step = STEER_STEP * view.scale.top / most
-            moved = dataclasses.replace(view, clean=view.clean + step * slope)
-            found[:, at] += (_columns(moved, [part])[0][1] - here) @ size / step
-    return found
+    cost = chi2 + float(np.sum(np.square(known))) + float(own @ own) * OWN_WIDTH**-2
+    at = np.concatenate([np.arange(point.theta.size), point.theta.size + coefficients])
+    return _Block(
+        training, view, linear, found.rebound_ratio, chain, at, weights, numbers, residual, added,
+        chi2, cost,
+    )  # fmt: skip
 
 
 def _reach(training: _Training, point: _Point) -> _Reached | None:
@@ -452,31 +461,35 @@ def _reach(training: _Training, point: _Point) -> _Reached | None:
         if one is None:
             return None
         blocks.append(one)
+    return _with_cost(training, point, blocks)
+
+
+def _with_cost(training: _Training, point: _Point, blocks: list[_Block]) -> _Reached:
     away = point.theta - training.problem.prior_mean
     cost = sum(b.cost for b in blocks) + float(away @ training.problem.prior_precision @ away)
     return _Reached(point, blocks, cost + float(point.shared @ point.shared) * training.width**-2)
 
 
-_Reduced = tuple[Array, Array, Array, Array]
-"""As `_Block.reduced` returns it."""
+def _damped(matrix: Array, damping: float) -> Array:
+    found = matrix.copy()
+    found[np.diag_indices_from(found)] *= 1.0 + damping
+    return found
 
 
-def _normal(
-    training: _Training, found: _Reached, parts: Sequence[_Reduced], rows: Sequence[int]
-) -> tuple[Array, Array]:
+def _normal(found: _Reached, parts: Sequence[_Reduced], rows: Sequence[int]) -> Equations:
     """Return the normal equations of globals and coefficients over some shots, without priors."""
-    size = found.point.theta.size + len(training.labels)
+    size = found.point.theta.size + found.point.shared.size
     matrix, vector = np.zeros((size, size)), np.zeros(size)
     for row in rows:
-        at, wide = found.blocks[row].at, found.blocks[row].wide
-        matrix[np.ix_(at, at)] += wide.T @ parts[row][0] @ wide
-        vector[at] += wide.T @ parts[row][1]
+        at = found.blocks[row].at
+        matrix[np.ix_(at, at)] += parts[row][0]
+        vector[at] += parts[row][1]
     return matrix, vector
 
 
 def _with_priors(
     training: _Training, point: _Point, matrix: Array, vector: Array, width: float
-) -> tuple[Array, Array]:
+) -> Equations:
     g, precision = point.theta.size, training.problem.prior_precision
     matrix, vector = matrix.copy(), vector.copy()
     matrix[:g, :g] += precision
@@ -490,7 +503,7 @@ def _with_priors(
 def _best_width(training: _Training, found: _Reached, folds: Sequence[Sequence[int]]) -> float:
     """Return the one of `WIDTHS` whose coefficients hold best on other shots, to first order."""
     parts = [b.reduced(0.0) for b in found.blocks]
-    pieces = [_normal(training, found, parts, fold) for fold in folds]
+    pieces = [_normal(found, parts, fold) for fold in folds]
     whole = sum((m for m, _ in pieces), start=np.zeros(()))
     load = sum((v for _, v in pieces), start=np.zeros(()))
     falls = dict.fromkeys(WIDTHS, 0.0)
@@ -515,7 +528,7 @@ def _descend(training: _Training, here: _Reached, rounds: int) -> _Reached:
     g = here.point.theta.size
     for _ in range(rounds):
         parts = [b.reduced(damping) for b in here.blocks]
-        normal = _normal(training, here, parts, range(len(parts)))
+        normal = _normal(here, parts, range(len(parts)))
         matrix, vector = _with_priors(training, here.point, *normal, training.width)
         matrix[np.diag_indices(g)] *= 1.0 + damping
         step = np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
@@ -537,29 +550,23 @@ def _moved(training: _Training, here: _Reached, parts: Sequence[_Reduced], step:
     """Return the point after a step of globals and coefficients, each shot's own following."""
     point = here.point
     g, o = point.theta.size, point.own.shape[1]
-    follow = [own - back @ (b.wide @ step[b.at])
-              for b, (_, _, back, own) in zip(here.blocks, parts, strict=True)]  # fmt: skip
-    mine = np.array(follow)
+    own = [own - back @ step[b.at] for b, (_, _, back, own) in zip(here.blocks, parts, strict=True)]
+    mine = np.array(own)
     theta = steps.along(training.problem, point.theta, step[:g])
     return _Point(
         theta, point.nuisances + mine[:, o:], point.shared + step[g:], point.own + mine[:, :o]
     )
 
 
-def _settled(training: _Training, point: _Point) -> _Reached | None:
-    """Return each shot's own numbers at their best, everything shared kept.
-
-    None where there is no trace.
-    """
-    here = _reach(training, point)
-    if here is None:
-        return None
+def _settled(training: _Training, here: _Reached) -> _Reached:
+    """Return each shot's own numbers at their best, everything shared kept."""
     damping = np.full(len(here.blocks), FIRST_DAMPING)
-    o = point.own.shape[1]
+    o = here.point.own.shape[1]
     for _ in range(SETTLE_STEPS):
-        mine = np.array(
-            [b.reduced(float(d))[-1] for b, d in zip(here.blocks, damping, strict=True)]
-        )
+        mine = np.array([
+            np.linalg.solve(_damped(b.of_own[0], float(d)), b.of_own[1])
+            for b, d in zip(here.blocks, damping, strict=True)
+        ])  # fmt: skip
         old = here.point
         there = dataclasses.replace(
             old, nuisances=old.nuisances + mine[:, o:], own=old.own + mine[:, :o]

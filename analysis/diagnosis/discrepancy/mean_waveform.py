@@ -63,20 +63,13 @@ Start = tuple[float, float]
 class Hit:
     """One record, or what a model leaves of it, over its fit window."""
 
-    signal: Array
-    """Shape (n,). [unit of the signal]"""
-    spline: Array
-    """Its cubic spline, shape (n + 2,)."""
-    first_s: float
-    """Time of the first sample, counted from the rise of the pulse. [s]"""
-    rate_hz: float
-    """Sampling rate. [Hz]"""
-    width_s: float
-    """Of the pulse. [s]"""
-    size: float
-    """First guess. [unit of the signal]"""
-    offset: float
-    """First guess. [unit of the signal]"""
+    signal: Array  # shape (n,). [unit of the signal]
+    spline: Array  # its cubic spline, shape (n + 2,)
+    first_s: float  # time of the first sample, counted from the rise of the pulse. [s]
+    rate_hz: float  # sampling rate. [Hz]
+    width_s: float  # of the pulse. [s]
+    size: float  # first guess. [unit of the signal]
+    offset: float  # first guess. [unit of the signal]
 
     @classmethod
     def of(cls, item: FitShot, residual: Array | None = None) -> Hit:
@@ -92,30 +85,23 @@ class Hit:
 class Placed:
     """Where a hit lies on a waveform, and how large it is."""
 
-    place: float
-    """Of the first sample. [grid step]"""
-    pace: float
-    """From sample to sample. [grid step]"""
+    place: float  # of the first sample. [grid step]
+    pace: float  # from sample to sample. [grid step]
     sizes: Array
     """Of the mean and the modes, 1 being typical [1], and the offset. [unit of the signal]"""
-    squares: float
-    """What is left."""
+    squares: float  # what is left
 
 
 @dataclass(frozen=True)
 class Waveform:
     """A mean and its modes on a grid of times."""
 
-    begin_s: float
-    """First point of the grid. [s]"""
-    step_s: float
-    """Spacing of the grid. [s]"""
+    begin_s: float  # first point of the grid. [s]
+    step_s: float  # spacing of the grid. [s]
     shapes: Array
     """Mean and modes as a typical training hit has them, (1 + modes, m). [unit of the signal]"""
-    splines: Array
-    """Their cubic splines, shape (1 + modes, m + 2)."""
-    width_s: float
-    """Geometric mean of the training pulses' widths. [s]"""
+    splines: Array  # their cubic splines, shape (1 + modes, m + 2)
+    width_s: float  # geometric mean of the training pulses' widths. [s]
 
     def with_shapes(self, shapes: Array) -> Waveform:
         """Return other shapes on the same grid."""
@@ -146,22 +132,17 @@ class Waveform:
 class Predicted:
     """A hit as predicted by a waveform that it had no part in."""
 
-    sizes: Array
-    """As `Placed.sizes`."""
-    stretch: float
-    """How many times longer it is than the mean. [1]"""
-    residual: Array
-    """What is left, shape (n,). [unit of the signal]"""
+    sizes: Array  # as `Placed.sizes`
+    stretch: float  # how many times longer it is than the mean. [1]
+    residual: Array  # what is left, shape (n,). [unit of the signal]
 
 
 @dataclass(frozen=True)
 class Prediction:
     """All hits as predicted with so many modes of variation."""
 
-    modes: int
-    """At most; a mean of few hits has fewer."""
-    hits: list[Predicted]
-    """One a shot."""
+    modes: int  # at most; a mean of few hits has fewer
+    hits: list[Predicted]  # one a shot
 
     @property
     def heldout_rms(self) -> float:
@@ -176,10 +157,8 @@ class MeanWaveform:
 
     predictions: list[Prediction]
     """By the number of modes, from none on; empty where no mean can be had."""
-    shots: int
-    """How many were predicted."""
-    reason: str | None = None
-    """Why no mean can be had."""
+    shots: int  # how many were predicted
+    reason: str | None = None  # why no mean can be had
 
     @property
     def heldout_rms(self) -> float | None:
