@@ -28,7 +28,7 @@ from analysis.diagnosis.basis.static_curve import RIPPLE
 from analysis.diagnosis.basis.tuning import scale_of, tuned
 from analysis.diagnosis.candidates.refit import extended
 from analysis.diagnosis.held_out import heldout_or_none
-from analysis.diagnosis.score_test.linearised import PARTS, Linearised
+from analysis.diagnosis.score_test.linearised import Linearised
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint, steps
 from analysis.fit.blocks import prior_rows
@@ -137,12 +137,18 @@ class _Point:
         at = list(rows)
         return _Point(self.theta, self.nuisances[at], self.shared, self.own[at])
 
+    def with_own(self, step: Array) -> _Point:
+        """Return the point after a step of the shots' own numbers, coefficients first."""
+        o = self.own.shape[1]
+        own, nuisances = self.own + step[:, :o], self.nuisances + step[:, o:]
+        return dataclasses.replace(self, own=own, nuisances=nuisances)
+
 
 @dataclass(frozen=True)
 class _Block:
     """One shot at a point. Its slopes take most of the time: they are computed where asked for."""
 
-    training: _Training
+    parts: tuple[Part, ...]
     view: View  # with the model's slopes where columns are made of these
     linear: Sequence[Array] | None  # slopes of signal and rebound ratio, in the same case
     rebound: float
@@ -158,12 +164,12 @@ class _Block:
     @cached_property
     def of_all(self) -> Equations:
         """Return the whitened normal equations: what is shared, then what is the shot's own."""
-        return self._normal(self.training.parts, first=0)
+        return self._normal(self.parts, first=0)
 
     @cached_property
     def of_own(self) -> Equations:
         """Return the same with everything shared held."""
-        own = [part for part in self.training.parts if part[1] == "shot"]
+        own = [part for part in self.parts if part[1] == "shot"]
         return self._normal(own, first=self.chain.shape[0])
 
     @cached_property
@@ -171,11 +177,10 @@ class _Block:
         """Return the derivatives of the signal, discrepancy included, and of the rebound ratio."""
         view = self.view
         slopes, rebound = self.linear or view.model.linearise(view.local, view.item.frame)[1:]
-        if not any(family in STEERED for family, _ in self.training.parts):
+        if not any(family in STEERED for family, _ in self.parts):
             return slopes, rebound
         steered, end = slopes.copy(), 0
-        parts = self.training.parts
-        for part, (_, here) in zip(parts, _columns(view, parts), strict=True):
+        for part, here in zip(self.parts, _columns(view, self.parts), strict=True):
             begin, end = end, end + here.shape[1]
             size = self.numbers[begin:end]
             if part[0] not in STEERED or not np.any(size):
@@ -186,7 +191,7 @@ class _Block:
                     continue  # a family of the signal does not see the baseline
                 step = STEER_STEP * view.scale.top / most
                 moved = dataclasses.replace(view, clean=view.clean + step * slope)
-                steered[:, at] += (_columns(moved, [part])[0][1] - here) @ size / step
+                steered[:, at] += (_columns(moved, [part])[0] - here) @ size / step
         return steered, rebound
 
     def _normal(self, parts: Sequence[Part], first: int) -> Equations:
@@ -194,8 +199,8 @@ class _Block:
         view, s, a = self.view, self.chain.shape[0], self.weights.shape[0]
         slopes, rebound = self._slopes
         own, begin = self.numbers[a:], 0 if first else s + a
-        columns = [c for _, c in _columns(view, parts)]
-        rows = [slopes[:, first:s].T, *(c.T for c in columns), slopes[:, s:].T, self.residual]
+        columns = [slopes[:, first:s], *_columns(view, parts), slopes[:, s:]]
+        rows = [*(c.T for c in columns), self.residual]
         with np.errstate(over="ignore", invalid="ignore"):
             white = view.item.whiten(np.vstack(rows).T)
             products = white.T @ white
@@ -303,10 +308,10 @@ def _heldout(
         known = dataclasses.replace(
             end.point.of(fold), theta=learned.point.theta, shared=learned.point.shared
         )
-        known_shots = _reach(training.part(fold), known)
-        if known_shots is None:
+        held = _reach(training.part(fold), known)
+        if held is None:
             return None
-        left += [b.residual for b in _settled(training.part(fold), known_shots).blocks]
+        left += [b.residual for b in _settled(training.part(fold), held).blocks]
     return _rms(left) if left else None
 
 
@@ -367,20 +372,8 @@ def on_top(first: Learned, second: Learned) -> Learned:
     )
 
 
-def _columns(view: View, parts: Sequence[Part]) -> list[tuple[list[str], Array]]:
-    """Return labels and columns of each part."""
-    wholes = dict.fromkeys(PARTS[f][0] if f in PARTS else f for f, _ in parts)
-    whole = {f: family_columns(view, f)[:2] for f in wholes}
-    chosen = []
-    for family, _ in parts:
-        if family not in PARTS:
-            chosen.append(whole[family])
-            continue
-        name, first_words = PARTS[family]
-        labels, columns = whole[name]
-        at = [j for j, label in enumerate(labels) if label.startswith(first_words)]
-        chosen.append(([labels[j] for j in at], columns[:, at]))
-    return chosen
+def _columns(view: View, parts: Sequence[Part]) -> list[Array]:
+    return [family_columns(view, family)[1] for family, _ in parts]
 
 
 def _training(
@@ -397,7 +390,8 @@ def _training(
     labels: list[str] = []
     own: list[str] = []
     pieces: list[list[Array]] = [[np.zeros((0, 0))] for _ in problem.shots]
-    for (_, scope), (names, _) in zip(parts, _columns(view, parts), strict=True):
+    for family, scope in parts:
+        names = family_columns(view, family)[0]
         if scope == "shot":
             own += names
             continue
@@ -436,7 +430,7 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
     own = point.own[row]
     numbers = np.concatenate([weights @ point.shared[coefficients], own])
     added, begin = np.zeros(clean.size), 0
-    for _, columns in _columns(view, training.parts):
+    for columns in _columns(view, training.parts):
         added += columns @ numbers[begin : begin + columns.shape[1]]
         begin += columns.shape[1]
     residual = item.window.signal - found.signal - added
@@ -448,8 +442,8 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
     cost = chi2 + float(np.sum(np.square(known))) + float(own @ own) * OWN_WIDTH**-2
     at = np.concatenate([np.arange(point.theta.size), point.theta.size + coefficients])
     return _Block(
-        training, view, linear, found.rebound_ratio, chain, at, weights, numbers, residual, added,
-        chi2, cost,
+        training.parts, view, linear, found.rebound_ratio, chain, at, weights, numbers, residual,
+        added, chi2, cost,
     )  # fmt: skip
 
 
@@ -520,9 +514,9 @@ def _best_width(training: _Training, found: _Reached, folds: Sequence[Sequence[i
 
 
 def _descend(training: _Training, here: _Reached, rounds: int) -> _Reached:
-    """Return where model and discrepancy agree, never worse than here.
+    """Return where model and discrepancy agree after at most so many steps, failed ones included.
 
-    After at most so many steps, those that failed included.
+    Never worse than here.
     """
     damping, failed = FIRST_DAMPING, 0
     g = here.point.theta.size
@@ -532,7 +526,12 @@ def _descend(training: _Training, here: _Reached, rounds: int) -> _Reached:
         matrix, vector = _with_priors(training, here.point, *normal, training.width)
         matrix[np.diag_indices(g)] *= 1.0 + damping
         step = np.asarray(np.linalg.solve(matrix, vector), dtype=np.float64)
-        ahead = _reach(training, _moved(training, here, parts, step))
+        mine = [
+            own - back @ step[b.at] for b, (_, _, back, own) in zip(here.blocks, parts, strict=True)
+        ]
+        theta = steps.along(training.problem, here.point.theta, step[:g])
+        there = dataclasses.replace(here.point, theta=theta, shared=here.point.shared + step[g:])
+        ahead = _reach(training, there.with_own(np.array(mine)))
         if ahead is None or not ahead.cost < here.cost:
             failed += 1
             damping = max(100.0 * damping, 1e-3)
@@ -546,54 +545,29 @@ def _descend(training: _Training, here: _Reached, rounds: int) -> _Reached:
     return here
 
 
-def _moved(training: _Training, here: _Reached, parts: Sequence[_Reduced], step: Array) -> _Point:
-    """Return the point after a step of globals and coefficients, each shot's own following."""
-    point = here.point
-    g, o = point.theta.size, point.own.shape[1]
-    own = [own - back @ step[b.at] for b, (_, _, back, own) in zip(here.blocks, parts, strict=True)]
-    mine = np.array(own)
-    theta = steps.along(training.problem, point.theta, step[:g])
-    return _Point(
-        theta, point.nuisances + mine[:, o:], point.shared + step[g:], point.own + mine[:, :o]
-    )
-
-
 def _settled(training: _Training, here: _Reached) -> _Reached:
     """Return each shot's own numbers at their best, everything shared kept."""
     damping = np.full(len(here.blocks), FIRST_DAMPING)
-    o = here.point.own.shape[1]
     for _ in range(SETTLE_STEPS):
-        mine = np.array([
+        steps_of_own = [
             np.linalg.solve(_damped(b.of_own[0], float(d)), b.of_own[1])
             for b, d in zip(here.blocks, damping, strict=True)
-        ])  # fmt: skip
-        old = here.point
-        there = dataclasses.replace(
-            old, nuisances=old.nuisances + mine[:, o:], own=old.own + mine[:, :o]
-        )
-        ahead = _reach(training, there)
+        ]
+        ahead = _reach(training, here.point.with_own(np.array(steps_of_own)))
         if ahead is None:
             damping *= 100.0
             continue
-        better = np.array(
-            [new.cost < old.cost for new, old in zip(ahead.blocks, here.blocks, strict=True)]
-        )
+        pairs = list(zip(ahead.blocks, here.blocks, strict=True))
+        better = np.array([new.cost < old.cost for new, old in pairs])
         fall = here.cost - ahead.cost
-        here = _each_better(here, ahead, better)
+        point = dataclasses.replace(
+            here.point,
+            nuisances=np.where(better[:, None], ahead.point.nuisances, here.point.nuisances),
+            own=np.where(better[:, None], ahead.point.own, here.point.own),
+        )
+        blocks = [new if new.cost < old.cost else old for new, old in pairs]
+        here = _with_cost(training, point, blocks)
         damping = np.where(better, np.maximum(damping / 10, LEAST_DAMPING), damping * 100.0)
         if better.all() and fall < AGREED * here.cost:
             break
     return here
-
-
-def _each_better(old: _Reached, new: _Reached, better: NDArray[np.bool_]) -> _Reached:
-    """Return each shot where it fares better."""
-    which = better[:, None]
-    point = dataclasses.replace(
-        old.point,
-        nuisances=np.where(which, new.point.nuisances, old.point.nuisances),
-        own=np.where(which, new.point.own, old.point.own),
-    )
-    blocks = [n if b else o for n, o, b in zip(new.blocks, old.blocks, better, strict=True)]
-    change = sum(b.cost for b in blocks) - sum(b.cost for b in old.blocks)
-    return _Reached(point, blocks, old.cost + change)

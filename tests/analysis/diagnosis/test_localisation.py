@@ -18,7 +18,9 @@ from analysis.diagnosis.localisation import (
     BANK,
     FAMILIES,
     SHARES,
+    formula,
     gains_by_family,
+    locate,
     probabilities,
 )
 from analysis.diagnosis.score_test.linearised import linearise
@@ -79,6 +81,22 @@ def test_many_pairs_make_one_slot_sure_and_overflow_nothing():
     assert found["contact"] == pytest.approx(1.0)
     assert sum(found.values()) == pytest.approx(1.0)
     assert all(p >= 0.0 for p in found.values())
+
+
+def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
+    """Or in the sensor, whose charge may creep as well: no other slot is as likely."""
+    located = locate(leaky.steps[0], lambda stage, share: None)
+    assert set(located.also) | {located.slot} >= {"electronics", "sensor"}
+    assert located.probabilities["electronics"] == max(located.probabilities.values())
+    assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
+
+
+def test_a_short_formula_holds_on_held_out_shots(leaky):
+    """One slow decay, of those that the family offers, does nearly all of a high-pass."""
+    linearised = leaky.steps[0].linearised
+    found = formula(linearised, linearised.explain("memory", "rig"))
+    assert found
+    assert all("decay" in label or "lag" in label for label, _ in found)
 
 
 @pytest.mark.parametrize("family", sorted(TUNED))
