@@ -286,7 +286,8 @@ def formula(linearised: Linearised, discrepancy: Explained) -> list[tuple[str, f
     chosen: list[int] = []
     for _ in range(min(FORMULA_TERMS, len(at))):
         tried = {}
-        for j in (j for j in range(len(at)) if j not in chosen):
+        rest = [j for j in range(len(at)) if j not in chosen]
+        for j in rest:
             which = [*chosen, j]
             part = ([at[i] for i in which], [labels[i] for i in which])
             families = {**linearised.families, "trial": part}

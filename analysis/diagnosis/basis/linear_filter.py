@@ -81,7 +81,7 @@ def response_columns(signal: Array, rate: float) -> tuple[list[str], Array]:
         ringing = lfilter([1 - abs(pole)], [1, -pole], signal)
         labels += [f"ring {frequency:g} Hz cos", f"ring {frequency:g} Hz sin"]
         columns += [ringing.real, ringing.imag]
-    return labels, np.column_stack(columns)
+    return labels, np.array(columns).T
 
 
 def creep_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:

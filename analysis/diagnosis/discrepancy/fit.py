@@ -156,6 +156,7 @@ class _Block:
     at: NDArray[np.intp]  # which of all globals and shared coefficients the shot has
     weights: Array  # its a shared columns by the coefficients among these, shape (a, k)
     numbers: Array  # coefficients of its columns, shape (a + o,)
+    single: list[Array]  # its columns with coefficients of its own; the others are too many to keep
     residual: Array  # [unit of the signal]
     added: Array  # by the discrepancy. [unit of the signal]
     chi2: float
@@ -164,13 +165,12 @@ class _Block:
     @cached_property
     def of_all(self) -> Equations:
         """Return the whitened normal equations: what is shared, then what is the shot's own."""
-        return self._normal(self.parts, first=0)
+        return self._normal(first=0)
 
     @cached_property
     def of_own(self) -> Equations:
         """Return the same with everything shared held."""
-        own = [part for part in self.parts if part[1] == "shot"]
-        return self._normal(own, first=self.chain.shape[0])
+        return self._normal(first=self.chain.shape[0])
 
     @cached_property
     def _slopes(self) -> tuple[Array, Array]:
@@ -194,12 +194,13 @@ class _Block:
                 steered[:, at] += (_columns(moved, [part])[0] - here) @ size / step
         return steered, rebound
 
-    def _normal(self, parts: Sequence[Part], first: int) -> Equations:
+    def _normal(self, first: int) -> Equations:
         """Return the normal equations of parameters from the first on, with columns between."""
         view, s, a = self.view, self.chain.shape[0], self.weights.shape[0]
         slopes, rebound = self._slopes
         own, begin = self.numbers[a:], 0 if first else s + a
-        columns = [slopes[:, first:s], *_columns(view, parts), slopes[:, s:]]
+        common = [] if first else _columns(view, [part for part in self.parts if part[1] != "shot"])
+        columns = [slopes[:, first:s], *common, *self.single, slopes[:, s:]]
         rows = [*(c.T for c in columns), self.residual]
         with np.errstate(over="ignore", invalid="ignore"):
             white = view.item.whiten(np.vstack(rows).T)
@@ -430,9 +431,11 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
     own = point.own[row]
     numbers = np.concatenate([weights @ point.shared[coefficients], own])
     added, begin = np.zeros(clean.size), 0
-    for columns in _columns(view, training.parts):
+    all_columns = _columns(view, training.parts)
+    for columns in all_columns:
         added += columns @ numbers[begin : begin + columns.shape[1]]
         begin += columns.shape[1]
+    single = [c for c, part in zip(all_columns, training.parts, strict=True) if part[1] == "shot"]
     residual = item.window.signal - found.signal - added
     known, _ = prior_rows(model, item, local, found.rebound_ratio, np.zeros(local.size))
     with np.errstate(over="ignore", invalid="ignore"):
@@ -442,8 +445,8 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
     cost = chi2 + float(np.sum(np.square(known))) + float(own @ own) * OWN_WIDTH**-2
     at = np.concatenate([np.arange(point.theta.size), point.theta.size + coefficients])
     return _Block(
-        training.parts, view, linear, found.rebound_ratio, chain, at, weights, numbers, residual,
-        added, chi2, cost,
+        training.parts, view, linear, found.rebound_ratio, chain, at, weights, numbers, single,
+        residual, added, chi2, cost,
     )  # fmt: skip
 
 
