@@ -424,6 +424,8 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
         found, *linear = model.linearise(local, item.frame)
     else:
         found = model.predict(local, item.frame)
+    if not np.all(np.isfinite(found.signal)):
+        return None
     clean = found.signal - local[values.size + BASELINE]
     slopes = linear[0] if linear else np.zeros((clean.size, 0))
     view = View(model, item, local, clean, slopes, training.scale)
