@@ -177,7 +177,7 @@ class _Block:
         """Return the derivatives of the signal, discrepancy included, and of the rebound ratio."""
         view = self.view
         slopes, rebound = self.linear or view.model.linearise(view.local, view.item.frame)[1:]
-        if not any(family in STEERED for family, _ in self.parts):
+        if not (any(family in STEERED for family, _ in self.parts) and np.any(self.numbers)):
             return slopes, rebound
         steered, end = slopes.copy(), 0
         for part, here in zip(self.parts, _columns(view, self.parts), strict=True):
