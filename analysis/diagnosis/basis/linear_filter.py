@@ -54,11 +54,9 @@ def ringing(signal: Array, rate: float, frequency_hz: float, zeta: float) -> tup
 
 
 def _delayed(signal: Array, samples: float) -> Array:
-    """Return the signal later by a number of samples, straight between them, at rest before."""
-    whole, found = max(math.ceil(samples), 1), np.zeros(signal.size)
-    left = max(signal.size - whole, 0)
-    found[whole:] = signal[:left] + (whole - samples) * np.diff(signal)[:left]
-    return found
+    """Return the signal later by a number of samples, at rest before."""
+    at = np.arange(signal.size) - samples
+    return np.asarray(np.interp(at, np.arange(signal.size), signal, left=0.0))
 
 
 def response_columns(signal: Array, rate: float) -> tuple[list[str], Array]:
@@ -81,7 +79,7 @@ def response_columns(signal: Array, rate: float) -> tuple[list[str], Array]:
         ringing = lfilter([1 - abs(pole)], [1, -pole], signal)
         labels += [f"ring {frequency:g} Hz cos", f"ring {frequency:g} Hz sin"]
         columns += [ringing.real, ringing.imag]
-    return labels, np.array(columns).T
+    return labels, np.column_stack(columns)
 
 
 def creep_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:

@@ -425,8 +425,8 @@ def _sampled(spline: Array, place: float, pace: float, count: int) -> Array:
 def _products(splines: Array, sizes: Array, signal: Array, place: float, pace: float) -> Array:
     """Return the products of all columns: shapes, one, slope, slope times j, and the signal."""
     shapes, last = splines.shape[0], splines.shape[1] - 3.0
-    columns = np.ones((shapes + 4, signal.size))
-    columns[shapes + 3] = signal
+    found = np.zeros((shapes + 4, shapes + 4))
+    column = np.ones(shapes + 4)
     for j in range(signal.size):
         raw = place + pace * j
         at = min(max(raw, 0.0), last)
@@ -437,12 +437,18 @@ def _products(splines: Array, sizes: Array, signal: Array, place: float, pace: f
         slope = 0.0
         for k in range(shapes):
             a, b, c, d = splines[k, i], splines[k, i + 1], splines[k, i + 2], splines[k, i + 3]
-            columns[k, j] = w0 * a + w1 * b + w2 * c + w3 * d
+            column[k] = w0 * a + w1 * b + w2 * c + w3 * d
             if raw == at:
                 turn = -r * r * a + (3.0 * t * t - 4.0 * t) * b - (3.0 * r * r - 4.0 * r) * c
                 slope += 0.5 * sizes[k] * (turn + t * t * d)
-        columns[shapes + 1, j], columns[shapes + 2, j] = slope, slope * j
-    return columns @ columns.T
+        column[shapes + 1], column[shapes + 2], column[shapes + 3] = slope, slope * j, signal[j]
+        for k in range(shapes + 4):
+            for other in range(k + 1):
+                found[k, other] += column[k] * column[other]
+    for k in range(shapes + 4):
+        for other in range(k):
+            found[other, k] = found[k, other]
+    return found
 
 
 @njit(cache=True, nogil=True)
