@@ -3,7 +3,7 @@
 A definition is JSON::
 
     {"name": "kv+coupler_highpass", "base": "kv",
-     "effects": [{"id": "coupler_highpass", "groups": {"time_constant_s": "rig"},
+     "effects": [{"id": "coupler_highpass", "owners": {"time_constant_s": "rig"},
                   "numbers": {"coupler_highpass.time_constant_s": {"coordinate": ..., "u": ...}}}]}
 
 ``coordinate`` is the one that the effect is fitted in (``EffectParameter.form``). A single shot,
@@ -19,7 +19,6 @@ from collections.abc import Callable
 from analysis.campaign import Campaign
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.effects.acts_on import ActsOn
-from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
 from analysis.fit import joint
@@ -36,17 +35,9 @@ LEAST_U = 1e-6
 
 
 def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
-    """Return the definition of a fitted model, None for a base model.
+    """Return the definition of a model at its best, None for a base model.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The model at its best, covariance widened where it must be.
-
-    Returns
-    -------
-    dict or None
-        JSON-ready.
+    With the covariance widened where it must be.
     """
     model = problem.model
     if not model.effects or not fitted.blocks:
@@ -65,39 +56,25 @@ def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
 
 
 def model_of(definition: Json) -> ImpactModel:
-    """Return the model of a definition.
+    """Return the model of a definition, each effect's numbers with the groups they were found for.
 
-    Parameters
-    ----------
-    definition : dict
-        From `definition_of`.
-
-    Returns
-    -------
-    ImpactModel
-        Each effect's numbers owned by whom they were found to belong to.
-
-    Raises
-    ------
-    UnknownModelError
-        If this version does not know the base or an effect, or no longer knows its numbers.
+    UnknownModelError if this version does not know the base or an effect, or no longer knows its
+    numbers.
     """
     model = model_named(definition["base"])
     for entry in definition["effects"]:
-        effect = _owned(effect_named(entry["id"]), entry["owners"])
+        effect, groups = effect_named(entry["id"]), entry["owners"]
+        if set(groups) != {p.name for p in effect.parameters}:
+            raise UnknownModelError(
+                f"The effect {effect.id} has other numbers today than when the model was named; "
+                "diagnose again."
+            )
+        parameters = (dataclasses.replace(p, scope=groups[p.name]) for p in effect.parameters)
         only = ActsOn.from_json(entry["only"]) if entry.get("only") else None
-        model = model.with_effect(dataclasses.replace(effect, only=only))
-    return model
-
-
-def _owned(effect: Effect, groups: dict[str, str]) -> Effect:
-    if set(groups) != {p.name for p in effect.parameters}:
-        raise UnknownModelError(
-            f"The effect {effect.id} has other numbers today than when the model was named; "
-            "diagnose again."
+        model = model.with_effect(
+            dataclasses.replace(effect, parameters=tuple(parameters), only=only)
         )
-    parameters = tuple(dataclasses.replace(p, scope=groups[p.name]) for p in effect.parameters)
-    return dataclasses.replace(effect, parameters=parameters)
+    return model
 
 
 def fit_named(
@@ -154,13 +131,13 @@ def fit_named(
 
 def _put_priors(problem: JointProblem, known: Json) -> None:
     """Add what is known to a problem that still has its priors in information form."""
-    own = {f"{e.id}." for e in problem.model.effects}
+    own = tuple(f"{e.id}." for e in problem.model.effects)
     for j, name in enumerate(problem.names):
         if name in known:
             precision = float(known[name]["u"]) ** -2
             problem.prior_precision[j, j] = precision
             problem.prior_mean[j] = float(known[name]["coordinate"]) * precision
-        elif any(name.startswith(prefix) for prefix in own):
+        elif name.startswith(own):
             problem.assumptions.append(
                 f"{name} was not part of the diagnosis; it was fitted from these shots alone."
             )

@@ -15,24 +15,29 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.possible_drops import PossibleDrop, as_shot, possible_drops
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
+from analysis.fit.fit_shot import ASSUMED_REPEATABILITY, poissons_ratio
+from analysis.fit.measurand import Json
+from analysis.fit.priors import Prior
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import NUISANCE, SHARED
 
 Array = NDArray[np.float64]
-Json = dict[str, Any]
 
+BELOW, ABOVE = 1.5, 2.0
+"""How far beyond the heights already tried a drop may be. A choice: what most rigs still reach."""
+HEIGHTS = 7
+"""Asked for, evenly over the logarithm of their range. A choice: over a range of twelve, fourfold
+what was tried, neighbours are a factor 1.5 apart, 1.2 in speed, and little changes in between."""
 MOST_REPEATS = 20
 """Of one drop: who would make more?"""
 LARGEST_CODE = 32767
@@ -41,28 +46,18 @@ LARGEST_CODE = 32767
 
 @dataclass(frozen=True)
 class NextDrop:
-    """A drop worth making.
-
-    Attributes
-    ----------
-    sphere, surface : str
-        The pair.
-    drop_height_m : float
-        [m]
-    separates : tuple of str
-        Ids of the two effects.
-    expected_distance : float
-        How far one such drop moves the two apart, as the root of whitened squares. [1]
-    repeats : int
-        Drops after which the distance reaches ``CRITERIA.next_drop.distance``.
-    """
+    """A drop worth making."""
 
     sphere: str
     surface: str
     drop_height_m: float
+    """[m]"""
     separates: tuple[str, str]
+    """Ids of the two effects."""
     expected_distance: float
+    """How far one such drop moves the two apart, as the root of whitened squares. [1]"""
     repeats: int
+    """Drops after which the distance reaches ``CRITERIA.next_drop.distance``."""
 
     def to_json(self) -> Json:
         """Return it as the ``next_drop`` of a diagnosis."""
@@ -70,26 +65,13 @@ class NextDrop:
 
 
 @dataclass(frozen=True)
-class _Side:
-    """One rival, and what the campaign has told of its globals."""
+class _Drop:
+    """A drop that could be made, as a shot with the window and the instrument of one that was."""
 
-    rival: Refit
-    information: Array
-
-    @property
-    def problem(self) -> JointProblem:
-        return self.rival.problem
-
-
-@dataclass(frozen=True)
-class _Prediction:
-    """What one rival says of a drop: its record, and how it would give way."""
-
-    signal: Array
-    white: Array
-    columns: Array
-    rows: Array
-    chain: Array
+    sphere: str
+    surface: str
+    height_m: float
+    template: int
 
 
 def propose(
@@ -97,70 +79,122 @@ def propose(
 ) -> NextDrop | None:
     """Return the drop that would separate the first rival from the next best one best.
 
-    Parameters
-    ----------
-    rivals : sequence of Refit
-        Fitted to the same shots, best first.
-    heights_m : sequence of float, optional
-        Heights the rig can do [m]; by default a range about those tried.
-
-    Returns
-    -------
-    NextDrop or None
-        None where the rig is in reduced units, where heights are not known, or where
-        `MOST_REPEATS` of no drop would be enough.
-
-    Notes
-    -----
-    Only drops whose record stays within the converter's range, or else within the largest record
-    so far, are considered. Validation: the costs of two rivals after the drop was simulated and
-    both were fitted again, in ``tests/analysis/diagnosis/test_next_drop.py``.
+    Rivals are fitted to the same shots, best first; heights [m] are by default a range about those
+    tried. None where the rig is in reduced units, where heights are not known, or where
+    `MOST_REPEATS` of no drop would be enough. Only drops whose record stays within the converter's
+    range, or else within the largest record so far, are considered. Validation: the costs of two
+    rivals after the drop was simulated and both were fitted again, in
+    ``tests/analysis/diagnosis/test_next_drop.py``.
     """
-    sides = [_side(r) for r in rivals if r.fitted.blocks]
-    if not sides:
+    able = [rival for rival in rivals if rival.fitted.blocks]
+    if not able:
         return None
-    drops = list(possible_drops(sides[0].problem, heights_m))
-    for other in sides[1:]:
-        found = _best(sides[0], other, drops)
-        if found is not None:
-            return found
+    drops = list(_possible_drops(able[0].problem, heights_m))
+    known = [joint.normal_equations(rival.problem, rival.fitted)[0] for rival in able]
+    for other, information in zip(able[1:], known[1:], strict=True):
+        sides = [(able[0], known[0]), (other, information)]
+        best: tuple[float, int, _Drop] | None = None
+        for drop in drops:
+            able[0].problem.checkpoint()
+            found = _separation(sides, drop)
+            if found is not None and (best is None or found[0] > best[0]):
+                best = (*found, drop)
+        if best is not None:
+            distance, repeats, drop = best
+            ids = (able[0].effect_id, other.effect_id)
+            return NextDrop(drop.sphere, drop.surface, drop.height_m, ids, distance, repeats)
     return None
 
 
-def _side(rival: Refit) -> _Side:
-    return _Side(rival, joint.normal_equations(rival.problem, rival.fitted)[0])
+def _possible_drops(problem: JointProblem, heights_m: Sequence[float] | None) -> Iterator[_Drop]:
+    """Yield every drop of materials that the fit knows, over a range of heights."""
+    tried = [s.shot.drop_height_m for s in problem.shots if s.shot.drop_height_m is not None]
+    if not tried:
+        return
+    if heights_m is None:
+        grid = np.geomspace(min(tried) / BELOW, max(tried) * ABOVE, HEIGHTS)
+        heights_m = [round(float(h), 4) for h in grid]
+    spheres = sorted({s.shot.sphere for s in problem.shots if s.shot.sphere})
+    surfaces = sorted({s.shot.surface for s in problem.shots if s.shot.surface})
+    for sphere in spheres:
+        for surface in surfaces:
+            place = _template(problem, sphere, surface)
+            if place is not None:
+                yield from (_Drop(sphere, surface, h, place) for h in heights_m)
 
 
-def _best(one: _Side, other: _Side, drops: Sequence[PossibleDrop]) -> NextDrop | None:
-    best: tuple[float, int, PossibleDrop] | None = None
-    for drop in drops:
-        one.problem.checkpoint()
-        found = _separation(one, other, drop)
-        if found is not None and (best is None or found[0] > best[0]):
-            best = (*found, drop)
-    if best is None:
+def _template(problem: JointProblem, sphere: str, surface: str) -> int | None:
+    """Return the longest window among the shots most like a pair, None where it is unknown."""
+    shots = problem.shots
+    own = [i for i, s in enumerate(shots) if (s.shot.sphere, s.shot.surface) == (sphere, surface)]
+    if not own and (problem.by_pair or any(s.radius_m is None for s in shots)):
         return None
-    distance, repeats, drop = best
-    ids = (one.rival.effect_id, other.rival.effect_id)
-    return NextDrop(drop.sphere, drop.surface, drop.height_m, ids, distance, repeats)
+    alike = own or [i for i, s in enumerate(shots) if sphere == s.shot.sphere]
+    return max(alike, key=lambda i: shots[i].frame.samples)
 
 
-def _loss(side: _Side, drop: PossibleDrop) -> float:
-    """Return ln e as a rival's shots of the pair have it, else as those of either material do.
+def _as_shot(problem: JointProblem, drop: _Drop) -> FitShot:
+    """Return a drop as a shot of the problem, without a record of its own."""
+    template = problem.shots[drop.template]
+    campaign = problem.campaign
+    surface = campaign.surfaces.get(drop.surface)
+    sphere = campaign.spheres.get(drop.sphere)
+    prior = template.speed_prior
+    frame = dataclasses.replace(
+        template.frame,
+        drop_height_m=drop.height_m,
+        radius_m=sphere.radius_m if sphere else None,
+        mass_kg=(sphere.mass_kg if sphere else None) or template.frame.mass_kg,
+        coupon_mass_kg=surface.coupon_mass_kg if surface else None,
+        sphere=drop.sphere,
+        surface=drop.surface,
+        coupon_poissons_ratio=poissons_ratio(surface),
+    )
+    shot = dataclasses.replace(
+        template.shot,
+        sphere=drop.sphere,
+        surface=drop.surface,
+        drop_height_m=drop.height_m,
+        restitution=None,
+        impact_speed_m_per_s=None,
+    )
+    speed = 0.5 * math.log(2.0 * campaign.gravity_m_per_s2 * drop.height_m)
+    repeatability = campaign.speed_repeatability or (prior.u if prior else ASSUMED_REPEATABILITY)
+    return dataclasses.replace(
+        template,
+        shot=shot,
+        frame=frame,
+        radius_m=None if template.radius_m is None else frame.radius_m,
+        speed_prior=Prior(speed, repeatability),
+    )
 
-    Rivals share a sphere's loss between dashpot and effect differently, and often with the speed.
-    """
-    shots = side.problem.shots
-    at = NUISANCE.index("ln_e")
-    same = [(s.shot.sphere == drop.sphere) + (s.shot.surface == drop.surface) for s in shots]
-    rows = [i for i, n in enumerate(same) if n == max(same)]
-    return float(np.median(side.rival.fitted.nuisances[rows, at]))
+
+@dataclass(frozen=True)
+class _Prediction:
+    """What one rival says of a drop: its record, and how it would give way."""
+
+    signal: Array  # [unit of the signal]
+    white: Array  # the same, whitened. [1]
+    columns: Array  # whitened derivatives by shared and own parameters
+    rows: Array  # gradients of what is known of the own parameters
+    chain: Array  # shared parameters by the globals
+
+    def parts(self, difference: Array) -> tuple[float, Array, Array]:
+        """Return q, v and H where this rival gives way to a difference."""
+        s = self.chain.shape[0]
+        matrix = self.columns.T @ self.columns + self.rows.T @ self.rows
+        vector = self.columns.T @ difference
+        back = np.linalg.solve(matrix[s:, s:], np.column_stack([matrix[s:, :s], vector[s:]]))
+        cross = matrix[:s, s:]
+        inner = self.chain.T @ (matrix[:s, :s] - cross @ back[:, :-1]) @ self.chain
+        load = self.chain.T @ (vector[:s] - cross @ back[:, -1])
+        return float(difference @ difference - vector[s:] @ back[:, -1]), load, inner
 
 
-def _predict(side: _Side, drop: PossibleDrop) -> _Prediction | None:
+def _predict(rival: Refit, drop: _Drop) -> _Prediction | None:
     """Return what a rival says of a drop, None where it says nothing."""
-    problem, fitted = side.problem, side.rival.fitted
-    item, model = as_shot(problem, drop), problem.model
+    problem, fitted = rival.problem, rival.fitted
+    item, model = _as_shot(problem, drop), problem.model
     rows = range(len(SHARED[model.kind]), len(model.shared))
     keys = [problem.effect_key(row, item) for row in rows]
     if any(key is not None and key not in problem.names for key in keys):
@@ -169,44 +203,57 @@ def _predict(side: _Side, drop: PossibleDrop) -> _Prediction | None:
     assert item.speed_prior is not None
     local = np.concatenate([shared, fitted.nuisances[drop.template]])
     at = len(model.shared)
-    local[at : at + 2] = item.speed_prior.mean, _loss(side, drop)
+    local[at : at + 2] = item.speed_prior.mean, _loss(rival, drop)
     local[at] += model.speed_shift(local, item.frame)
     found, jacobian, gradient = model.linearise(local, item.frame)
     if not (math.isfinite(found.rebound_ratio) and np.isfinite(jacobian).all()):
         return None
     _, known = prior_rows(model, item, local, found.rebound_ratio, gradient)
-    return _Prediction(
-        found.signal,
-        item.whiten(found.signal),
-        item.whiten(jacobian),
-        np.array(known),
-        chain,
-    )
+    white = item.whiten(found.signal)
+    return _Prediction(found.signal, white, item.whiten(jacobian), np.array(known), chain)
 
 
-def _separation(one: _Side, other: _Side, drop: PossibleDrop) -> tuple[float, int] | None:
+def _loss(rival: Refit, drop: _Drop) -> float:
+    """Return ln e as a rival's shots of the pair have it, else as those of either material do.
+
+    Rivals share a sphere's loss between dashpot and effect differently, and often with the speed.
+    """
+    shots = rival.problem.shots
+    same = [(s.shot.sphere == drop.sphere) + (s.shot.surface == drop.surface) for s in shots]
+    rows = [i for i, n in enumerate(same) if n == max(same)]
+    return float(np.median(rival.fitted.nuisances[rows, NUISANCE.index("ln_e")]))
+
+
+def _separation(sides: Sequence[tuple[Refit, Array]], drop: _Drop) -> tuple[float, int] | None:
     """Return how far a drop separates two rivals, whichever is right, and how often to repeat it.
 
-    None where it would clip, where a rival says nothing of it, or where no number of repeats is
-    enough.
+    Each with what the campaign has told of its globals. None where the drop would clip, where a
+    rival says nothing of it, or where no number of repeats is enough.
     """
-    predictions = _predict(one, drop), _predict(other, drop)
-    first, second = predictions
+    first, second = (_predict(rival, drop) for rival, _ in sides)
     if first is None or second is None:
         return None
     top = max(float(np.abs(p.signal).max()) for p in (first, second))
-    if top > _largest_signal(one.problem.shots):
+    if top > _largest_signal(sides[0][0].problem.shots):
         return None
     difference = first.white - second.white
-    yielding = [(first, one), (second, other)]
+
+    both = zip((first, second), sides, strict=True)
     try:
-        parts = [_parts(p, side.information, difference) for p, side in yielding]
+        parts = [(*p.parts(difference), known) for p, (_, known) in both]
         for repeats in range(1, MOST_REPEATS + 1):
-            if all(_squared(p, repeats) >= CRITERIA.next_drop.distance**2 for p in parts):
-                return math.sqrt(max(min(_squared(p, 1) for p in parts), 0.0)), repeats
+            if _squared(parts, repeats) >= CRITERIA.next_drop.distance**2:
+                return math.sqrt(max(_squared(parts, 1), 0.0)), repeats
     except np.linalg.LinAlgError:  # a number that nothing fixes: such a fit foretells nothing
         return None
     return None
+
+
+def _squared(parts: Sequence[tuple[float, Array, Array, Array]], n: int) -> float:
+    """Return D^2 after n repeats, of the rival that gives way more."""
+    return min(
+        float(n * q - n**2 * v @ np.linalg.solve(known + n * h, v)) for q, v, h, known in parts
+    )
 
 
 def _largest_signal(shots: Sequence[FitShot]) -> float:
@@ -218,26 +265,3 @@ def _largest_signal(shots: Sequence[FitShot]) -> float:
     if len(steps) == len(shots):
         return CRITERIA.next_drop.signal_share * LARGEST_CODE * min(steps)
     return max(s.window.peak for s in shots)
-
-
-_Parts = tuple[float, Array, Array, Array]
-
-
-def _parts(rival: _Prediction, information: Array, difference: Array) -> _Parts:
-    """Return q, v, H and P of one rival that gives way to a difference."""
-    s = rival.chain.shape[0]
-    matrix = rival.columns.T @ rival.columns + rival.rows.T @ rival.rows
-    vector = rival.columns.T @ difference
-    back = np.linalg.solve(matrix[s:, s:], np.column_stack([matrix[s:, :s], vector[s:]]))
-    cross = matrix[:s, s:]
-    inner = rival.chain.T @ (matrix[:s, :s] - cross @ back[:, :-1]) @ rival.chain
-    load = rival.chain.T @ (vector[:s] - cross @ back[:, -1])
-    rest = float(difference @ difference - vector[s:] @ back[:, -1])
-    return rest, load, inner, information
-
-
-def _squared(parts: _Parts, repeats: int) -> float:
-    """Return the squared distance after some repeats."""
-    rest, load, inner, information = parts
-    taken = np.linalg.solve(information + repeats * inner, load)
-    return float(repeats * rest - repeats**2 * load @ taken)

@@ -16,6 +16,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.signal import correlate
 
@@ -54,8 +55,11 @@ def jump_columns(signal: Array, residual: Array, first: int) -> tuple[list[str],
         Its coefficient says how far the clock jumps, whichever jump was the best so far.
         [unit of the signal]
     """
-    places = np.arange(signal.size)
-    shifted = np.array([np.interp(places + shift, places, signal) for shift in SHIFTS])
+    places, whole = np.arange(signal.size), np.floor(SHIFTS).astype(np.intp)
+    most = int(np.abs(whole).max()) + 1
+    later = sliding_window_view(np.pad(signal, most, mode="edge"), signal.size)
+    near = later[most + whole]
+    shifted = near + (SHIFTS - whole)[:, None] * (later[most + whole + 1] - near)
     added = shifted - signal
     fall = added * (2.0 * residual - added)
     until = np.cumsum(fall, axis=1) - fall

@@ -13,10 +13,12 @@ family          what it can take up
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve, lfilter
+from scipy.signal import lfilter
 
 from analysis.diagnosis.basis.scale import Scale
 from analysis.diagnosis.basis.spline import linear_spline
@@ -99,13 +101,33 @@ def slow_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], A
 def impulse_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
     """Return an impulse response in pieces, each over the signal. Labels and shape (n, q)."""
     del scale
+    most = math.ceil((IMPULSE_UNTIL_US + IMPULSE_LONGEST_US) * 1e-6 * rate) + 1
+    labels, pieces = _impulse_pieces(min(signal.size, most), rate)
+    return list(labels), _over(signal, pieces).T
+
+
+@lru_cache(maxsize=8)
+def _impulse_pieces(samples: int, rate: float) -> tuple[list[str], Array]:
+    """Return the pieces by their lags. Labels and shape (q, lags)."""
     knots, step = [0.0], IMPULSE_STEP_US
     while knots[-1] < IMPULSE_UNTIL_US:
         if knots[-1] >= IMPULSE_EVEN_US:
             step = min(step * IMPULSE_GROWTH, IMPULSE_LONGEST_US)
         knots.append(knots[-1] + step)
-    lags = np.arange(min(signal.size, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
+    lags = np.arange(min(samples, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
     pieces = linear_spline(lags, np.array(knots))[:, :-1]
     pieces /= np.maximum(pieces.sum(axis=0), 1.0)
-    found = fftconvolve(signal[:, None], pieces, axes=0)[: signal.size]
-    return [f"{k:.4g} us later" for k in knots[:-1]], found
+    return [f"{k:.4g} us later" for k in knots[:-1]], np.ascontiguousarray(pieces.T)
+
+
+@njit(cache=True, nogil=True)
+def _over(signal: Array, pieces: Array) -> Array:
+    """Return each piece over the signal; few lags of a piece are not zero. Shape (q, n)."""
+    found = np.zeros((pieces.shape[0], signal.size))
+    for row in range(pieces.shape[0]):
+        for lag in range(pieces.shape[1]):
+            weight = pieces[row, lag]
+            if weight != 0.0:
+                for i in range(signal.size - lag):
+                    found[row, lag + i] += weight * signal[i]
+    return found

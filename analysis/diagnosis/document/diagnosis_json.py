@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from analysis.diagnosis.candidate import Refit
-from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
 from analysis.diagnosis.document import residual, wording
 from analysis.diagnosis.document.moduli_stated import (

@@ -15,7 +15,7 @@ from scipy.signal import correlate, freqz, welch
 from scipy.stats import spearmanr
 
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.document.wording import frequency, times_noise, two_digits
 from analysis.diagnosis.forward_selection import Step
 from analysis.effects.contact_closure import ELASTIC_POWERS, RATE_POWERS

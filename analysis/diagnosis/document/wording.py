@@ -12,7 +12,7 @@ from scipy.stats import kruskal, norm, spearmanr
 from analysis.diagnosis.basis.proposals import scopes_of
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.discrepancy.fitted import Learned
+from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.noise_check import Background

@@ -20,7 +20,7 @@ GROUPS = {field.name: getattr(CRITERIA, field.name) for field in dataclasses.fie
 ORIGINS = ("Rate.", "Derived: ", "Measured: ", "Chosen by trial")
 
 COMPARED_BUT_NO_THRESHOLDS = {
-    "search.AGREED": "when a search has converged",
+    "fit.AGREED": "when a search has converged",
     "linear_filter.0.2": "the highest frequency that a basis has",
     "waveform.TEMPLATE_FINE_UNTIL": "the knots of a basis",
     "residual.0.05": "where a phase of a record begins",
@@ -36,7 +36,7 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "residual.10.0": "the bins of a picture",
     "multistart.RISES_AFTER": "the shape of a pulse, for a start",
     "oscillation.LARGEST_SHARE": "the highest frequency that a basis has",
-    "waveform_fit.AGREED": "when a search has converged",
+    "mean_waveform.AGREED": "when a search has converged",
 }
 """Real numbers that stand in a comparison, and what they are instead."""
 ROUNDING_OR_CONVERSION = {0.0, 1.0, 1e-300, 0.6745}

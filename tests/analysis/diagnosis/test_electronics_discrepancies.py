@@ -7,7 +7,7 @@ import pytest
 
 from analysis.diagnosis.basis.dynamic_curve import slope_columns, steepest
 from analysis.diagnosis.basis.static_curve import best_ripple, ripple_columns
-from analysis.diagnosis.discrepancy.fitted import learn
+from analysis.diagnosis.discrepancy.fit import learn
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.problem import build

@@ -14,7 +14,7 @@ from analysis.diagnosis.basis.event import (
     late_impact_shape,
     late_impact_width,
 )
-from analysis.diagnosis.discrepancy.fitted import learn
+from analysis.diagnosis.discrepancy.fit import learn
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.problem import build

@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from analysis.campaign import Campaign, Shot, Sphere
 from analysis.diagnosis.discrepancy.choice import better
-from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
-from analysis.diagnosis.discrepancy.waveform import IN_PLACE, ON_TOP, waveform_discrepancy
+from analysis.diagnosis.discrepancy.mean_waveform import (
+    IN_PLACE,
+    ON_TOP,
+    mean_waveform,
+    waveform_discrepancy,
+)
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.document.wording import FAMILIES, beside_mean_waveform
 from analysis.diagnosis.forward_selection import Step, make_step

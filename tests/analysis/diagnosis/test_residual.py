@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from analysis.diagnosis.discrepancy.fitted import learn, learn_force
+from analysis.diagnosis.discrepancy.fit import learn, learn_force
 from analysis.diagnosis.document.residual import (
     DEPTHS,
     bin_edges_us,

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.diagnosis.discrepancy.fitted import learn, learn_force, on_top
-from analysis.diagnosis.localisation import formula, locate
+from analysis.diagnosis.discrepancy.fit import learn, learn_force, on_top
 from analysis.fit.campaign_fit import heldout_rms
 
 
@@ -16,22 +15,6 @@ def test_the_error_on_held_out_shots_falls(leaky):
     learned = learn(first.problem, first.fitted, [("response", "rig")])
     assert learned.heldout_rms < before / 2
     assert learned.rms <= learned.heldout_rms
-
-
-def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
-    """Or in the sensor, whose charge may creep as well: no other slot is as likely."""
-    located = locate(leaky.steps[0], lambda stage, share: None)
-    assert set(located.also) | {located.slot} >= {"electronics", "sensor"}
-    assert located.probabilities["electronics"] == max(located.probabilities.values())
-    assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
-
-
-def test_a_short_formula_holds_on_held_out_shots(leaky):
-    """One slow decay, of those that the family offers, does nearly all of a high-pass."""
-    linearised = leaky.steps[0].linearised
-    found = formula(linearised, linearised.explain("memory", "rig"))
-    assert found
-    assert all("decay" in label or "lag" in label for label, _ in found)
 
 
 def test_numbers_of_single_shots_repair_held_out_shots_too(leaky):

@@ -14,29 +14,30 @@ from analysis.diagnosis.basis.groups import groups
 from analysis.diagnosis.basis.oscillation import TUNED, best_damped, best_frequency, tuned_columns
 from analysis.diagnosis.basis.scale import Scale
 from analysis.diagnosis.discrepancy.choice import BEYOND_FIRST_ORDER
-from analysis.diagnosis.score_test.linearised import linearise
-from analysis.diagnosis.slots import (
+from analysis.diagnosis.localisation import (
     BANK,
     FAMILIES,
     SHARES,
-    explained_by_family,
+    formula,
+    gains_by_family,
+    locate,
     probabilities,
-    worth,
 )
+from analysis.diagnosis.score_test.linearised import linearise
 
 RATE = 1e6
 
 
 @pytest.fixture(scope="module")
-def answers(leaky):
+def gains(leaky):
     """What the bank says of a campaign through a leaky coupler."""
     first = leaky.steps[0]
-    return explained_by_family(linearise(first.problem, first.fitted, wanted=FAMILIES))
+    return gains_by_family(linearise(first.problem, first.fitted, wanted=FAMILIES))
 
 
-def test_probabilities_are_of_five_slots_and_sum_to_one(answers):
-    """Whatever the answers, one of the slots it is."""
-    found = probabilities({part: worth(answer) for part, answer in answers.items()}, 1e4, 4)
+def test_probabilities_are_of_five_slots_and_sum_to_one(gains):
+    """Whatever the gains, one of the slots it is."""
+    found = probabilities(gains, 1e4, 4)
     assert sorted(found) == ["contact", "electronics", "mounting", "release", "sensor"]
     assert math.isclose(sum(found.values()), 1.0)
     assert min(found.values()) >= 0.0
@@ -71,6 +72,31 @@ def test_what_explains_alike_is_as_likely_and_one_pair_is_one_piece_of_evidence(
     few, many = (probabilities(alike, 1e4, pairs) for pairs in (1, 9))
     assert few["contact"] / few["mounting"] == pytest.approx((0.39 / 0.43) ** 0.5, rel=0.01)
     assert many["contact"] / many["mounting"] == pytest.approx((0.39 / 0.43) ** 4.5, rel=0.01)
+
+
+def test_many_pairs_make_one_slot_sure_and_overflow_nothing():
+    """Three hundred pairs of one family that leaves a hundredth, another that leaves a half."""
+    gains = {("contact", "rig"): 0.99e6, ("droop", "rig"): 0.5e6}
+    found = probabilities(gains, 1e6, 300)
+    assert found["contact"] == pytest.approx(1.0)
+    assert sum(found.values()) == pytest.approx(1.0)
+    assert all(p >= 0.0 for p in found.values())
+
+
+def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
+    """Or in the sensor, whose charge may creep as well: no other slot is as likely."""
+    located = locate(leaky.steps[0], lambda stage, share: None)
+    assert set(located.also) | {located.slot} >= {"electronics", "sensor"}
+    assert located.probabilities["electronics"] == max(located.probabilities.values())
+    assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
+
+
+def test_a_short_formula_holds_on_held_out_shots(leaky):
+    """One slow decay, of those that the family offers, does nearly all of a high-pass."""
+    linearised = leaky.steps[0].linearised
+    found = formula(linearised, linearised.explain("memory", "rig"))
+    assert found
+    assert all("decay" in label or "lag" in label for label, _ in found)
 
 
 @pytest.mark.parametrize("family", sorted(TUNED))
