@@ -13,8 +13,8 @@ from analysis.diagnosis.discrepancy.fitted import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform, mean_waveform
 from analysis.diagnosis.discrepancy.waveform import waveform_discrepancy
 from analysis.diagnosis.held_out import heldout_or_none
+from analysis.diagnosis.linearised import Explained, Linearised, linearise
 from analysis.diagnosis.method_steps import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
 from analysis.diagnosis.slots import (
     FAMILIES,
     Part,

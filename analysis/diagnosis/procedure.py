@@ -16,13 +16,13 @@ from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.method_steps import MethodStep, Progress
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
-from analysis.diagnosis.score_test.linearised import LAW
 from analysis.diagnosis.stepwise.backward import each_held_against_others
 from analysis.diagnosis.stepwise.early_end import not_held_against, searched
 from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
 from analysis.diagnosis.time_budget import BudgetSpentError, TimeBudget, Watch
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
+from analysis.fit.law_error import KIND as LAW
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import build
 from analysis.fit.start import prepare

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.score_test.linearised import Explained, Linearised
+from analysis.diagnosis.linearised import Explained, Linearised
 from analysis.effects.effect import SLOTS
 
 Array = NDArray[np.float64]

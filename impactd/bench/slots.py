@@ -18,7 +18,7 @@ from impactd import blas_threads
 blas_threads.keep_to_one()  # before anything imports numpy
 
 from analysis.diagnosis.criteria import CRITERIA  # noqa: E402 - see above
-from analysis.diagnosis.score_test.linearised import linearise  # noqa: E402 - see above
+from analysis.diagnosis.linearised import linearise  # noqa: E402 - see above
 from analysis.diagnosis.slots import (  # noqa: E402 - see above
     FAMILIES,
     explained_by_family,

@@ -29,8 +29,8 @@ from analysis.diagnosis.candidates.refit import (
 )
 from analysis.diagnosis.candidates.subsets import Part, PresentModel, part_of, thinned
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.method_steps import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import linearise
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint

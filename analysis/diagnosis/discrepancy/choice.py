@@ -9,8 +9,8 @@ import numpy as np
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fitted import Learned, learn, learn_force, on_top
+from analysis.diagnosis.linearised import Explained, Linearised
 from analysis.diagnosis.method_steps import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import Explained, Linearised
 from analysis.diagnosis.slots import Part, worth
 from analysis.diagnosis.stepwise.forward import Step
 from analysis.diagnosis.time_budget import BudgetSpentError

@@ -16,8 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.scale import Scale
-from analysis.diagnosis.basis.tuning import scale_of, tuned
+from analysis.diagnosis.basis.families import Scale, scale_of, tuned
 from analysis.diagnosis.candidates.refit import extended
 from analysis.diagnosis.discrepancy.normal_equations import STEERED, Part, Point, form_of
 from analysis.diagnosis.discrepancy.search import (
@@ -29,7 +28,7 @@ from analysis.diagnosis.discrepancy.search import (
     settled,
 )
 from analysis.diagnosis.held_out import heldout_or_none
-from analysis.diagnosis.score_test.linearised import Linearised
+from analysis.diagnosis.linearised import Linearised
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_folds

@@ -13,12 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.dynamic_curve import SLEW
-from analysis.diagnosis.basis.families import BASELINE, View, family_columns
-from analysis.diagnosis.basis.groups import groups
-from analysis.diagnosis.basis.scale import Scale
-from analysis.diagnosis.basis.static_curve import RIPPLE
-from analysis.diagnosis.score_test.linearised import PARTS
+from analysis.diagnosis.basis.families import BASELINE, Scale, View, family_columns
+from analysis.diagnosis.basis.groupings import groups
+from analysis.diagnosis.basis.nonlinearity import RIPPLE, SLEW
+from analysis.diagnosis.linearised import PARTS
 from analysis.fit.blocks import prior_rows, whitened_squares
 from analysis.fit.problem import JointProblem
 

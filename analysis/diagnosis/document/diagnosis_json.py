@@ -24,10 +24,10 @@ from analysis.diagnosis.document.per_shot import parameters_by_shot, told_of_sho
 from analysis.diagnosis.document.reasons import not_refitted, to_the_end, why_not
 from analysis.diagnosis.document.verdict_sentence import beside_mean_waveform, sentence
 from analysis.diagnosis.held_out import heldout_or_none, quality
+from analysis.diagnosis.linearised import Explained
 from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
 from analysis.diagnosis.procedure import Diagnosis
-from analysis.diagnosis.score_test.linearised import Explained
 from analysis.diagnosis.stepwise.forward import Step
 from analysis.diagnosis.time_budget import BudgetSpentError
 from analysis.effects.library import library

@@ -14,11 +14,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.groupings import Sizes
 from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes_of, size_of
-from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.candidates.refit import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.score_test.linearised import Projection
+from analysis.diagnosis.linearised import Projection
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint

@@ -30,9 +30,9 @@ from analysis.diagnosis.grouping_search.without_material import (
     far_begin,
     part_of_shots,
 )
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.method_steps import Progress
-from analysis.diagnosis.score_test.linearised import linearise
-from analysis.diagnosis.score_test.score_test import run_score_test
+from analysis.diagnosis.score_test import run_score_test
 from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over

@@ -12,7 +12,7 @@ from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.candidates.refit import Refit, continued
 from analysis.diagnosis.candidates.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.score_test.linearised import linearise
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.stepwise.forward import Selection, Step, make_step
 from analysis.effects.effect import Effect
 from analysis.fit import joint

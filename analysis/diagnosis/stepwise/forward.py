@@ -28,9 +28,9 @@ from analysis.diagnosis.grouping_search.without_material import (
     WithoutMaterial,
     without_each_material,
 )
+from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.method_steps import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import Linearised, linearise
-from analysis.diagnosis.score_test.score_test import ScoreTest, run_score_test
+from analysis.diagnosis.score_test import ScoreTest, run_score_test
 from analysis.diagnosis.time_budget import BudgetSpentError, unwatched
 from analysis.fit import joint
 from analysis.fit.freed_inputs import at_likeliest_inputs

@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.score_test.baseline_wander import _slow_powers, p_of_wander
-from analysis.diagnosis.score_test.score_test import WANDER, ScoreTest
+from analysis.diagnosis.score_test import WANDER, ScoreTest, _slow_powers, p_of_wander
 from analysis.diagnosis.stepwise.forward import make_step
 from analysis.fit import joint
 from analysis.fit.problem import build

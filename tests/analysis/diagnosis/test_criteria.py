@@ -21,22 +21,19 @@ ORIGINS = ("Rate.", "Derived: ", "Measured: ", "Chosen by trial")
 
 COMPARED_BUT_NO_THRESHOLDS = {
     "search.AGREED": "when a search has converged",
-    "linear_filter.0.2": "the highest frequency that a basis has",
-    "waveform.TEMPLATE_FINE_UNTIL": "the knots of a basis",
+    "time_course.TEMPLATE_FINE_UNTIL": "the knots of a basis",
     "residual_numbers.0.05": "where a phase of a record begins",
     "residual_numbers.RING_ENDS": "where a phase of a record ends",
-    "linearised.SHOT_RANK_TOLERANCE": "rounding: the rank of a matrix",
-    "linearised.RANK_TOLERANCE": "rounding: the rank of a matrix",
-    "event.0.5": "where a basis has enough samples to be looked for",
+    "time_course.0.5": "where a basis has enough samples to be looked for",
     "mean_waveform.SETTLED": "when a search has converged",
     "noise_words.1000.0": "how a frequency is written",
     "linear_filter.IMPULSE_EVEN_US": "the knots of a basis",
     "linear_filter.IMPULSE_UNTIL_US": "the knots of a basis",
-    "some_materials.LEAST_INFORMATION": "rounding: the rank of a matrix",
+    "groupings.LEAST_INFORMATION": "rounding: the rank of a matrix",
     "stack.FINE_UNTIL": "the bins of a picture",
     "stack.MIDDLE_UNTIL": "the bins of a picture",
     "multistart.RISES_AFTER": "the shape of a pulse, for a start",
-    "oscillation.LARGEST_SHARE": "the highest frequency that a basis has",
+    "linear_filter.LARGEST_SHARE": "the highest frequency that a basis has",
     "waveform_fit.AGREED": "when a search has converged",
 }
 """Real numbers that stand in a comparison, and what they are instead."""

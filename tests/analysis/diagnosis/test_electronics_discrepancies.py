@@ -5,8 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.diagnosis.basis.dynamic_curve import slope_columns, steepest
-from analysis.diagnosis.basis.static_curve import best_ripple, ripple_columns
+from analysis.diagnosis.basis.nonlinearity import (
+    best_ripple,
+    ripple_columns,
+    slope_columns,
+    steepest,
+)
 from analysis.diagnosis.discrepancy.fitted import learn
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms

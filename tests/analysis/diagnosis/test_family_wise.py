@@ -10,8 +10,7 @@ import pytest
 from scipy.stats import kstest
 
 from analysis.campaign import Campaign
-from analysis.diagnosis.score_test.family_wise import family_wise, independent_tests
-from analysis.diagnosis.score_test.score_test import ASKED
+from analysis.diagnosis.score_test import ASKED, family_wise, independent_tests
 from analysis.diagnosis.stepwise.forward import Step, make_step
 from analysis.fit import joint
 from analysis.fit.problem import build

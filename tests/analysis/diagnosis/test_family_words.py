@@ -13,7 +13,7 @@ from analysis.diagnosis.discrepancy.choice import (
     REFINED,
 )
 from analysis.diagnosis.document.family_words import FAMILIES
-from analysis.diagnosis.score_test.score_test import ASKED
+from analysis.diagnosis.score_test import ASKED
 from analysis.diagnosis.slots import BANK, SHARES
 
 LEARNED = {

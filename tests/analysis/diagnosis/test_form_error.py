@@ -16,9 +16,9 @@ from analysis.diagnosis.basis.form_error import Discrepancy, discrepancy
 from analysis.diagnosis.candidates.refit import extended
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.held_out import quality
+from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from analysis.diagnosis.score_test.linearised import Linearised, linearise
-from analysis.diagnosis.score_test.score_test import ASKED, INEXACT, run_score_test
+from analysis.diagnosis.score_test import ASKED, INEXACT, run_score_test
 from analysis.diagnosis.stepwise.forward import Step, make_step
 from analysis.effects.library import effect_named
 from analysis.fit import joint

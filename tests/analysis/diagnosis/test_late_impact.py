@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from analysis.diagnosis.basis.event import (
+from analysis.diagnosis.basis.time_course import (
     WIDTHS_US,
     late_impact_columns,
     late_impact_shape,

@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from analysis.diagnosis.basis.contact_force import mount_columns
-from analysis.diagnosis.basis.families import OF_SIGNAL
-from analysis.diagnosis.basis.groups import groups
-from analysis.diagnosis.basis.oscillation import TUNED, best_damped, best_frequency, tuned_columns
-from analysis.diagnosis.basis.scale import Scale
+from analysis.diagnosis.basis.groupings import groups
+from analysis.diagnosis.basis.linear_filter import (
+    TUNED,
+    best_damped,
+    best_frequency,
+    impulse_columns,
+    tuned_columns,
+)
+from analysis.diagnosis.basis.nonlinearity import mount_columns
 from analysis.diagnosis.discrepancy.choice import BEYOND_FIRST_ORDER
-from analysis.diagnosis.score_test.linearised import linearise
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.slots import (
     BANK,
     FAMILIES,
@@ -107,7 +111,6 @@ def test_a_shared_damping_is_found_with_its_frequency():
 def test_an_echo_that_disperses_is_a_free_impulse_response():
     """Three delayed copies, each smeared: one response for pulses of any width."""
     t = np.arange(2000) / RATE
-    scale = Scale(1.0, 1e-5, 0.5, 5e-5, 1e-4, 2e-3)
     copies = ((0.1, 90), (-0.05, 400), (0.02, 800))
 
     def late(pulse):
@@ -115,7 +118,7 @@ def test_an_echo_that_disperses_is_a_free_impulse_response():
         return sum(a * np.roll(smeared, d)[: t.size] for a, d in copies)
 
     pulses = [np.exp(-(((t - 3e-4) / width) ** 2)) for width in (2e-5, 3e-5, 4e-5)]
-    columns = [OF_SIGNAL["impulse"](pulse, RATE, scale)[1] for pulse in pulses]
+    columns = [impulse_columns(pulse, RATE)[1] for pulse in pulses]
     wanted = [late(pulse) for pulse in pulses]
     learned = np.linalg.lstsq(np.vstack(columns[:2]), np.concatenate(wanted[:2]), rcond=1e-9)[0]
     left = wanted[2] - columns[2] @ learned

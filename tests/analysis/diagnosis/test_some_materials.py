@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis.diagnosis.basis.some_materials import Sizes, price_of_choice
+from analysis.diagnosis.basis.groupings import Sizes, price_of_choice
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.effects.acts_on import ActsOn
 

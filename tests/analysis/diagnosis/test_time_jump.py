@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.diagnosis.basis.event import jump_columns
+from analysis.diagnosis.basis.time_course import jump_columns
 
 
 def _ring(samples):
