@@ -43,6 +43,10 @@ from analysis.fit.problem import FitShot, JointProblem
 Array = NDArray[np.float64]
 Families = dict[str, tuple[list[int], list[str]]]
 """Positions of each family's columns, and their labels."""
+_Way = tuple[Array, Array, Array, Array]
+"""How one shot follows the globals, its own p parameters with them: derivatives by s shared and own
+parameters, (n, s + p), the same whitened, the step of its own if nothing else moves, (p,), and what
+that loses with a step of the shared ones, (p, s)."""
 
 GENERIC = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "alternate",
@@ -88,12 +92,6 @@ class LinearisedShot:
         """Return the map from globals to parameters and columns, of which none moves."""
         s, globals_ = self.chain.shape
         return np.vstack([self.chain, np.zeros((self.vector.size - s, globals_))])
-
-    def whitener(self, at: list[int]) -> Array:
-        """Return what whitens the score of some columns, everything shared kept."""
-        inner = self.matrix[np.ix_(at, at)]
-        scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
-        return _whitener(inner, scale, SHOT_RANK_TOLERANCE)
 
 
 @dataclass(frozen=True)
@@ -165,9 +163,8 @@ class Linearised:
         """
         at, _ = self.families[family]
         if scope == "shot":
-            every = [(shot.whitener(at), shot.vector[at]) for shot in self.shots]
-            gain = sum(float(squares(*one)) for one in every)
-            dof = sum(whitener.shape[0] for whitener, _ in every)
+            by_shot, dof = self.of_each_shot(at, [shot.vector for shot in self.shots])
+            gain = float(by_shot)
             held = gain - CRITERIA.discrepancy.price_of_coefficient * dof
             return Explained(family, scope, gain, dof, p_of(gain, dof), held, {})
         system = self.system([(family, scope)])
@@ -182,6 +179,20 @@ class Linearised:
             names = sorted({own[0][0] for own in self.groups(scope)})
             sizes = Sizes.from_score(scope, names, score, found.schur)
         return Explained(family, scope, gain, dof, p_of(gain, dof), held, named, sizes)
+
+    def of_each_shot(self, at: list[int], scores: Sequence[Array]) -> tuple[Array, int]:
+        """Return what some columns explain with coefficients for each shot, for any scores.
+
+        Behind it how many coefficients are seen; everything shared is kept.
+        """
+        gain, dof = np.asarray(0.0), 0
+        for shot, score in zip(self.shots, scores, strict=True):
+            inner = shot.matrix[np.ix_(at, at)]
+            scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+            whitener = _whitener(inner, scale, SHOT_RANK_TOLERANCE)
+            gain = gain + _squares(whitener, score[at])
+            dof += whitener.shape[0]
+        return gain, dof
 
     def system(self, parts: Sequence[tuple[str, str]]) -> System:
         """Return the normal equations of the globals and of some (family, scope)."""
@@ -211,13 +222,10 @@ class Linearised:
         folds = []
         for scope in ("height", "sphere"):
             keys = [own[0][0] for own in self.groups(scope)]
-            distinct = sorted(set(keys))
-            if len(distinct) > 1:
-                folds += [[i for i, k in enumerate(keys) if k == d] for d in distinct]
-        if not folds:
-            count = min(3, len(self.shots))
-            folds = [list(range(k, len(self.shots), count)) for k in range(count)]
-        return folds
+            if len(set(keys)) > 1:
+                folds += [[i for i, k in enumerate(keys) if k == d] for d in sorted(set(keys))]
+        places, count = list(range(len(self.shots))), min(3, len(self.shots))
+        return folds or [places[k::count] for k in range(count)]
 
     @property
     def chi2(self) -> float:
@@ -243,7 +251,7 @@ def _whitener(matrix: Array, scale: Array, tolerance: float) -> Array:
     return np.asarray((vectors[:, keep] / np.sqrt(values[keep])).T / scale)
 
 
-def squares(whitener: Array, score: Array) -> Array:
+def _squares(whitener: Array, score: Array) -> Array:
     """Return the fall of the squares, for each draw of a score of shape (w,) or (w, draws)."""
     return np.asarray(np.sum((whitener @ score) ** 2, axis=0))
 
@@ -272,7 +280,7 @@ class Projection:
 
     def gain(self, load: Array) -> Array:
         """Return the fall of the squares, for each draw."""
-        return squares(self._white, self.score(load))
+        return _squares(self._white, self.score(load))
 
 
 def _heldout_gain(folds: list[list[int]], system: System) -> float:
@@ -282,32 +290,26 @@ def _heldout_gain(folds: list[list[int]], system: System) -> float:
     shared parameter: it is fitted to the held-out shots, with the columns and without.
     """
     whole, globals_ = system.whole, system.globals_
+    least = CRITERIA.discrepancy.fold_own_weight * np.diag(whole)
     total, covered = 0.0, 0
     ridge = np.zeros(whole.shape[0])
     ridge[globals_:] = RIDGE**-2
     for fold in folds:
         inside = np.sum([system.matrices[i] for i in fold], axis=0)
         own = np.sum([system.vectors[i] for i in fold], axis=0)
-        covered += len(fold)
         rest, pull = whole - inside, system.load - own
-        least = CRITERIA.discrepancy.fold_own_weight
-        alone = [
-            j for j in range(globals_) if inside[j, j] > 0 and rest[j, j] < least * whole[j, j]
-        ]
+        here, there = np.diag(inside)[:globals_], np.diag(rest)[:globals_]
+        alone = np.flatnonzero((here > 0) & (there < least[:globals_]))
         x = _solved(rest + np.diag(ridge), pull)
         base = np.zeros_like(x)
         base[:globals_] = _solved(rest[:globals_, :globals_], pull[:globals_])
-        total += _fall(x, inside, own, alone) - _fall(base, inside, own, alone)
+        falls = []
+        for y in (x, base):
+            y[alone] += _solved(inside[np.ix_(alone, alone)], (own - inside @ y)[alone])
+            falls.append(float(2 * y @ own - y @ inside @ y))
+        total += falls[0] - falls[1]
+        covered += len(fold)
     return total * len(system.matrices) / max(covered, 1)
-
-
-def _fall(x: Array, inside: Array, own: Array, alone: list[int]) -> float:
-    """Return the fall of held-out squares at x, the fold's own globals set to their best."""
-    x = x.copy()
-    if alone:
-        gradient = own - inside @ x
-        x[alone] += _solved(inside[np.ix_(alone, alone)], gradient[alone])
-    return float(2 * x @ own - x @ inside @ x)
 
 
 def linearise(
@@ -318,24 +320,11 @@ def linearise(
     wanted: Sequence[str] = GENERIC,
     inexact: Discrepancy | None = None,
 ) -> Linearised:
-    """Linearise a fitted campaign with all generic columns and those of named effects.
+    """Linearise a fitted campaign, its noise as measured, with all columns to be asked about.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        With the noise as measured, not widened.
-    tried : sequence of Proposal
-        Effects to look along; each becomes a family under its key.
-    wanted : sequence of str
-        Generic families.
-    inexact : Discrepancy, optional
-        What the model's laws may be wrong by: further globals, at the most probable values of
-        which the residual is looked at, and the family `LAW`.
-
-    Returns
-    -------
-    Linearised
-        Ready to be asked.
+    Each effect of ``tried`` becomes a family under its key, beside the generic families ``wanted``.
+    What the model's laws may be wrong by, ``inexact``, is further globals, at the most probable
+    values of which the residual is looked at, and the family `LAW`.
     """
     scale = tuned(problem, fitted, scale_of(problem, fitted), wanted)
     every = [
@@ -358,60 +347,35 @@ def linearise(
     return _settled(exact, inexact, [way for _, way, _ in every])
 
 
-@dataclass(frozen=True)
-class _Way:
-    """How one shot follows the globals, its own p parameters with them."""
-
-    signal: Array
-    """Derivatives by shared and own parameters, shape (n, s + p)."""
-    white: Array
-    """The same whitened."""
-    own: Array
-    """Step of the shot's own parameters if nothing else moves."""
-    back: Array
-    """What that loses with a step of the shared ones, shape (p, s)."""
-
-
 def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linearised:
-    """Return the linearisation where the laws' discrepancies are at their most probable values.
+    r"""Return the linearisation where the laws' discrepancies are at their most probable values.
 
-    To first order, with everything else that is fitted.
+    To first order, with everything else that is fitted. Twice ln Z rises by the fall of the squares
+    less Occam's factor, which is of either sign:
+
+    .. math:: \Delta C - \ln |I + \epsilon^2 \Phi^T \Phi|
+
+    with what the other parameters take up projected out of :math:`\Phi`.
     """
-    system = found.system([])
+    system, exact = found.system([]), len(found.problem.names)
     step = _solved(system.whole, system.load)
     shots = []
-    for shot, way in zip(found.shots, ways, strict=True):
+    for shot, (signal, white, own, back) in zip(found.shots, ways, strict=True):
         local = shot.chain @ step
-        moved = np.concatenate([local, way.own - way.back @ local])
-        shots.append(
-            replace(
-                shot,
-                vector=shot.vector - shot.matrix[:, : local.size] @ local,
-                residual=shot.residual - way.signal @ moved,
-                white=shot.white - way.white @ moved,
-            )
-        )
-    coefficients = step[len(found.problem.names) :].tolist()
+        moved = np.concatenate([local, own - back @ local])
+        vector = shot.vector - shot.matrix[:, : local.size] @ local
+        left, left_white = shot.residual - signal @ moved, shot.white - white @ moved
+        shots.append(replace(shot, vector=vector, residual=left, white=left_white))
+    inner, load = system.whole[:exact, :exact], system.load
+    fall = float(load @ step - load[:exact] @ _solved(inner, load[:exact]))
+    width = 2.0 * len(inexact.names) * math.log(inexact.u)
     return replace(
         found,
         shots=shots,
         pull=found.pull - found.precision @ step,
-        wrong_by=dict(zip(inexact.names, coefficients, strict=True)),
-        gain_of_inexactness=_gain_of_inexactness(system, step, len(found.problem.names), inexact),
+        wrong_by=dict(zip(inexact.names, step[exact:].tolist(), strict=True)),
+        gain_of_inexactness=fall - (log_det(system.whole) - log_det(inner) + width),
     )
-
-
-def _gain_of_inexactness(system: System, step: Array, exact: int, inexact: Discrepancy) -> float:
-    r"""Return by what twice ln Z rises where the laws may be wrong: squares less Occam's factor.
-
-    .. math:: \Delta C - \ln |I + \epsilon^2 \Phi^T \Phi|
-
-    with what the other parameters take up projected out of :math:`\Phi`. It is of either sign.
-    """
-    inner, load = system.whole[:exact, :exact], system.load
-    fall = float(load @ step - load[:exact] @ _solved(inner, load[:exact]))
-    width = 2.0 * len(inexact.names) * math.log(inexact.u)
-    return fall - (log_det(system.whole) - log_det(inner) + width)
 
 
 def _linearised_shot(
@@ -461,7 +425,7 @@ def _linearised_shot(
     inner = np.asarray(np.linalg.solve(matrix[keep:, keep:], right), dtype=np.float64)
     cross = matrix[:keep, keep:]
     moving = [*range(chain.shape[0]), *range(keep, matrix.shape[0])]
-    way = _Way(plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]])
+    way = plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]]
     eliminated = matrix[:keep, :keep] - cross @ inner[:, :-1]
     left = vector[:keep] - cross @ inner[:, -1]
     return LinearisedShot(item, eliminated, left, chain, residual, white), way, families

@@ -48,19 +48,17 @@ class Spikes:
     @property
     def clear(self) -> bool:
         """Whether no Gaussian noise is like that."""
-        return self._enough and self._deviation > CRITERIA.noise.spike_deviations
+        return self._deviation > CRITERIA.noise.spike_deviations
 
     @property
     def p_value(self) -> float:
         """Return the chance of as large a kurtosis in Gaussian noise."""
-        return float(norm.sf(self._deviation)) if self._enough else 1.0
-
-    @property
-    def _enough(self) -> bool:
-        return self.samples >= CRITERIA.noise.least_pooled_samples
+        return float(norm.sf(self._deviation))
 
     @property
     def _deviation(self) -> float:
+        if self.samples < CRITERIA.noise.least_pooled_samples:
+            return -math.inf
         return self.excess_kurtosis / math.sqrt(24.0 / self.samples)
 
 

@@ -27,13 +27,7 @@ from scipy.stats import norm
 
 from analysis.diagnosis.basis.time_course import BASELINE_ORDERS
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.linearised import (
-    Explained,
-    Linearised,
-    LinearisedShot,
-    Projection,
-    squares,
-)
+from analysis.diagnosis.linearised import Explained, Linearised, LinearisedShot, Projection
 from analysis.fit.law_error import KIND as LAW
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
 from analysis.quiet_spectrum import drift_basis, slow_powers
@@ -45,25 +39,12 @@ Part = tuple[str, str]
 WANDER = ("baseline", "shot")
 """What slow noise does too, which may be too faint to be seen before the trigger."""
 ASKED: tuple[Part, ...] = (
-    ("response", "rig"),
-    ("response", "surface"),
-    ("static", "rig"),
-    ("dynamic", "rig"),
-    ("contact", "rig"),
-    ("contact", "surface"),
-    ("contact", "sphere"),
-    ("loss", "rig"),
-    ("loss", "surface"),
-    ("cell", "surface"),
-    ("cell", "order"),
-    ("cell", "shot"),
-    ("speed", "height"),
-    ("speed", "shot"),
-    ("locked", "rig"),
-    ("locked", "pair"),
-    ("alternate", "shot"),
-    WANDER,
-)
+    ("response", "rig"), ("response", "surface"), ("static", "rig"), ("dynamic", "rig"),
+    ("contact", "rig"), ("contact", "surface"), ("contact", "sphere"),
+    ("loss", "rig"), ("loss", "surface"), ("cell", "surface"), ("cell", "order"), ("cell", "shot"),
+    ("speed", "height"), ("speed", "shot"), ("locked", "rig"), ("locked", "pair"),
+    ("alternate", "shot"), WANDER,
+)  # fmt: skip
 INEXACT = (LAW, "pair")
 """Asked of a model with effects: is one of its laws wrong by more than laws are?"""
 
@@ -202,11 +183,7 @@ def _p_values(linearised: Linearised, scores: list[Array], part: Part) -> Array:
     family, scope = part
     if scope == "shot":
         at, _ = linearised.families[family]
-        gain, dof = np.zeros(DRAWS), 0
-        for shot, score in zip(linearised.shots, scores, strict=True):
-            whitener = shot.whitener(at)
-            gain += squares(whitener, score[at])
-            dof += whitener.shape[0]
+        gain, dof = linearised.of_each_shot(at, scores)
     else:
         system = linearised.system([part])
         load = np.zeros((system.whole.shape[0], DRAWS))

@@ -47,19 +47,17 @@ class Scale:
     top: float
     """Largest signal of all shots. [unit of the signal]"""
     indentation_m: float
-    """Median largest indentation."""
+    """Median of the largest, as of speed and Hertz's contact time."""
     speed_m_per_s: float
-    """Median impact speed."""
     contact_s: float
-    """Median contact time by Hertz."""
     tuned_hz: dict[str, float] = field(default_factory=dict)
-    """Frequency by family, of those that were looked for along the residual."""
+    """Frequency by family; this and all below is looked for in the records."""
     tuned_zeta: float = 0.0
-    """Damping ratio of the one whose damping was looked for as well."""
+    """Damping ratio of the one whose damping is looked for as well."""
     ripples: float = 0.0
     """Periods of a curve's ripple between zero and the top."""
     steepest_per_s: float = 0.0
-    """Largest slope of the records. [unit of the signal/s]"""
+    """Largest slope. [unit of the signal/s]"""
     late_impact_us: float = 0.0
     """Width of a late impact after the impact."""
 
@@ -91,7 +89,7 @@ class View:
     @property
     def contact_us(self) -> float:
         """Return how long the contact lasts by Hertz. [us]"""
-        return 1e6 * _hertz_time_s(self.item, self.local, len(self.model.shared))
+        return 1e6 * _hertz(self.item, self.local, len(self.model.shared))[1]
 
     @property
     def residual(self) -> Array:
@@ -111,33 +109,27 @@ class View:
     @property
     def crystal(self) -> Crystal | None:
         """Return the angular frequency [rad/s] and damping ratio; None of a rigid cell."""
-        if "ln_w" not in self.model.shared:
-            return None
         shared = self.model.shared
-        frequency, damping = (math.exp(self.local[shared.index(n)]) for n in ("ln_w", "ln_z"))
-        return frequency, damping
+        if "ln_w" not in shared:
+            return None
+        frequency, zeta = shared.index("ln_w"), shared.index("ln_z")
+        return math.exp(self.local[frequency]), math.exp(self.local[zeta])
 
 
-def _hertz_time_s(item: FitShot, local: Array, speed_at: int) -> float:
-    """Return how long an elastic contact of this shot lasts. [s]
+def _hertz(item: FitShot, local: Array, speed_at: int) -> tuple[float, float]:
+    """Return depth [m] and duration [s] of an elastic contact of this shot; only scales here.
 
-    Source: Hertz; K. L. Johnson, Contact Mechanics (1985), 11.4. Only a scale of time here.
+    Source: Hertz; K. L. Johnson, Contact Mechanics (1985), 11.4.
     """
-    return float(2.94 * _hertz_depth_m(item, local, speed_at) / math.exp(local[speed_at]))
-
-
-def _hertz_depth_m(item: FitShot, local: Array, speed_at: int) -> float:
     stiffness, speed = math.exp(local[0]), math.exp(local[speed_at])
-    return float((1.25 * item.frame.mass_kg * speed**2 / stiffness) ** 0.4)
+    depth = (1.25 * item.frame.mass_kg * speed**2 / stiffness) ** 0.4
+    return depth, 2.94 * depth / speed
 
 
-def _template(view: View, family: str) -> Labelled:
-    return time_course.template_columns(
-        (view.clean.size, view.rate, view.touch_down_us),
-        view.item.window.peak,
-        (view.contact_us, 1e6 * view.scale.contact_s),
-        family=family,
-    )
+def _outline(view: View) -> Labelled:
+    times = view.clean.size, view.rate, view.touch_down_us
+    usual_us = 1e6 * view.scale.contact_s
+    return time_course.outline_columns(times, view.item.window.peak, view.contact_us, usual_us)
 
 
 def _force(view: View, *, sphere_only: bool) -> Labelled:
@@ -151,12 +143,6 @@ def _parameters(view: View, names: Sequence[str], change: float) -> Labelled:
     """Return a relative change of the model's own parameters, those that it has."""
     own = [n for n in names if n in view.model.shared]
     return own, change * view.jacobian[:, [view.model.shared.index(n) for n in own]]
-
-
-def _mount(view: View) -> Labelled:
-    if view.crystal is None:
-        return [], np.zeros((view.clean.size, 0))
-    return nonlinearity.mount_columns(view.clean, view.rate, view.scale.top, view.crystal)
 
 
 def _late_impact(view: View) -> Labelled:
@@ -191,14 +177,13 @@ _BY_NAME: dict[str, Callable[[View], Labelled]] = {
     "droop": lambda v: nonlinearity.droop_columns(v.clean, v.rate, v.scale.top),
     "warmth": lambda v: nonlinearity.warmth_columns(v.clean, v.rate, v.scale.top),
     SLEW: lambda v: nonlinearity.slope_columns(v.clean, v.rate, v.scale.steepest_per_s),
-    "seat": _mount,
+    "seat": lambda v: nonlinearity.mount_columns(v.clean, v.rate, v.scale.top, v.crystal),
     "contact": lambda v: _force(v, sphere_only=False),
     "loss": lambda v: _force(v, sphere_only=True),
     "locked": lambda v: time_course.locked_columns(
         v.clean.size, v.rate, v.touch_down_us, v.item.window.peak, time_course.BUMPS_US
     ),
-    "template": lambda v: _template(v, "template"),
-    "outline": lambda v: _template(v, "outline"),
+    "outline": _outline,
     "jump": lambda v: time_course.jump_columns(v.clean, v.residual, v.sample_at(v.touch_down_us)),
     LATE_IMPACT: _late_impact,
     "baseline": lambda v: time_course.baseline_columns(v.clean.size, v.scale.top),
@@ -224,19 +209,14 @@ def family_columns(view: View, family: str) -> tuple[list[str], Array, Array]:
 
 def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
     """Return the sizes that the generic columns of a fitted campaign are measured in."""
-    depths, speeds, contacts = [], [], []
+    contacts, speeds = [], []
     for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
         shared, _ = problem.shared_local(item, fitted.theta)
-        local = np.array([*shared, *nuisance])
-        depths.append(_hertz_depth_m(item, local, len(shared)))
+        contacts.append(_hertz(item, np.array([*shared, *nuisance]), len(shared)))
         speeds.append(math.exp(nuisance[0]))
-        contacts.append(_hertz_time_s(item, local, len(shared)))
-    return Scale(
-        top=max(s.window.peak for s in problem.shots),
-        indentation_m=float(np.median(depths)),
-        speed_m_per_s=float(np.median(speeds)),
-        contact_s=float(np.median(contacts)),
-    )
+    indentation_m, contact_s = np.median(contacts, axis=0).tolist()
+    top = max(s.window.peak for s in problem.shots)
+    return Scale(top, indentation_m, float(np.median(speeds)), contact_s)
 
 
 def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[str]) -> Scale:
@@ -261,12 +241,10 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
         views.append(View(problem.model, item, local, signal - nuisance[BASELINE], none, scale))
         residuals.append(item.window.signal - signal)
     signals, rates = [v.clean for v in views], [v.rate for v in views]
-    best = {
-        f: linear_filter.best_frequency(f, signals, residuals, rates)
-        for f in families
-        if f != DAMPED
-    }
-    found = scale
+    best, found = dict(scale.tuned_hz), scale
+    for family in families:
+        if family != DAMPED:
+            best[family] = linear_filter.best_frequency(family, signals, residuals, rates)
     if DAMPED in families:
         best[DAMPED], zeta = linear_filter.best_damped(signals, residuals, rates)
         found = dataclasses.replace(found, tuned_zeta=zeta)
@@ -277,4 +255,4 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
         firsts, crystals = [v.lift_off for v in views], [v.crystal for v in views]
         width_us = time_course.late_impact_width(residuals, firsts, rates, crystals)
         found = dataclasses.replace(found, late_impact_us=width_us)
-    return dataclasses.replace(found, tuned_hz=scale.tuned_hz | best)
+    return dataclasses.replace(found, tuned_hz=best)

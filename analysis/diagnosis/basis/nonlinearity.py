@@ -197,11 +197,13 @@ def slope_columns(signal: Array, rate: float, limit_per_s: float) -> Labelled:
     return labels, np.column_stack([slower - signal, 0.1 * (faster - slower) / STEP])
 
 
-def mount_columns(signal: Array, rate: float, top: float, crystal: Crystal) -> Labelled:
-    """Return what a crystal adds whose spring or damper is not linear, to first order.
+def mount_columns(signal: Array, rate: float, top: float, crystal: Crystal | None) -> Labelled:
+    """Return what a crystal, if any, adds whose spring or damper is not linear, to first order.
 
     Forces of second and third order in its motion, which the signal is, through its own resonance.
     """
+    if crystal is None:
+        return [], np.zeros((signal.size, 0))
     x = signal / top
     v = np.gradient(x) * rate / crystal[0]
     slow = v / np.sqrt(np.square(v) + SLIDING**2)
@@ -214,13 +216,9 @@ def mount_columns(signal: Array, rate: float, top: float, crystal: Crystal) -> L
 
 
 def contact_columns(
-    model: ImpactModel,
-    local: Array,
-    item: FitShot,
-    sizes: tuple[float, float],
-    *,
-    sphere_only: bool,
-) -> Labelled:
+    model: ImpactModel, local: Array, item: FitShot, sizes: tuple[float, float],
+    *, sphere_only: bool,
+) -> Labelled:  # fmt: skip
     """Return what each power of indentation and rate adds to one shot, by a small difference.
 
     ``sizes`` are the indentation [m] and the speed [m/s] that the powers are measured in.

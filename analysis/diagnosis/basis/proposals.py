@@ -44,8 +44,8 @@ class Proposal:
 def amplitude_of(effect: Effect) -> int | None:
     """Return which parameter of an effect is its size; None where none is neutral at a point."""
     for at, parameter in enumerate(effect.parameters):
-        sloped = not (parameter.peak_starts or parameter.threshold)
-        if parameter.form in ("linear", "inverse") and sloped:
+        flat = parameter.peak_starts or parameter.threshold
+        if parameter.form in ("linear", "inverse") and not flat:
             return at
     return None
 

@@ -4,8 +4,7 @@
 family          what it can take up
 ==============  ====================================================================================
 ``locked``      anything additive that comes at a fixed time after touch-down
-``template``    the same, sample by sample, in step with the contact; only learned, never asked
-``outline``     the same with fewer numbers, for each pair its own
+``outline``     the same in step with the contact, for each pair its own; only learned
 ``jump``        a time axis that jumps, as where a transfer loses samples; only learned
 ``blow``        a late impact: a second bell of force, read through the crystal; only learned
 ``baseline``    a zero line that is no constant, as under mains hum
@@ -40,10 +39,10 @@ Array = NDArray[np.float64]
 BUMPS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620,
             800, 1050, 1400, 1900)  # fmt: skip
 WANDERS_US = BUMPS_US[:15]
-TEMPLATES = {"template": (24, 120), "outline": (14, 64)}
+OUTLINE_FINENESS, OUTLINE_KNOTS = 14, 64
 """Knots a contact time, and in all."""
 # even knots until so many contact times; each step then so much longer than the one before
-TEMPLATE_FINE_UNTIL, TEMPLATE_GROWTH = 3.0, 1.04
+OUTLINE_FINE_UNTIL, OUTLINE_GROWTH = 3.0, 1.04
 _LATER = np.array([*np.arange(0.25, 2.0, 0.25), *range(2, 13)])
 SHIFTS = np.concatenate((-_LATER[::-1], [0.0], _LATER))
 """Samples by which the record may be late or early, on either side of a jump."""
@@ -73,26 +72,24 @@ def _bumps(t: Array, knots: Array, size: float) -> Array:
     return size * linear_spline(t, knots)[:, 1:-1]
 
 
-def template_columns(
-    times: tuple[int, float, float], size: float, contact_us: tuple[float, float], *, family: str
+def outline_columns(
+    times: tuple[int, float, float], size: float, contact_us: float, usual_us: float
 ) -> Labelled:
     """Return linear splines of a time in which every contact lasts equally long.
 
-    ``times`` are samples, rate and touch-down [us], ``contact_us`` this shot's contact time and the
-    usual one: within the contact, time is stretched from the one to the other, beyond it only
-    moved. Knots follow the pulse closely, then the ring more and more coarsely.
+    ``times`` are samples, rate and touch-down [us]. Within a shot's contact, time is stretched to
+    the usual contact, beyond it only moved. Knots follow the pulse closely, then the ring more and
+    more coarsely.
     """
     samples, rate, touch_down_us = times
-    this_us, usual_us = contact_us
-    fineness, count = TEMPLATES[family]
-    step = max(1e6 / rate, usual_us / fineness)
+    step = max(1e6 / rate, usual_us / OUTLINE_FINENESS)
     knots = [0.0]
-    while len(knots) < count:
-        if knots[-1] > TEMPLATE_FINE_UNTIL * usual_us:
-            step *= TEMPLATE_GROWTH
+    while len(knots) < OUTLINE_KNOTS:
+        if knots[-1] > OUTLINE_FINE_UNTIL * usual_us:
+            step *= OUTLINE_GROWTH
         knots.append(knots[-1] + step)
     t = np.arange(samples) / rate * 1e6 - touch_down_us
-    stretched = np.where(t < this_us, t * usual_us / this_us, t - this_us + usual_us)
+    stretched = np.where(t < contact_us, t * usual_us / contact_us, t - contact_us + usual_us)
     before, after = -knots[1], 2 * knots[-1] - knots[-2]
     labels = [f"{at:.4g} us after touch-down" for at in knots]
     return labels, _bumps(stretched, np.array([before, *knots, after]), size)

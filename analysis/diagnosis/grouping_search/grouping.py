@@ -3,7 +3,7 @@
 A linear look chooses the grouping before the effect is known. Once it is fitted, the other ones
 are one refit away: one size for the rig, for some surfaces or for some spheres, one for each
 surface or sphere, one for each shot. Of the sets of some materials those are fitted that the sizes
-of the single materials promise most of (`some_materials`).
+of the single materials promise most of (`Sizes`).
 """
 
 from __future__ import annotations

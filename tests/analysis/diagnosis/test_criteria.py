@@ -21,7 +21,7 @@ ORIGINS = ("Rate.", "Derived: ", "Measured: ", "Chosen by trial")
 
 COMPARED_BUT_NO_THRESHOLDS = {
     "search.AGREED": "when a search has converged",
-    "time_course.TEMPLATE_FINE_UNTIL": "the knots of a basis",
+    "time_course.OUTLINE_FINE_UNTIL": "the knots of a basis",
     "residual_numbers.0.05": "where a phase of a record begins",
     "residual_numbers.RING_ENDS": "where a phase of a record ends",
     "time_course.0.5": "where a basis has enough samples to be looked for",
