@@ -297,7 +297,7 @@ def test_a_form_that_the_library_lacks_is_named(
     campaign, true = _drawn(effect, form, values)
     found = diagnose_campaign(campaign, BASES[DEFAULT_RIG])
     assert found.verdict in ("identified", "family")
-    assert effect in {*found.groups, *found.confusable}
+    assert effect in {*found.effect_ids, *found.confusable}
     low, high = diagnosis_json(found, software="impactd test")["after"]["moduli"]["specimen"][
         PLANE
     ]["interval95"]
