@@ -23,8 +23,8 @@ from analysis.diagnosis.forward_selection import (
     select,
     useful,
 )
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.progress import BudgetSpentError, Progress
-from analysis.diagnosis.score_test.linearised import linearise
 from analysis.diagnosis.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named, library

@@ -16,6 +16,7 @@ from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping, promises_other_grouping
+from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.one_material import (
     WithoutMaterial,
     can_be_one_materials,
@@ -26,8 +27,7 @@ from analysis.diagnosis.one_material import (
     without_each_material,
 )
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
-from analysis.diagnosis.score_test.linearised import Linearised, linearise
-from analysis.diagnosis.score_test.score_test import ScoreTest, run_score_test
+from analysis.diagnosis.score_test import ScoreTest, run_score_test
 from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
 from analysis.fit.freed_inputs import at_likeliest_inputs

@@ -3,7 +3,7 @@
 A linear look chooses the grouping before the effect is known. Once it is fitted, the other ones
 are one refit away: one size for the rig, for some surfaces or for some spheres, one for each
 surface or sphere, one for each shot. Of the sets of some materials those are fitted that the sizes
-of the single materials promise most of (`some_materials`).
+of the single materials promise most of (`Sizes`).
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.groupings import Sizes
 from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes_of, size_of
-from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.score_test.linearised import Projection
+from analysis.diagnosis.linearised import Projection
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint

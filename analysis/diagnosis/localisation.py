@@ -33,8 +33,8 @@ from analysis.diagnosis.discrepancy.mean_waveform import (
 )
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import heldout_or_none
+from analysis.diagnosis.linearised import Explained, Linearised, linearise
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import Explained, Linearised, linearise
 from analysis.effects.effect import SLOTS
 
 FORMULA_TERMS = 2

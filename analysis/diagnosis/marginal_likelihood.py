@@ -18,7 +18,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.some_materials import price_of_grouping
+from analysis.diagnosis.basis.groupings import price_of_grouping
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
@@ -36,28 +36,16 @@ Array = NDArray[np.float64]
 def log_integral(problem: JointProblem, fitted: joint.Fitted) -> float:
     r"""Return Laplace's approximation of :math:`\ln \int e^{-C/2}` over all parameters.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        At the minimum of C, which holds the squares of what priors there are, without their
-        normalisation.
-
-    Returns
-    -------
-    float
-        Globals and the shots' own parameters integrated over.
+    The fit is at the minimum of C, which holds the squares of what priors there are, without their
+    normalisation; globals and the shots' own parameters are integrated over.
     """
     size = fitted.theta.size + fitted.nuisances.size
-    return 0.5 * (size * LN_2_PI - fitted.cost - _log_determinant(problem, fitted))
-
-
-def _log_determinant(problem: JointProblem, fitted: joint.Fitted) -> float:
     shared, _, _ = joint.normal_equations(problem, fitted)
-    own = sum(_log_det(b.matrix[b.chain.shape[0] :, b.chain.shape[0] :]) for b in fitted.blocks)
-    return _log_det(shared) + own
+    shots = sum(log_det(b.matrix[b.chain.shape[0] :, b.chain.shape[0] :]) for b in fitted.blocks)
+    return 0.5 * (size * LN_2_PI - fitted.cost - (log_det(shared) + shots))
 
 
-def _log_det(matrix: Array) -> float:
+def log_det(matrix: Array) -> float:
     """Return ln|H|; a direction that the data leave open counts for as little in every model."""
     seen = np.diag(matrix) > 0.0
     scale = np.sqrt(np.diag(matrix)[seen])
@@ -68,22 +56,15 @@ def _log_det(matrix: Array) -> float:
 
 @dataclasses.dataclass(frozen=True)
 class Price:
-    """What the volume of a model's parameters takes off its likelihood, in whitened squares.
-
-    Attributes
-    ----------
-    shared : float
-        Of the globals: twice ln(prior volume / posterior volume).
-    shots : float
-        Of the shots' speed, restitution, touch-down and baseline, which an effect makes less
-        certain or more.
-    grouping : float
-        Of the choice of the materials that it acts on, minus twice the logarithm of its prior.
-    """
+    """What the volume of a model's parameters takes off its likelihood, in whitened squares."""
 
     shared: float = 0.0
+    """Of the globals: twice ln(prior volume / posterior volume)."""
     shots: float = 0.0
+    """Of the shots' speed, restitution, touch-down and baseline, which an effect makes less certain
+    or more."""
     grouping: float = 0.0
+    """Of the choice of the materials that it acts on, minus twice the logarithm of its prior."""
 
 
 def price_of_effect(
@@ -91,27 +72,11 @@ def price_of_effect(
 ) -> Price:
     r"""Return by how much an effect's likelihood ratio exceeds its ratio of evidences.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The model with the effect, added last.
-    base : Fitted
-        The model without it, on the same shots.
-    effect : Effect
-        As it was added.
-
-    Returns
-    -------
-    Price
-        So that :math:`2 \Delta \ln Z = \Delta C - price`. Numbers that the effect has in every shot
-        are not in it.
-
-    Notes
-    -----
-    The prior of a number is uniform in its coordinate between its physical limits; where a campaign
-    states the number, it is Gaussian.
+    So that :math:`2 \Delta \ln Z = \Delta C - price`. The effect was added last; ``base`` is the
+    fit without it, of the same shots. Numbers that the effect has in every shot are not in the
+    price. The prior of a number is uniform in its coordinate between its physical limits; where a
+    campaign states the number, it is Gaussian.
     """
-    own = _own_places(problem, effect)
     # of an effect that another has been added to, the numbers are not the last ones
     mine = [j for j, name in enumerate(problem.names) if name.startswith(f"{effect.id}.")]
     rest = [j for j in range(len(problem.names)) if j not in mine]
@@ -128,22 +93,23 @@ def price_of_effect(
         width = _prior_width(problem, problem.names[j], effect)
         after[j, j] += 1.0 / (UNIFORM_VARIANCE * width**2)
         volume += 2.0 * math.log(width) - LN_2_PI
+    own = _places_in_shot(problem, effect)
     shots = sum(
         _conditional_log_det(new.matrix, new.chain.shape[0], own)
         - _conditional_log_det(old.matrix, old.chain.shape[0], [])
         for new, old in zip(fitted.blocks, base.blocks, strict=True)
     )
     grouping = price_of_grouping(effect.only, problem.shots)
-    return Price(volume + _log_det(after) - _log_det(before), shots, grouping)
+    return Price(volume + log_det(after) - log_det(before), shots, grouping)
 
 
 def _conditional_log_det(matrix: Array, first: int, own: list[int]) -> float:
     """Return ln|H| of a shot's parameters without some of them, these integrated over."""
     inner = matrix[first:, first:]
-    return _log_det(inner) - (_log_det(inner[np.ix_(own, own)]) if own else 0.0)
+    return log_det(inner) - (log_det(inner[np.ix_(own, own)]) if own else 0.0)
 
 
-def _own_places(problem: JointProblem, effect: Effect) -> list[int]:
+def _places_in_shot(problem: JointProblem, effect: Effect) -> list[int]:
     """Return where the numbers that the effect, added last, has in every shot are among its own."""
     model = problem.model
     first, count = len(model.shared), len(model.nuisances)
@@ -156,15 +122,11 @@ def _prior_width(problem: JointProblem, name: str, effect: Effect) -> float:
     prior = effect_prior(problem, name)
     if prior is not None:
         return prior.u * math.sqrt(2.0 * math.pi)
-    return coordinate_width(_parameter_of(problem, name, effect))
-
-
-def _parameter_of(problem: JointProblem, name: str, effect: Effect) -> EffectParameter:
-    places = problem.model.places[effect.id]
+    places, shared = problem.model.places[effect.id], len(problem.model.shared)
     return next(
-        parameter
+        coordinate_width(parameter)
         for parameter, row in zip(effect.parameters, places, strict=True)
-        if row < len(problem.model.shared) and name in problem.effect_keys(row)
+        if row < shared and name in problem.effect_keys(row)
     )
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.groupings import Sizes
 from analysis.diagnosis.basis.proposals import (
     Proposal,
     can_be_negative,
@@ -17,7 +18,6 @@ from analysis.diagnosis.basis.proposals import (
     rescoped,
     scopes_of,
 )
-from analysis.diagnosis.basis.some_materials import Sizes
 from analysis.diagnosis.candidate import (
     KNOWN_BEFORE,
     Refit,
@@ -26,7 +26,7 @@ from analysis.diagnosis.candidate import (
     price_of_scatter,
 )
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.score_test.linearised import Linearised
+from analysis.diagnosis.linearised import Linearised
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint

@@ -34,67 +34,46 @@ NORMAL_QUARTILES = 1.349
 
 @dataclass(frozen=True)
 class Spikes:
-    """How far the noise before the trigger is from Gaussian.
-
-    Attributes
-    ----------
-    samples : int
-        Whitened quiet samples that were looked at.
-    far : int
-        Of these, beyond ``CRITERIA.noise.far_deviations``, as the median tells them.
-    excess_kurtosis : float
-        Fourth moment over the squared second, less 3. [1]
-    share : float
-        Of the variance, that those far samples hold. [1]
-    """
+    """How far the noise before the trigger is from Gaussian."""
 
     samples: int
+    """Whitened quiet samples that were looked at."""
     far: int
+    """Of these, beyond ``CRITERIA.noise.far_deviations``, as the median tells them."""
     excess_kurtosis: float
+    """Fourth moment over the squared second, less 3."""
     share: float
+    """Of the variance, that those far samples hold."""
 
     @property
     def clear(self) -> bool:
         """Whether no Gaussian noise is like that."""
-        return (
-            self.samples >= CRITERIA.noise.least_pooled_samples
-            and self._deviation > CRITERIA.noise.spike_deviations
-        )
+        return self._deviation > CRITERIA.noise.spike_deviations
 
     @property
     def p_value(self) -> float:
         """Return the chance of as large a kurtosis in Gaussian noise."""
-        return (
-            float(norm.sf(self._deviation))
-            if self.samples >= CRITERIA.noise.least_pooled_samples
-            else 1.0
-        )
+        return float(norm.sf(self._deviation))
 
     @property
     def _deviation(self) -> float:
+        if self.samples < CRITERIA.noise.least_pooled_samples:
+            return -math.inf
         return self.excess_kurtosis / math.sqrt(24.0 / self.samples)
 
 
 @dataclass(frozen=True)
 class Tone:
-    """The line that stands out most of the spectrum before the trigger.
-
-    Attributes
-    ----------
-    frequency_hz : float
-        Where, to within the width of a line. [Hz]
-    times : float
-        Its power over that of the lines beside it. [1]
-    p_value : float
-        Chance of one as high, anywhere, in noise.
-    share : float
-        Of the variance, that it holds beyond the level beside it. [1]
-    """
+    """The line that stands out most of the spectrum before the trigger."""
 
     frequency_hz: float
+    """To within the width of a line."""
     times: float
+    """Its power over that of the lines beside it."""
     p_value: float
+    """Chance of one as high, anywhere, in noise."""
     share: float
+    """Of the variance, that it holds beyond the level beside it."""
 
     @property
     def clear(self) -> bool:
@@ -104,18 +83,12 @@ class Tone:
 
 @dataclass(frozen=True)
 class Background:
-    """What is on the line before anything falls.
-
-    Attributes
-    ----------
-    spikes : Spikes
-        Spikes and jumps.
-    tone : Tone or None
-        None where no quiet stretch is long enough.
-    """
+    """What is on the line before anything falls."""
 
     spikes: Spikes
+    """And jumps."""
     tone: Tone | None
+    """None where no quiet stretch is long enough."""
 
     @property
     def clear(self) -> bool:
@@ -140,22 +113,11 @@ class Background:
 def check_noise(shots: Sequence[FitShot]) -> Background:
     """Return what is on the line before anything falls, beside noise.
 
-    Parameters
-    ----------
-    shots : sequence of FitShot
-        With their quiet stretches and their noise.
-
-    Returns
-    -------
-    Background
-        Each record measured by its own level, so that records of different noise make no tail.
-
-    Notes
-    -----
-    The standard error of the kurtosis of n Gaussian samples is sqrt(24/n) (Kendall and Stuart,
-    *The Advanced Theory of Statistics* 1, 12.18); whitened samples are as good as independent. A
-    line of the mean of m periodograms of independent Gaussian noise is chi-square with 2 m degrees
-    of freedom (Percival and Walden, *Spectral Analysis for Physical Applications*, 6.6), of records
+    Each record is measured by its own level, so that records of different noise make no tail. The
+    standard error of the kurtosis of n Gaussian samples is sqrt(24/n) (Kendall and Stuart, *The
+    Advanced Theory of Statistics* 1, 12.18); whitened samples are as good as independent. A line of
+    the mean of m periodograms of independent Gaussian noise is chi-square with 2 m degrees of
+    freedom (Percival and Walden, *Spectral Analysis for Physical Applications*, 6.6), of records
     with common noise with less.
     """
     kept = [(item, quiet) for item in shots if (quiet := _quiet(item)).size]
@@ -188,12 +150,8 @@ def _spikes(whole: list[Array]) -> Spikes:
     if not whole:
         return Spikes(0, 0, 0.0, 0.0)
     pooled = np.concatenate(whole)
-    far = np.concatenate(
-        [
-            w[np.abs(w) > CRITERIA.noise.far_deviations * np.median(np.abs(w)) / 0.6745]
-            for w in whole
-        ]
-    )
+    most = CRITERIA.noise.far_deviations
+    far = np.concatenate([w[np.abs(w) > most * np.median(np.abs(w)) / 0.6745] for w in whole])
     share = float(far @ far) / pooled.size
     return Spikes(pooled.size, far.size, float(np.mean(pooled**4)) - 3.0, share)
 

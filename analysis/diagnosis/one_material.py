@@ -25,9 +25,9 @@ from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import linearise
-from analysis.diagnosis.score_test.score_test import run_score_test
+from analysis.diagnosis.score_test import run_score_test
 from analysis.diagnosis.successive_halving import PresentModel, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect

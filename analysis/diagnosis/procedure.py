@@ -22,10 +22,10 @@ from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, TimeBudget, Watch
-from analysis.diagnosis.score_test.linearised import LAW
 from analysis.diagnosis.successive_halving import rank
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
+from analysis.fit.law_error import KIND as LAW
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import build
 from analysis.fit.start import prepare

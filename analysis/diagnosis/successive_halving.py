@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
 from analysis.diagnosis.candidate import Refit, continued, refit, refit_elsewhere
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import (
     Start,
     below_a_ceiling,
@@ -26,7 +27,6 @@ from analysis.diagnosis.multistart import (
     starts,
 )
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import linearise
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Uncertainty
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.inputs import Input
 from analysis.fit.priors import Prior
@@ -99,26 +98,3 @@ def with_law_errors(problem: JointProblem, errors: Sequence[LawError]) -> JointP
         prior_precision=precision,
         inputs=(*problem.inputs, *errors),
     )
-
-
-def law_error(
-    name: str, u: float, added: Mapping[float, Array], faster: Mapping[float, float]
-) -> LawError:
-    """Return one coefficient.
-
-    Parameters
-    ----------
-    name : str
-        ``<effect>.<column> [<pair>]``.
-    u : float
-        Its standard uncertainty. [1]
-    added, faster : mapping
-        As of `LawError`.
-
-    Returns
-    -------
-    LawError
-        Stated as 0.
-    """
-    path = f"{KIND}.{name.partition('.')[0]}"
-    return LawError(KIND, name, 0.0, "1", Uncertainty(u), path, {}, added, faster)

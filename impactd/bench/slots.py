@@ -18,12 +18,12 @@ from impactd import blas_threads
 blas_threads.keep_to_one()  # before anything imports numpy
 
 from analysis.diagnosis.criteria import CRITERIA  # noqa: E402 - see above
+from analysis.diagnosis.linearised import linearise  # noqa: E402 - see above
 from analysis.diagnosis.localisation import (  # noqa: E402 - see above
     FAMILIES,
     gains_by_family,
     slot_probabilities,
 )
-from analysis.diagnosis.score_test.linearised import linearise  # noqa: E402 - see above
 from analysis.fit import joint  # noqa: E402 - see above
 from analysis.fit.problem import build  # noqa: E402 - see above
 from analysis.fit.start import prepare  # noqa: E402 - see above

@@ -49,8 +49,8 @@ def copy(tmp_path: Path) -> Path:
         ("drivers/errors.py", "import impactd.events", "strangers"),
         ("drivers/errors.py", "import drivers.simulated.world", "real drivers never"),
         (
-            "analysis/diagnosis/basis/scale.py",
-            "import analysis.diagnosis.score_test.family_wise",
+            "analysis/diagnosis/basis/groupings.py",
+            "import analysis.diagnosis.score_test",
             "the rooms of the diagnosis",
         ),
     ],

@@ -1,101 +1,79 @@
-"""A shot's columns by the name of their family."""
+"""A shot's columns by the name of their family, and the sizes that they are measured in.
+
+==============  ====================================================================================
+family          what it can take up, beside those of the other modules
+==============  ====================================================================================
+``cell``        the cell's own four numbers, where they change with surface, shot or time
+``gain``        the cell's gain
+``pitch``       the cell's frequency and damping
+``stiffness``   the stiffness of the contact
+``speed``       an impact speed that is not the one of the drop height
+==============  ====================================================================================
+"""
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.contact_force import (
-    OF_PARAMETERS,
-    cell_names,
-    contact_columns,
-    contact_labels,
-    crystal_of,
-    mount_columns,
-    parameter_columns,
-)
-from analysis.diagnosis.basis.dynamic_curve import (
-    SLEW,
-    droop_columns,
-    dynamic_columns,
-    slope_columns,
-    warmth_columns,
-)
-from analysis.diagnosis.basis.event import (
-    LATE_IMPACT,
-    jump_columns,
-    late_impact_columns,
-    late_impact_shape,
-)
-from analysis.diagnosis.basis.linear_filter import (
-    creep_columns,
-    impulse_columns,
-    response_columns,
-    slow_columns,
-)
-from analysis.diagnosis.basis.modulation import (
-    alternate_columns,
-    baseline_columns,
-    piece_columns,
-    wander_columns,
-)
-from analysis.diagnosis.basis.oscillation import DAMPED, MODE_ZETA, TUNED, tuned_columns
-from analysis.diagnosis.basis.scale import Scale
-from analysis.diagnosis.basis.static_curve import (
-    RIPPLE,
-    curve_columns,
-    fine_columns,
-    path_columns,
-    ripple_columns,
-    static_columns,
-)
-from analysis.diagnosis.basis.waveform import (
-    BUMPS_US,
-    TEMPLATES,
-    locked_columns,
-    template_columns,
-)
-from analysis.fit.problem import FitShot
-from analysis.model.impact_model import ImpactModel
+from analysis.diagnosis.basis import linear_filter, nonlinearity, time_course
+from analysis.diagnosis.basis.linear_filter import DAMPED, MODE_ZETA, TUNED, Crystal, Labelled
+from analysis.diagnosis.basis.nonlinearity import RIPPLE, SLEW
+from analysis.diagnosis.basis.time_course import LATE_IMPACT
+from analysis.fit.joint import Fitted
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.impact_model import SHARED, ImpactModel
 
 Array = NDArray[np.float64]
 
-Columns = tuple[list[str], Array, Array | None, Array | None]
-"""Labels, signal, and where there are any: change of the rebound, of the promised ln v0."""
-
 TOUCH_DOWN, BASELINE = 2, 3
 """Places among a shot's own parameters."""
+CHANGE = 0.05
+"""Relative change of a parameter that a coefficient of one stands for: of the order by which a gain
+or a stiffness is wrong, as the ridge on coefficients expects. The cell's four take twice that."""
+TUNED_BY = 3
+"""Every so manieth shot is asked for a frequency or a width, which all share: asking costs time."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Sizes common to a campaign, so that a column means the same in every shot."""
+
+    top: float
+    """Largest signal of all shots. [unit of the signal]"""
+    indentation_m: float
+    """Median of the largest, as of speed and Hertz's contact time."""
+    speed_m_per_s: float
+    contact_s: float
+    tuned_hz: dict[str, float] = field(default_factory=dict)
+    """Frequency by family; this and all below is looked for in the records."""
+    tuned_zeta: float = 0.0
+    """Damping ratio of the one whose damping is looked for as well."""
+    ripples: float = 0.0
+    """Periods of a curve's ripple between zero and the top."""
+    steepest_per_s: float = 0.0
+    """Largest slope. [unit of the signal/s]"""
+    late_impact_us: float = 0.0
+    """Width of a late impact after the impact."""
 
 
 @dataclass(frozen=True)
 class View:
-    """One shot as the present model sees it.
-
-    Attributes
-    ----------
-    model : ImpactModel
-        The model.
-    item : FitShot
-        The shot.
-    local : ndarray, shape (p,)
-        Its local parameters.
-    clean : ndarray, shape (n,)
-        The model's signal without the baseline. [unit of the signal]
-    jacobian : ndarray, shape (n, p)
-        Of the signal.
-    scale : Scale
-        Of the campaign.
-    """
+    """One shot as the present model sees it."""
 
     model: ImpactModel
     item: FitShot
     local: Array
+    """Local parameters, shape (p,)."""
     clean: Array
+    """The model's signal without the baseline, shape (n,). [unit of the signal]"""
     jacobian: Array
+    """Of the signal, shape (n, p)."""
     scale: Scale
 
     @property
@@ -111,166 +89,170 @@ class View:
     @property
     def contact_us(self) -> float:
         """Return how long the contact lasts by Hertz. [us]"""
-        return 1e6 * hertz_time_s(self.item, self.local, len(self.model.shared))
+        return 1e6 * _hertz(self.item, self.local, len(self.model.shared))[1]
+
+    @property
+    def residual(self) -> Array:
+        """Return what the model leaves of the record. [unit of the signal]"""
+        baseline = self.local[len(self.model.shared) + BASELINE]
+        return np.asarray(self.item.window.signal - self.clean - baseline)
+
+    def sample_at(self, time_us: float) -> int:
+        """Return the sample at a time after the window, the first or the last beyond it."""
+        return min(max(round(time_us * 1e-6 * self.rate), 0), self.clean.size - 1)
+
+    @property
+    def lift_off(self) -> int:
+        """Return the sample at which the contact ends."""
+        return self.sample_at(self.touch_down_us + self.contact_us)
+
+    @property
+    def crystal(self) -> Crystal | None:
+        """Return the angular frequency [rad/s] and damping ratio; None of a rigid cell."""
+        shared = self.model.shared
+        if "ln_w" not in shared:
+            return None
+        frequency, zeta = shared.index("ln_w"), shared.index("ln_z")
+        return math.exp(self.local[frequency]), math.exp(self.local[zeta])
 
 
-def _locked(view: View) -> Columns:
-    peak = view.item.window.peak
-    return (
-        *locked_columns(view.clean.size, view.rate, view.touch_down_us, peak, BUMPS_US),
-        None,
-        None,
-    )
+def _hertz(item: FitShot, local: Array, speed_at: int) -> tuple[float, float]:
+    """Return depth [m] and duration [s] of an elastic contact of this shot; only scales here.
 
-
-def _template(view: View, family: str) -> Columns:
-    labels, columns = template_columns(
-        view.clean.size,
-        view.rate,
-        view.touch_down_us,
-        view.item.window.peak,
-        family=family,
-        contact_us=view.contact_us,
-        usual_us=1e6 * view.scale.contact_s,
-    )
-    return labels, columns, None, None
-
-
-def _force(view: View, *, sphere_only: bool) -> Columns:
-    signal, rebound = contact_columns(
-        view.model, view.local, view.item, view.scale, sphere_only=sphere_only
-    )
-    return contact_labels(sphere_only=sphere_only), signal, rebound, None
-
-
-def _cell(view: View) -> Columns:
-    names = cell_names(view.model)
-    places = [view.model.shared.index(n) for n in names]
-    return names, 0.1 * view.jacobian[:, places], None, None
-
-
-def _speed(view: View) -> Columns:
-    return ["speed"], np.zeros((view.clean.size, 1)), None, np.array([0.1])
-
-
-def _mount(view: View) -> Columns:
-    crystal = crystal_of(view.model, view.local)
-    if crystal is None:
-        return [], np.zeros((view.clean.size, 0)), None, None
-    return *mount_columns(view.clean, view.rate, view.scale.top, crystal), None, None
-
-
-def _residual(view: View) -> Array:
-    baseline = view.local[len(view.model.shared) + BASELINE]
-    return np.asarray(view.item.window.signal - view.clean - baseline)
-
-
-def _jump(view: View) -> Columns:
-    first = sample_at(view.touch_down_us, view.rate, view.clean.size)
-    return *jump_columns(view.clean, _residual(view), first), None, None
-
-
-def _late_impact(view: View) -> Columns:
-    first = sample_at(view.touch_down_us + view.contact_us, view.rate, view.clean.size)
-    shape = late_impact_shape(
-        view.scale.late_impact_us, view.rate, crystal_of(view.model, view.local)
-    )
-    size = view.item.window.peak
-    return *late_impact_columns(_residual(view), first, view.rate, shape, size), None, None
-
-
-OF_SIGNAL: dict[str, Callable[[Array, float, Scale], tuple[list[str], Array]]] = {
-    "creep": creep_columns,
-    "slow": slow_columns,
-    "curve": curve_columns,
-    "fine": fine_columns,
-    "path": path_columns,
-    "impulse": impulse_columns,
-    "droop": droop_columns,
-    "warmth": warmth_columns,
-    "alternate": alternate_columns,
-    "baseline": baseline_columns,
-}
-"""Families that are functions of the model's signal alone."""
-
-_BY_NAME: dict[str, Callable[[View], Columns]] = {
-    "response": lambda v: (*response_columns(v.clean, v.rate), None, None),
-    "static": lambda v: (*static_columns(v.clean, v.scale), None, None),
-    "dynamic": lambda v: (*dynamic_columns(v.clean, v.rate, v.scale), None, None),
-    "locked": _locked,
-    "contact": lambda v: _force(v, sphere_only=False),
-    "loss": lambda v: _force(v, sphere_only=True),
-    "cell": _cell,
-    "speed": _speed,
-    "seat": _mount,
-    "jump": _jump,
-    LATE_IMPACT: _late_impact,
-    SLEW: lambda v: (*slope_columns(v.clean, v.rate, v.scale.steepest_per_s), None, None),
-    RIPPLE: lambda v: (*ripple_columns(v.clean, v.scale.top, v.scale.ripples), None, None),
-    "pieces": lambda v: (
-        *piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us), None, None
-    ),
-    "wander": lambda v: (*wander_columns(v.clean, v.rate, v.touch_down_us), None, None),
-}  # fmt: skip
-
-
-def family_columns(view: View, family: str) -> Columns:
-    """Return one family's columns of one shot.
-
-    Parameters
-    ----------
-    view : View
-        The shot.
-    family : str
-        Any that a module of this folder makes.
-
-    Returns
-    -------
-    tuple
-        Labels, signal of shape (n, q) [unit of the signal], and where there are any the changes of
-        the rebound ratio and of the promised ln v0, of shape (q,).
-    """
-    if family in TEMPLATES:
-        return _template(view, family)
-    if family in TUNED or family == DAMPED:
-        frequency = view.scale.tuned_hz[family]
-        zeta = view.scale.tuned_zeta if family == DAMPED else MODE_ZETA
-        labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
-        return labels, tuned_columns(family, view.clean, view.rate, frequency, zeta), None, None
-    if family in OF_SIGNAL:
-        return *OF_SIGNAL[family](view.clean, view.rate, view.scale), None, None
-    if family in OF_PARAMETERS:
-        return *parameter_columns(family, view.model, view.jacobian), None, None
-    return _BY_NAME[family](view)
-
-
-def hertz_time_s(item: FitShot, local: Array, speed_at: int) -> float:
-    """Return how long an elastic contact of this shot lasts. [s]
-
-    Notes
-    -----
-    Source: Hertz; K. L. Johnson, Contact Mechanics (1985), 11.4. Only a scale of time here.
+    Source: Hertz; K. L. Johnson, Contact Mechanics (1985), 11.4.
     """
     stiffness, speed = math.exp(local[0]), math.exp(local[speed_at])
     depth = (1.25 * item.frame.mass_kg * speed**2 / stiffness) ** 0.4
-    return float(2.94 * depth / speed)
+    return depth, 2.94 * depth / speed
 
 
-def sample_at(time_us: float, rate: float, samples: int) -> int:
-    """Return the sample at a time, the first or the last where it lies outside.
+def _outline(view: View) -> Labelled:
+    times = view.clean.size, view.rate, view.touch_down_us
+    usual_us = 1e6 * view.scale.contact_s
+    return time_course.outline_columns(times, view.item.window.peak, view.contact_us, usual_us)
 
-    Parameters
-    ----------
-    time_us : float
-        After the window's first sample. [us]
-    rate : float
-        Sampling rate. [Hz]
-    samples : int
-        Of the window.
 
-    Returns
-    -------
-    int
-        Between 0 and ``samples - 1``.
+def _force(view: View, *, sphere_only: bool) -> Labelled:
+    sizes = view.scale.indentation_m, view.scale.speed_m_per_s
+    return nonlinearity.contact_columns(
+        view.model, view.local, view.item, sizes, sphere_only=sphere_only
+    )
+
+
+def _parameters(view: View, names: Sequence[str], change: float) -> Labelled:
+    """Return a relative change of the model's own parameters, those that it has."""
+    own = [n for n in names if n in view.model.shared]
+    return own, change * view.jacobian[:, [view.model.shared.index(n) for n in own]]
+
+
+def _late_impact(view: View) -> Labelled:
+    shape = time_course.late_impact_shape(view.scale.late_impact_us, view.rate, view.crystal)
+    return time_course.late_impact_columns(
+        view.residual, view.lift_off, view.rate, shape, view.item.window.peak
+    )
+
+
+def _tuned(view: View, family: str) -> Labelled:
+    frequency = view.scale.tuned_hz[family]
+    zeta = view.scale.tuned_zeta if family == DAMPED else MODE_ZETA
+    labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
+    return labels, linear_filter.tuned_columns(family, view.clean, view.rate, frequency, zeta)
+
+
+_BY_NAME: dict[str, Callable[[View], Labelled]] = {
+    "response": lambda v: linear_filter.response_columns(v.clean, v.rate),
+    "creep": lambda v: linear_filter.creep_columns(v.clean, v.rate),
+    "slow": lambda v: linear_filter.slow_columns(v.clean, v.rate),
+    "impulse": lambda v: linear_filter.impulse_columns(v.clean, v.rate),
+    "swing": lambda v: _tuned(v, "swing"),
+    "clock": lambda v: _tuned(v, "clock"),
+    "mode": lambda v: _tuned(v, "mode"),
+    DAMPED: lambda v: _tuned(v, DAMPED),
+    "static": lambda v: nonlinearity.static_columns(v.clean, v.scale.top),
+    "curve": lambda v: nonlinearity.curve_columns(v.clean, v.scale.top, nonlinearity.CURVE_KNOTS),
+    "fine": lambda v: nonlinearity.curve_columns(v.clean, v.scale.top, nonlinearity.FINE_KNOTS),
+    "path": lambda v: nonlinearity.path_columns(v.clean, v.scale.top),
+    RIPPLE: lambda v: nonlinearity.ripple_columns(v.clean, v.scale.top, v.scale.ripples),
+    "dynamic": lambda v: nonlinearity.dynamic_columns(v.clean, v.rate, v.scale.top),
+    "droop": lambda v: nonlinearity.droop_columns(v.clean, v.rate, v.scale.top),
+    "warmth": lambda v: nonlinearity.warmth_columns(v.clean, v.rate, v.scale.top),
+    SLEW: lambda v: nonlinearity.slope_columns(v.clean, v.rate, v.scale.steepest_per_s),
+    "seat": lambda v: nonlinearity.mount_columns(v.clean, v.rate, v.scale.top, v.crystal),
+    "contact": lambda v: _force(v, sphere_only=False),
+    "loss": lambda v: _force(v, sphere_only=True),
+    "locked": lambda v: time_course.locked_columns(
+        v.clean.size, v.rate, v.touch_down_us, v.item.window.peak, time_course.BUMPS_US
+    ),
+    "outline": _outline,
+    "jump": lambda v: time_course.jump_columns(v.clean, v.residual, v.sample_at(v.touch_down_us)),
+    LATE_IMPACT: _late_impact,
+    "baseline": lambda v: time_course.baseline_columns(v.clean.size, v.scale.top),
+    "alternate": lambda v: time_course.alternate_columns(v.clean, v.scale.top),
+    "pieces": lambda v: time_course.piece_columns(v.clean, v.rate, v.touch_down_us, v.contact_us),
+    "wander": lambda v: time_course.wander_columns(v.clean, v.rate, v.touch_down_us),
+    "cell": lambda v: _parameters(v, [n for n in SHARED[v.model.kind] if n != "ln_K"], 0.1),
+    "gain": lambda v: _parameters(v, ["ln_S"], CHANGE),
+    "pitch": lambda v: _parameters(v, ["ln_w", "ln_z"], CHANGE),
+    "stiffness": lambda v: _parameters(v, ["ln_K"], CHANGE),
+    "speed": lambda v: (["speed"], np.zeros((v.clean.size, 1))),
+}
+
+
+def family_columns(view: View, family: str) -> tuple[list[str], Array, Array]:
+    """Return one family's labels, its columns of one shot and what they add to the promised ln v0.
+
+    Of shape (n, q) [unit of the signal] and (q,).
     """
-    return min(max(round(time_us * 1e-6 * rate), 0), samples - 1)
+    labels, signal = _BY_NAME[family](view)
+    return labels, signal, np.full(len(labels), 0.1 if family == "speed" else 0.0)
+
+
+def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
+    """Return the sizes that the generic columns of a fitted campaign are measured in."""
+    contacts, speeds = [], []
+    for item, nuisance in zip(problem.shots, fitted.nuisances, strict=True):
+        shared, _ = problem.shared_local(item, fitted.theta)
+        contacts.append(_hertz(item, np.array([*shared, *nuisance]), len(shared)))
+        speeds.append(math.exp(nuisance[0]))
+    indentation_m, contact_s = np.median(contacts, axis=0).tolist()
+    top = max(s.window.peak for s in problem.shots)
+    return Scale(top, indentation_m, float(np.median(speeds)), contact_s)
+
+
+def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[str]) -> Scale:
+    """Return the scale with what some families need that is looked for along the residuals.
+
+    What the scale has already is kept.
+    """
+    if SLEW in wanted and not scale.steepest_per_s:
+        records = [s.window.signal for s in problem.shots]
+        rates = [s.frame.sample_rate_hz for s in problem.shots]
+        scale = dataclasses.replace(scale, steepest_per_s=nonlinearity.steepest(records, rates))
+    families = [f for f in wanted if f in (*TUNED, DAMPED) and f not in scale.tuned_hz]
+    ripple = RIPPLE in wanted and not scale.ripples
+    late_impact = LATE_IMPACT in wanted and not scale.late_impact_us
+    if not families and not ripple and not late_impact:
+        return scale
+    views, residuals = [], []
+    for item, nuisance in list(zip(problem.shots, fitted.nuisances, strict=True))[::TUNED_BY]:
+        local = np.concatenate([problem.shared_local(item, fitted.theta)[0], nuisance])
+        signal = problem.model.predict(local, item.frame).signal
+        none = np.zeros((signal.size, 0))
+        views.append(View(problem.model, item, local, signal - nuisance[BASELINE], none, scale))
+        residuals.append(item.window.signal - signal)
+    signals, rates = [v.clean for v in views], [v.rate for v in views]
+    best, found = dict(scale.tuned_hz), scale
+    for family in families:
+        if family != DAMPED:
+            best[family] = linear_filter.best_frequency(family, signals, residuals, rates)
+    if DAMPED in families:
+        best[DAMPED], zeta = linear_filter.best_damped(signals, residuals, rates)
+        found = dataclasses.replace(found, tuned_zeta=zeta)
+    if ripple:
+        cycles = nonlinearity.best_ripple(signals, residuals, scale.top)
+        found = dataclasses.replace(found, ripples=cycles)
+    if late_impact:
+        firsts, crystals = [v.lift_off for v in views], [v.crystal for v in views]
+        width_us = time_course.late_impact_width(residuals, firsts, rates, crystals)
+        found = dataclasses.replace(found, late_impact_us=width_us)
+    return dataclasses.replace(found, tuned_hz=best)

@@ -20,8 +20,8 @@ column           what of the law is inexact
 P are Legendre's polynomials; u runs from -1 to 1 as the signal's squares pass, because a contact's
 law acts during the contact, a coupler's long after it, and a second touch later still. T is the
 contact time. The signal is all of what the law adds, not the part that nothing else imitates: what
-a modulus imitates of an error of the law moves the modulus. A pair owns its coefficients: a form is
-chosen once, but how two forms differ depends on the two bodies, and hardly on the height, with
+a modulus imitates of an error of the law moves the modulus. Coefficients belong to a pair: a form
+is chosen once, but how two forms differ depends on the two bodies, and hardly on the height, with
 which the signal has changed already.
 
 A signal of free size in every shot (hum) is no law and has none.
@@ -37,12 +37,12 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
+from analysis.campaign import Uncertainty
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.effects.effect import Effect
 from analysis.fit.joint import Fitted
-from analysis.fit.law_error import LawError, law_error
+from analysis.fit.law_error import KIND, LawError
 from analysis.fit.problem import FitShot, JointProblem
-from analysis.model.impact_model import ImpactModel
 
 HIGHEST_ORDER = 3
 """Of the polynomials: a signal's start, middle and end apart, no single sample."""
@@ -53,27 +53,18 @@ Places = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """What the inexactness of a model's laws may add to each shot.
-
-    Attributes
-    ----------
-    names : list of str
-        Of the w coefficients: ``<effect>.<column> [<pair>]``.
-    columns : list of ndarray, shape (n, q)
-        For each shot. [unit of the signal]
-    speeds : list of ndarray, shape (q,)
-        What each column adds to the promised ln v0.
-    places : list of ndarray, shape (q,)
-        Whose coefficient each column has, among ``names``.
-    u : float
-        Standard uncertainty of every coefficient.
-    """
+    """What the inexactness of a model's laws may add to each shot."""
 
     names: list[str]
+    """Of the w coefficients: ``<effect>.<column> [<pair>]``."""
     columns: list[Array]
+    """For each shot, shape (n, q). [unit of the signal]"""
     speeds: list[Array]
+    """What each column adds to the promised ln v0, shape (q,)."""
     places: list[Places]
+    """Whose coefficient each column has, among ``names``, shape (q,)."""
     u: float = CRITERIA.structure.form_error
+    """Standard uncertainty of every coefficient."""
 
     @property
     def precision(self) -> Array:
@@ -90,12 +81,16 @@ class Discrepancy:
             for column, speed, j in zip(columns.T, speeds.tolist(), places, strict=True):
                 added[j][item.frame.place] = column
                 faster[j][item.frame.place] = speed
-        every = zip(self.names, added, faster, strict=True)
-        return tuple(law_error(name, self.u, signal, speed) for name, signal, speed in every)
+        paths = [f"{KIND}.{name.partition('.')[0]}" for name in self.names]
+        u = Uncertainty(self.u)
+        return tuple(
+            LawError(KIND, name, 0.0, "1", u, path, {}, signal, speed)
+            for name, path, signal, speed in zip(self.names, paths, added, faster, strict=True)
+        )
 
 
 @dataclass(frozen=True)
-class _Own:
+class _OfEffect:
     """One effect's columns of one shot, those of its numbers not yet scaled."""
 
     law: Array
@@ -104,18 +99,7 @@ class _Own:
 
 
 def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
-    """Return what the laws of a fitted model may be wrong by, None where it has no law.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A model at its best.
-
-    Returns
-    -------
-    Discrepancy or None
-        Around this fit.
-    """
+    """Return what the laws of a fitted model may be wrong by, None where it has no law."""
     effects = [e for e in problem.model.effects if e.basis is None]
     if not effects or not fitted.blocks:
         return None
@@ -125,15 +109,16 @@ def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
     ]
     columns: list[list[Array]] = [[] for _ in by_shot]
     speeds: list[list[Array]] = [[] for _ in by_shot]
-    for at in range(len(effects)):
-        own = [shot[at] for shot in by_shot]
-        scale = _scale(problem.shots, own)
-        for row, one in enumerate(own):
+    for one_effect in zip(*by_shot, strict=True):
+        scale = _scale(problem.shots, one_effect)
+        for row, one in enumerate(one_effect):
             columns[row] += [one.law, one.numbers * scale]
             shift = np.zeros(one.law.shape[1] + scale.size)
             shift[0] = one.speed
             speeds[row].append(shift)
-    labels = [f"{e.id}.{label}" for e in effects for label in _labels(e)]
+    sizes = [f"size {k}" for k in range(HIGHEST_ORDER + 1)]
+    of_effect = [(e, [*sizes, "delay", *(p.name for p in e.parameters)]) for e in effects]
+    labels = [f"{e.id}.{label}" for e, own in of_effect for label in own]
     pairs = sorted({item.pair for item in problem.shots})
     first = [pairs.index(item.pair) * len(labels) for item in problem.shots]
     return Discrepancy(
@@ -144,33 +129,28 @@ def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
     )
 
 
-def _labels(effect: Effect) -> list[str]:
-    sizes = [f"size {k}" for k in range(HIGHEST_ORDER + 1)]
-    return [*sizes, "delay", *(p.name for p in effect.parameters)]
-
-
 def _of_shot(
     problem: JointProblem, item: FitShot, theta: Array, nuisance: Array, effects: Sequence[Effect]
-) -> list[_Own]:
+) -> list[_OfEffect]:
     """Return the columns of every law in one shot."""
     problem.checkpoint()
     model = problem.model
-    shared, _ = problem.shared_local(item, theta)
-    local = np.concatenate([shared, nuisance])
+    local = np.concatenate([problem.shared_local(item, theta)[0], nuisance])
     found, jacobian, _ = model.linearise(local, item.frame)
     steps = model.steps(local, item.frame)
-    rate = item.frame.sample_rate_hz
-    own = []
+    of_effects = []
     for effect in effects:
-        without = _without(model, effect)
+        # an effect's numbers and nothing of what they do
+        kept = tuple(e.silent() if e is effect else e for e in model.effects)
+        without = dataclasses.replace(model, effects=kept)
         added = found.signal - without.predict(local, item.frame, steps=steps).signal
         if not np.isfinite(added).all():  # without it the contact has no end: nothing to compare
             added = np.zeros_like(added)
-        delay = np.gradient(added) * rate * found.contact_time_s
+        delay = np.gradient(added) * item.frame.sample_rate_hz * found.contact_time_s
         shift = model.speed_shift(local, item.frame) - without.speed_shift(local, item.frame)
         law = np.column_stack([_sizes(added), delay])
-        own.append(_Own(law, jacobian[:, list(model.places[effect.id])], shift))
-    return own
+        of_effects.append(_OfEffect(law, jacobian[:, list(model.places[effect.id])], shift))
+    return of_effects
 
 
 def _sizes(added: Array) -> Array:
@@ -182,16 +162,10 @@ def _sizes(added: Array) -> Array:
     return np.asarray(legvander(u, HIGHEST_ORDER) * added[:, None])
 
 
-def _without(model: ImpactModel, effect: Effect) -> ImpactModel:
-    """Return a model with an effect's numbers and nothing of what they do."""
-    kept = tuple(e.silent() if e is effect else e for e in model.effects)
-    return dataclasses.replace(model, effects=kept)
-
-
-def _scale(items: Sequence[FitShot], own: Sequence[_Own]) -> Array:
+def _scale(items: Sequence[FitShot], of_effect: Sequence[_OfEffect]) -> Array:
     """Return what makes the columns of an effect's numbers as large as its signal. Shape (p,)"""
-    signal, numbers = 0.0, np.zeros(own[0].numbers.shape[1])
-    for item, one in zip(items, own, strict=True):
+    signal, numbers = 0.0, np.zeros(of_effect[0].numbers.shape[1])
+    for item, one in zip(items, of_effect, strict=True):
         white = item.whiten(np.column_stack([one.law[:, :1], one.numbers]))
         squares = np.sum(white**2, axis=0)
         signal += float(squares[0])

@@ -1,4 +1,4 @@
-"""Linear filters of the signal: lags, decays, memory, resonances.
+"""Linear filters of the signal, and oscillations at one frequency that all shots share.
 
 ==============  ====================================================================================
 family          what it can take up
@@ -7,24 +7,36 @@ family          what it can take up
 ``creep``       memory from tens of microseconds to milliseconds
 ``slow``        a slow ring that the impact sets off
 ``impulse``     any linear, time-invariant chain: an impulse response in pieces; only learned
+``swing``       cos and sin of the time, there before the impact and after it
+``clock``       the same times the signal's slope: a time axis that swings
+``mode``        a resonance that the signal sets off
+``damped``      the same with its damping looked for as well; only learned
 ==============  ====================================================================================
+
+The last four have two numbers a shot, its size and phase, and a frequency that is looked for along
+the residual. Signals and columns have the unit of the records, columns are of shape (n, q).
 """
 
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
-from scipy.signal import lfilter
-
-from analysis.diagnosis.basis.scale import Scale
-from analysis.diagnosis.basis.spline import linear_spline
+from scipy.optimize import minimize
+from scipy.signal import fftconvolve, lfilter
 
 Array = NDArray[np.float64]
+Labelled = tuple[list[str], Array]
+"""Labels, and as many columns."""
+Crystal = tuple[float, float]
+"""Angular frequency [rad/s] and damping ratio [1]."""
+_Shot = tuple[Array, Array, float]
+"""Signal, residual, sampling rate."""
 
+LARGEST_SHARE = 0.2
+"""Of the sampling rate, at a resonance: one needs five samples a period."""
 LAGS_US = (2.0, 4.0, 6.0, 9.0, 13.0, 18.0, 25.0, 35.0, 48.0, 64.0)
 DECAYS_S = (0.2e-3, 0.6e-3, 2e-3, 8e-3)
 RESONANCES_HZ = (1.5e3, 3e3, 6e3, 10e3, 24e3, 34e3, 50e3, 80e3)
@@ -39,6 +51,30 @@ IMPULSE_STEP_US, IMPULSE_EVEN_US, IMPULSE_GROWTH, IMPULSE_UNTIL_US = 2.0, 20.0, 
 IMPULSE_LONGEST_US = 12.0
 """Widest step between two of them."""
 
+MODES_HZ = tuple(np.geomspace(250.0, 60e3, 48).tolist())
+TUNED = {
+    "swing": tuple(np.geomspace(250.0, 20e3, 48).tolist()),
+    "clock": tuple(np.geomspace(800.0, 40e3, 40).tolist()),
+    "mode": MODES_HZ,
+}
+"""Frequencies that are tried, by family. [Hz]"""
+DAMPED = "damped"
+MODE_ZETA = 0.05
+"""Damping ratio of a mode where it is not looked for as well. Chosen by trial."""
+ZETAS = (0.01, 0.03, 0.1, 0.3)
+
+
+def linear_spline(values: Array, knots: Array) -> Array:
+    """Return piecewise linear functions, one at each knot and flat beyond. Shape (n, knots)."""
+    inside = np.clip(values, knots[0], knots[-1])
+    at = np.clip(np.searchsorted(knots, inside, side="right") - 1, 0, knots.size - 2)
+    share = (inside - knots[at]) / (knots[at + 1] - knots[at])
+    found = np.zeros((values.size, knots.size))
+    rows = np.arange(values.size)
+    found[rows, at] = 1.0 - share
+    found[rows, at + 1] = share
+    return found
+
 
 def forgetting(signal: Array, rate: float, tau_s: float) -> Array:
     """Return the signal's mean over the last so many seconds, exponentially forgotten."""
@@ -46,88 +82,127 @@ def forgetting(signal: Array, rate: float, tau_s: float) -> Array:
     return np.asarray(lfilter([1 - decay], [1, -decay], signal))
 
 
-def ringing(signal: Array, rate: float, frequency_hz: float, zeta: float) -> tuple[Array, Array]:
+def _ringing(signal: Array, rate: float, frequency_hz: float, zeta: float) -> tuple[Array, Array]:
     """Return what a resonance makes of a signal, in phase and out of it."""
     pole = np.exp((-zeta + 1j) * 2 * math.pi * frequency_hz / rate)
     found = lfilter([1 - abs(pole)], [1, -pole], signal)
     return found.real, found.imag
 
 
-def _delayed(signal: Array, samples: float) -> Array:
-    """Return the signal later by a number of samples, at rest before."""
-    at = np.arange(signal.size) - samples
-    return np.asarray(np.interp(at, np.arange(signal.size), signal, left=0.0))
+def through_crystal(force: Array, rate: float, crystal: Crystal) -> Array:
+    """Return how far a force, over time along axis 0, compresses a crystal; a steady one by itself.
+
+    A force is felt from the next sample on.
+    """
+    angle, zeta = crystal[0] / rate, crystal[1]
+    pole = np.exp((-zeta + 1j * math.sqrt(max(1.0 - zeta**2, 0.0))) * angle)
+    turn = [1.0, -2.0 * pole.real, abs(pole) ** 2]
+    return np.asarray(lfilter([0.0, sum(turn)], turn, force, axis=0))
 
 
-def response_columns(signal: Array, rate: float) -> tuple[list[str], Array]:
-    """Return what a linear, time-invariant chain could add. Labels and shape (n, q)."""
-    labels, columns = [], []
-    for lag in LAGS_US:
-        labels.append(f"lag {lag:g} us")
-        columns.append(_delayed(signal, lag * 1e-6 * rate))
+def response_columns(signal: Array, rate: float) -> Labelled:
+    """Return what a linear, time-invariant chain could add."""
+    samples = np.arange(signal.size)
     slope = np.gradient(signal) * rate * 1e-6
-    labels += ["slope", "curvature"]
-    columns += [slope, np.gradient(slope) * rate * 1e-6]
-    for tau in DECAYS_S:
-        decay = math.exp(-1 / (rate * tau))
-        labels.append(f"decay {tau * 1e3:g} ms")
-        columns.append(lfilter([1 - decay], [1, -decay], signal))
+    columns = {
+        f"lag {lag:g} us": np.interp(samples - lag * 1e-6 * rate, samples, signal, left=0.0)
+        for lag in LAGS_US
+    }
+    columns |= {"slope": slope, "curvature": np.gradient(slope) * rate * 1e-6}
+    columns |= {f"decay {t * 1e3:g} ms": forgetting(signal, rate, t) for t in DECAYS_S}
     for frequency in RESONANCES_HZ:
-        if frequency > 0.2 * rate:
+        if frequency > LARGEST_SHARE * rate:
             continue
-        pole = np.exp((-RESONANCE_ZETA + 1j) * 2 * math.pi * frequency / rate)
-        ringing = lfilter([1 - abs(pole)], [1, -pole], signal)
-        labels += [f"ring {frequency:g} Hz cos", f"ring {frequency:g} Hz sin"]
-        columns += [ringing.real, ringing.imag]
-    return labels, np.column_stack(columns)
+        both = _ringing(signal, rate, frequency, RESONANCE_ZETA)
+        columns |= {
+            f"ring {frequency:g} Hz {part}": c for part, c in zip(("cos", "sin"), both, strict=True)
+        }
+    return list(columns), np.column_stack(list(columns.values()))
 
 
-def creep_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
-    """Return the signal's memory over several times. Labels and shape (n, q)."""
-    del scale
+def creep_columns(signal: Array, rate: float) -> Labelled:
+    """Return the signal's memory over several times."""
     labels = [f"memory {t * 1e3:g} ms" for t in CREEPS_S]
     return labels, np.column_stack([forgetting(signal, rate, t) for t in CREEPS_S])
 
 
-def slow_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
-    """Return slow rings that the signal sets off. Labels and shape (n, q)."""
-    del scale
-    labels = [f"slow ring {f:g} Hz {p}" for f in SLOW_HZ for p in ("cos", "sin")]
-    return labels, np.column_stack(
-        [c for f in SLOW_HZ for c in ringing(signal, rate, f, SLOW_ZETA)]
-    )
+def slow_columns(signal: Array, rate: float) -> Labelled:
+    """Return slow rings that the signal sets off."""
+    labels = [f"slow ring {f:g} Hz {part}" for f in SLOW_HZ for part in ("cos", "sin")]
+    rings = [c for f in SLOW_HZ for c in _ringing(signal, rate, f, SLOW_ZETA)]
+    return labels, np.column_stack(rings)
 
 
-def impulse_columns(signal: Array, rate: float, scale: Scale) -> tuple[list[str], Array]:
-    """Return an impulse response in pieces, each over the signal. Labels and shape (n, q)."""
-    del scale
-    most = math.ceil((IMPULSE_UNTIL_US + IMPULSE_LONGEST_US) * 1e-6 * rate) + 1
-    labels, pieces = _impulse_pieces(min(signal.size, most), rate)
-    return list(labels), _over(signal, pieces).T
-
-
-@lru_cache(maxsize=8)
-def _impulse_pieces(samples: int, rate: float) -> tuple[list[str], Array]:
-    """Return the pieces by their lags. Labels and shape (q, lags)."""
+def impulse_columns(signal: Array, rate: float) -> Labelled:
+    """Return an impulse response in pieces, each over the signal."""
     knots, step = [0.0], IMPULSE_STEP_US
     while knots[-1] < IMPULSE_UNTIL_US:
         if knots[-1] >= IMPULSE_EVEN_US:
             step = min(step * IMPULSE_GROWTH, IMPULSE_LONGEST_US)
         knots.append(knots[-1] + step)
-    lags = np.arange(min(samples, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
+    lags = np.arange(min(signal.size, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
     pieces = linear_spline(lags, np.array(knots))[:, :-1]
     pieces /= np.maximum(pieces.sum(axis=0), 1.0)
-    return [f"{k:.4g} us later" for k in knots[:-1]], np.ascontiguousarray(pieces.T)
+    found = fftconvolve(signal[:, None], pieces, axes=0)[: signal.size]
+    return [f"{k:.4g} us later" for k in knots[:-1]], found
 
 
-@njit(cache=True, nogil=True)
-def _over(signal: Array, pieces: Array) -> Array:
-    """Return each piece over the signal; few lags of a piece are not zero. Shape (q, n)."""
-    found = np.zeros((pieces.shape[0], signal.size))
-    for row in range(pieces.shape[0]):
-        for lag in range(pieces.shape[1]):
-            weight = pieces[row, lag]
-            if weight != 0.0:
-                for i in range(signal.size - lag):
-                    found[row, lag + i] += weight * signal[i]
-    return found
+def tuned_columns(
+    family: str, signal: Array, rate: float, frequency_hz: float, zeta: float = MODE_ZETA
+) -> Array:
+    """Return the columns of one frequency, in phase and out of it; zeta damps a resonance."""
+    if family in ("mode", DAMPED):
+        return np.column_stack(_ringing(signal, rate, frequency_hz, zeta))
+    phase = 2 * math.pi * frequency_hz / rate * np.arange(signal.size)
+    both = np.column_stack([np.cos(phase), np.sin(phase)])
+    if family == "swing":
+        return both
+    return np.asarray(both * (np.gradient(signal) * rate * 1e-6)[:, None])
+
+
+def best_frequency(
+    family: str, signals: Sequence[Array], residuals: Sequence[Array], rates: Sequence[float]
+) -> float:
+    """Return the frequency at which two numbers a shot take up most of the residuals. [Hz]
+
+    Noise is taken as white here: it only chooses.
+    """
+    shots = list(zip(signals, residuals, rates, strict=True))
+    grid = [f for f in TUNED[family] if f < LARGEST_SHARE * min(rates)]
+    return float(max(grid, key=lambda f: _power(family, shots, f, MODE_ZETA)))
+
+
+def best_damped(
+    signals: Sequence[Array], residuals: Sequence[Array], rates: Sequence[float]
+) -> tuple[float, float]:
+    """Return frequency [Hz] and damping ratio of the resonance that takes up most of the residuals.
+
+    From the best of a grid on, also between its points.
+    """
+    shots = list(zip(signals, residuals, rates, strict=True))
+    grid = [(f, zeta) for f in MODES_HZ if f < LARGEST_SHARE * min(rates) for zeta in ZETAS]
+    first = max(grid, key=lambda place: _power(DAMPED, shots, *place))
+    size = max(_power(DAMPED, shots, *first), 1e-300)
+
+    def left(place: Array) -> float:
+        """Return how much less is taken up than at the best of the grid."""
+        frequency_hz, zeta = np.exp(place)
+        return 1.0 - _power(DAMPED, shots, float(frequency_hz), float(zeta)) / size
+
+    bounds = list(zip(np.log(grid[0]).tolist(), np.log(grid[-1]).tolist(), strict=True))
+    found = minimize(
+        left, np.log(first), method="Nelder-Mead", bounds=bounds,
+        options={"xatol": 1e-3, "fatol": 1e-6},
+    )  # fmt: skip
+    frequency_hz, zeta = np.exp(found.x)
+    return float(frequency_hz), float(zeta)
+
+
+def _power(family: str, shots: Sequence[_Shot], frequency_hz: float, zeta: float) -> float:
+    """Return how much of the residuals two numbers a shot take up."""
+    power = 0.0
+    for signal, residual, rate in shots:
+        columns = tuned_columns(family, signal, rate, frequency_hz, zeta)
+        load = columns.T @ residual
+        power += float(load @ np.linalg.lstsq(columns.T @ columns, load, rcond=1e-9)[0])
+    return power

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,33 +17,23 @@ from analysis.model.impact_model import ImpactModel
 
 Array = NDArray[np.float64]
 
-STARTS_TRIED = 75
 AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
-SCOPES_TRIED = ("rig", "surface", "sphere")
 
 
 @dataclass(frozen=True)
 class Proposal:
-    """One effect from one start: what it would add to each shot, to first order.
-
-    Attributes
-    ----------
-    effect : Effect
-        In the form that is tried.
-    effect_id : str
-        Id of the library's entry, without the form.
-    coordinates : tuple of float
-        Where the effect's parameters start.
-    amplitude : int or None
-        Which parameter the column's coefficient multiplies; None where the whole column is a
-        difference and a coefficient of one means the start itself.
-    """
+    """One effect from one start: what it would add to each shot, to first order."""
 
     effect: Effect
+    """In the form that is tried."""
     effect_id: str
+    """Of the library's entry, without the form."""
     coordinates: tuple[float, ...]
+    """Where the effect's parameters start."""
     amplitude: int | None
+    """Which parameter the column's coefficient multiplies; None where the whole column is a
+    difference and a coefficient of one means the start itself."""
 
     @property
     def key(self) -> str:
@@ -53,8 +44,8 @@ class Proposal:
 def amplitude_of(effect: Effect) -> int | None:
     """Return which parameter of an effect is its size; None where none is neutral at a point."""
     for at, parameter in enumerate(effect.parameters):
-        sloped = not (parameter.peak_starts or parameter.threshold)
-        if parameter.form in ("linear", "inverse") and sloped:
+        flat = parameter.peak_starts or parameter.threshold
+        if parameter.form in ("linear", "inverse") and not flat:
             return at
     return None
 
@@ -71,32 +62,22 @@ def can_be_negative(effect: Effect) -> bool:
     return at is not None and effect.parameters[at].low < 0.0
 
 
-def _starts(parameter: EffectParameter, top: float) -> tuple[float, ...]:
-    if parameter.peak_starts:
-        return tuple(top * s for s in parameter.peak_starts)
-    return parameter.starts
+def _starts(parameter: EffectParameter, top: float) -> Sequence[float]:
+    """Return a number's starts, those of sizes in the signal's unit by its largest excursion."""
+    return [top * s for s in parameter.peak_starts] or parameter.starts
+
+
+def _combined(effect: Effect, lists: Sequence[Sequence[float]]) -> list[tuple[float, ...]]:
+    """Return every combination of some starts, as coordinates."""
+    return [
+        tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
+        for values in itertools.product(*lists)
+    ]
 
 
 def default_starts(effect: Effect, top: float) -> list[tuple[float, ...]]:
-    """Return an effect's usual numbers as coordinates, every combination of its starts.
-
-    Parameters
-    ----------
-    effect : Effect
-        Any.
-    top : float
-        Largest excursion of the campaign, for sizes in the signal's own unit.
-
-    Returns
-    -------
-    list of tuple of float
-        At most `STARTS_TRIED`.
-    """
-    lists = [_starts(p, top) for p in effect.parameters]
-    return [
-        tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
-        for values in itertools.islice(itertools.product(*lists), STARTS_TRIED)
-    ]
+    """Return an effect's usual numbers as coordinates; top is the campaign's largest excursion."""
+    return _combined(effect, [_starts(p, top) for p in effect.parameters])
 
 
 def can_be_tried(effect: Effect, problem: JointProblem) -> str | None:
@@ -114,19 +95,9 @@ def can_be_tried(effect: Effect, problem: JointProblem) -> str | None:
 
 
 def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
-    """Return what can be tried on top of a model, and why the rest cannot.
+    """Return what can be tried on top of a model: all effects, forms and starts.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        The present model and its data.
-
-    Returns
-    -------
-    found : list of Proposal
-        All effects, forms and starts.
-    refused : dict
-        Reason by effect id.
+    Behind it, by effect id, why the rest cannot.
     """
     top = max(s.window.peak for s in problem.shots)
     present = {e.id.partition(":")[0] for e in problem.model.effects}
@@ -142,48 +113,22 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
             if effect.by_name or problem.model.base not in effect.bases:
                 continue
             amplitude = amplitude_of(effect)
-            lists = [
-                _starts(p, top)[:1] if at == amplitude else _starts(p, top)
-                for at, p in enumerate(effect.parameters)
-            ]
-            for values in itertools.islice(itertools.product(*lists), STARTS_TRIED):
-                at = tuple(p.coordinate(v) for p, v in zip(effect.parameters, values, strict=True))
-                found.append(Proposal(effect, listed.id, at, amplitude))
+            lists = [_starts(p, top) for p in effect.parameters]
+            if amplitude is not None:  # a column's coefficient is the amplitude
+                lists[amplitude] = lists[amplitude][:1]
+            found += [Proposal(effect, listed.id, at, amplitude) for at in _combined(effect, lists)]
     return found, refused
 
 
 def column(
-    proposal: Proposal,
-    model: ImpactModel,
-    local: Array,
-    item: FitShot,
-    base: Array,
-    *,
-    coupon_share: float = 1.0,
-) -> tuple[Array, Array]:
-    """Return what a proposal adds to one shot per unit coefficient: signal and promised speed.
+    proposal: Proposal, model: ImpactModel, local: Array, item: FitShot, base: Array,
+    *, coupon_share: float = 1.0,
+) -> tuple[Array, Array]:  # fmt: skip
+    """Return what a proposal adds to one shot per unit coefficient: signal and promised ln v0.
 
-    Parameters
-    ----------
-    proposal : Proposal
-        What is tried.
-    model : ImpactModel
-        The present model.
-    local : ndarray, shape (p,)
-        The shot's fitted local parameters.
-    item : FitShot
-        The shot.
-    base : ndarray, shape (n,)
-        The present model's signal.
-    coupon_share : float
-        The coupon's share in the compliance of the two bodies, for an effect that depends on it.
-
-    Returns
-    -------
-    signal : ndarray, shape (n, q)
-        q is 1, or the number of free sizes of an effect with a basis.
-    speed : ndarray, shape (q,)
-        Shift of ln v0.
+    Of shapes (n, q) and (q,), q being 1 or the number of free sizes of an effect with a basis.
+    ``base`` is the present model's signal, ``coupon_share`` the coupon's share in the compliance of
+    the two bodies, for an effect that depends on it.
     """
     effect = proposal.effect
     if effect.basis is not None:
@@ -206,19 +151,9 @@ def column(
 
 
 def rescoped(effect: Effect, scope: str) -> Effect:
-    """Return an effect whose amplitude belongs to someone else; its other numbers stay the rig's.
+    """Return an effect whose amplitude is one for each rig, surface, sphere or shot.
 
-    Parameters
-    ----------
-    effect : Effect
-        Any.
-    scope : str
-        rig, surface, sphere or shot; without an amplitude all numbers go to that group.
-
-    Returns
-    -------
-    Effect
-        With every number that is no amplitude owned by the rig.
+    Its other numbers are the rig's; of one without an amplitude all numbers go to that group.
     """
     amplitude = amplitude_of(effect)
     parameters = tuple(
@@ -233,7 +168,7 @@ def scopes_of(effect: Effect) -> tuple[str, ...]:
     if effect.basis is not None:
         return ("shot",)
     if effect.slot == "contact":
-        return SCOPES_TRIED
-    if effect.slot == "mounting":
-        return ("rig",) if amplitude_of(effect) is None else ("rig", "surface", "shot")
+        return ("rig", "surface", "sphere")
+    if effect.slot == "mounting" and amplitude_of(effect) is not None:
+        return ("rig", "surface", "shot")
     return ("rig",)

@@ -11,8 +11,8 @@ import numpy as np
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned, Part, learn, learn_force, on_top
 from analysis.diagnosis.forward_selection import Step
+from analysis.diagnosis.linearised import Linearised
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress
-from analysis.diagnosis.score_test.linearised import Linearised
 
 FORCES = ("elastic", "rate")
 FORCED = ("contact", "loss")

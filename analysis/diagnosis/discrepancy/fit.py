@@ -19,16 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
-from analysis.diagnosis.basis.contact_force import OF_PARAMETERS
-from analysis.diagnosis.basis.dynamic_curve import SLEW
-from analysis.diagnosis.basis.families import BASELINE, View, family_columns
-from analysis.diagnosis.basis.groups import groups
-from analysis.diagnosis.basis.scale import Scale
-from analysis.diagnosis.basis.static_curve import RIPPLE
-from analysis.diagnosis.basis.tuning import scale_of, tuned
+from analysis.diagnosis.basis.families import BASELINE, Scale, View, family_columns, scale_of, tuned
+from analysis.diagnosis.basis.groupings import groups
+from analysis.diagnosis.basis.nonlinearity import RIPPLE, SLEW
 from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.held_out import heldout_or_none
-from analysis.diagnosis.score_test.linearised import Linearised
+from analysis.diagnosis.linearised import Linearised
 from analysis.effects.contact_closure import contact_closure
 from analysis.fit import joint, steps
 from analysis.fit.blocks import prior_rows
@@ -45,7 +41,7 @@ _Reduced = tuple[Array, Array, Array, Array]
 
 STEERED = (RIPPLE, SLEW)
 """Families of the rig that follow the signal so closely that a step of the model asks them."""
-OF_SLOPES = (*OF_PARAMETERS, "cell")
+OF_SLOPES = ("cell", "gain", "pitch", "stiffness")
 """Families whose columns are slopes of the model."""
 STEER_STEP = 1e-4
 """Of the largest signal, to see how they follow: large beside rounding, small beside a ripple."""

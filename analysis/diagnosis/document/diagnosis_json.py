@@ -21,12 +21,12 @@ from analysis.diagnosis.document.moduli_stated import (
 )
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import as_fit_result, heldout_or_none
+from analysis.diagnosis.linearised import Explained
 from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
 from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.progress import BudgetSpentError
-from analysis.diagnosis.score_test.linearised import Explained
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed

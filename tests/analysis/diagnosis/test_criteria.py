@@ -21,22 +21,19 @@ ORIGINS = ("Rate.", "Derived: ", "Measured: ", "Chosen by trial")
 
 COMPARED_BUT_NO_THRESHOLDS = {
     "fit.AGREED": "when a search has converged",
-    "linear_filter.0.2": "the highest frequency that a basis has",
-    "waveform.TEMPLATE_FINE_UNTIL": "the knots of a basis",
-    "residual.0.05": "where a phase of a record begins",
-    "residual.RING_ENDS": "where a phase of a record ends",
-    "linearised.SHOT_RANK_TOLERANCE": "rounding: the rank of a matrix",
-    "linearised.RANK_TOLERANCE": "rounding: the rank of a matrix",
-    "event.0.5": "where a basis has enough samples to be looked for",
+    "mean_waveform.AGREED": "when a search has converged",
     "mean_waveform.SETTLED": "when a search has converged",
-    "wording.1000.0": "how a frequency is written",
+    "time_course.OUTLINE_FINE_UNTIL": "the knots of a basis",
+    "time_course.0.5": "where a basis has enough samples to be looked for",
     "linear_filter.IMPULSE_EVEN_US": "the knots of a basis",
     "linear_filter.IMPULSE_UNTIL_US": "the knots of a basis",
-    "some_materials.LEAST_INFORMATION": "rounding: the rank of a matrix",
+    "linear_filter.LARGEST_SHARE": "the highest frequency that a basis has",
+    "groupings.LEAST_INFORMATION": "rounding: the rank of a matrix",
+    "residual.0.05": "where a phase of a record begins",
+    "residual.RING_ENDS": "where a phase of a record ends",
     "residual.10.0": "the bins of a picture",
+    "wording.1000.0": "how a frequency is written",
     "multistart.RISES_AFTER": "the shape of a pulse, for a start",
-    "oscillation.LARGEST_SHARE": "the highest frequency that a basis has",
-    "mean_waveform.AGREED": "when a search has converged",
 }
 """Real numbers that stand in a comparison, and what they are instead."""
 ROUNDING_OR_CONVERSION = {0.0, 1.0, 1e-300, 0.6745}

@@ -17,9 +17,9 @@ from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.held_out import as_fit_result
+from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from analysis.diagnosis.score_test.linearised import Linearised, linearise
-from analysis.diagnosis.score_test.score_test import ASKED, INEXACT, run_score_test
+from analysis.diagnosis.score_test import ASKED, INEXACT, run_score_test
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
@@ -297,7 +297,7 @@ def test_a_form_that_the_library_lacks_is_named(
     campaign, true = _drawn(effect, form, values)
     found = diagnose_campaign(campaign, BASES[DEFAULT_RIG])
     assert found.verdict in ("identified", "family")
-    assert effect in {*found.groups, *found.confusable}
+    assert effect in {*found.effect_ids, *found.confusable}
     low, high = diagnosis_json(found, software="impactd test")["after"]["moduli"]["specimen"][
         PLANE
     ]["interval95"]

@@ -17,10 +17,10 @@ from analysis.diagnosis.grouping_search import (
     promises_other_grouping,
     sizes_of,
 )
+from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import starts
 from analysis.diagnosis.named_model import definition_of, model_of
 from analysis.diagnosis.procedure import diagnose_campaign
-from analysis.diagnosis.score_test.linearised import linearise
 from analysis.diagnosis.successive_halving import rivals_refitted
 from analysis.effects.acts_on import ActsOn
 from analysis.fit import joint

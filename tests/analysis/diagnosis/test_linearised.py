@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from analysis.diagnosis.score_test.linearised import linearise
+from analysis.diagnosis.linearised import linearise
 
 
 def _copied(linearised, family, size):

@@ -1,22 +1,43 @@
-"""Structure is also what no family of columns sees."""
+"""Structure is what many overlapping tests see, what none sees, and no zero line moved by noise."""
 
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import kstest
 
 from analysis.campaign import Campaign
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Selection, Step, make_step
+from analysis.diagnosis.score_test import (
+    ASKED,
+    WANDER,
+    ScoreTest,
+    _slow_powers,
+    family_wise,
+    independent_tests,
+    p_of_wander,
+)
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from drivers.simulated.effects import make_effect
+from drivers.simulated.noise import NoiseSettings
+from impactd.storage.campaign_folder import read_campaign
 
 from .conftest import small_campaign
 
 ADDED_V = 1e-3
+CLEAN_CAMPAIGNS = 300
+LEAST_P = 1e-3
+"""Of the test for uniformity: it fails once in a thousand sound programs."""
+FAINT_HZ = 400.0
+"""A 1/f part that 27 stretches of 1.5 ms do not show."""
 
 
 def _restless(campaign: Campaign) -> Campaign:
@@ -70,3 +91,105 @@ def test_a_level_that_is_a_guess_allows_no_such_verdict(restless):
     ]
     guessed = make_step(dataclasses.replace(restless.problem, shots=shots), restless.fitted)
     assert guessed.score_test.surplus == 0.0
+
+
+def _looked_at(campaign: Campaign) -> Step:
+    problem = build(campaign, model_named("kv2"))
+    return make_step(problem, joint.fit(problem, prepare(problem)))
+
+
+def _drawn(folder: Path, seed: int) -> Campaign:
+    """Return four shots of a clean rig, with noise of their own."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={"acetal": usual.spheres["acetal"]},
+        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
+        drop_heights_m=(0.0115, 0.0465),
+        repeats=1,
+    )
+    return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, seed)))
+
+
+def test_a_test_asked_twice_is_one(clean):
+    """Two that ask the same are one independent test, two that share little are nearly two."""
+    linearised = clean.steps[0].linearised
+    one = ("response", "rig")
+    assert independent_tests(linearised, [one, one]) == pytest.approx(1.0, abs=0.2)
+    assert 1.5 < independent_tests(linearised, [one, ("speed", "shot")]) <= 2.0
+
+
+def test_the_corrected_chance_lies_between_one_test_and_all(clean):
+    """It is more than the smallest, less than Bonferroni's, and the same every time."""
+    linearised = clean.steps[0].linearised
+    found = family_wise(0.01, linearised, ASKED)
+    assert 0.01 < found < 0.01 * len(ASKED)
+    assert found == family_wise(0.01, linearised, ASKED)
+
+
+def test_structure_stays_structure(leaky):
+    """A clear residual keeps a chance below the false-alarm rate."""
+    assert leaky.steps[0].score_test.structured
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(3600)
+def test_clean_campaigns_have_every_p_value_alike(tmp_path):
+    """Over 300 clean campaigns it is uniform."""
+    found = [
+        _looked_at(_drawn(tmp_path / str(seed), seed)).score_test.p_value
+        for seed in range(CLEAN_CAMPAIGNS)
+    ]
+    quartiles = np.quantile(found, [0.25, 0.5, 0.75])
+    p = kstest(found, "uniform").pvalue
+    print(f"{CLEAN_CAMPAIGNS} clean campaigns: quartiles of p {quartiles.round(2)}, KS p {p:.2g}")
+    assert p > LEAST_P
+
+
+def _asked(folder: Path, corner_hz: float, hum_v: float = 0.0) -> tuple[ScoreTest, float]:
+    """Return the answers for 27 shots, and how likely their zero lines move by noise."""
+    hum = {"amplitude_v": hum_v, "frequency_hz": 50.0, "harmonics": 2.0}
+    settings = dataclasses.replace(
+        CampaignSettings(),
+        repeats=1,
+        noise=NoiseSettings(2e-3, pink_corner_hz=corner_hz),
+        effects=(make_effect("mains_hum", hum),) if hum_v else (),
+    )
+    campaign = read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 4)))
+    problem = build(campaign, model_named("kv2"))
+    assert problem.shots[0].noise.corner == 0.0
+    linearised = make_step(problem, joint.fit(problem, prepare(problem)))
+    return linearised.score_test, p_of_wander(linearised.linearised)
+
+
+def test_noise_too_slow_to_be_seen_is_no_structure(tmp_path: Path) -> None:
+    """It moves the zero lines more than white noise does, in the ratio that 1/f has."""
+    score_test, p = _asked(tmp_path, FAINT_HZ)
+    wander = score_test.answers[WANDER]
+    assert wander.gain > 1.5 * wander.dof
+    assert p > 0.01
+    assert not score_test.structured
+
+
+def test_hum_below_the_noise_is_structure(tmp_path: Path) -> None:
+    """It moves the first order and hardly the others, which no 1/f does."""
+    score_test, p = _asked(tmp_path, 0.0, hum_v=1e-3)
+    assert p < 1e-3 * CRITERIA.structure.false_alarm_rate
+    assert score_test.structured
+    assert score_test.strongest.family == WANDER[0]
+
+
+def test_slow_noise_moves_the_orders_as_drawn_noise_does() -> None:
+    """The powers of the orders against those of 4000 stretches cut out of long 1/f noise."""
+    rng = np.random.default_rng(9)
+    n, long = 512, 1 << 16
+    amplitude = np.zeros(long // 2 + 1)
+    amplitude[1:] = np.sqrt(long / np.arange(1, long // 2 + 1))
+    x = np.linspace(-1.0, 1.0, n)
+    orders = np.linalg.qr(np.polynomial.legendre.legvander(x, 3))[0][:, 1:]
+    seen = np.zeros(3)
+    for _ in range(40):
+        noise = np.fft.irfft(np.fft.rfft(rng.standard_normal(long)) * amplitude, long)
+        stretches = noise[: 100 * n].reshape(100, n)
+        seen += np.sum((stretches @ orders) ** 2, axis=0)
+    assert seen / 4000 == pytest.approx(_slow_powers(n), rel=0.1)

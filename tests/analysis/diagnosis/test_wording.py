@@ -26,7 +26,7 @@ from analysis.diagnosis.document.wording import (
 )
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.localisation import BANK, SHARES
-from analysis.diagnosis.score_test.score_test import ASKED
+from analysis.diagnosis.score_test import ASKED
 from analysis.fit.problem import FitShot, build
 from analysis.model.impact_model import model_named
 from analysis.noise import NoiseModel

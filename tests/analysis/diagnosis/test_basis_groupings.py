@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from analysis.diagnosis.basis.some_materials import Sizes, price_of_choice
+from analysis.diagnosis.basis.groupings import Sizes, groups, price_of_choice
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.effects.acts_on import ActsOn
 
@@ -100,3 +100,20 @@ def test_words_say_the_shorter_of_a_set_and_its_complement() -> None:
     assert ActsOn.from_json(said.to_json()) == said
     with pytest.raises(ValueError, match="acts on surfaces or spheres"):
         ActsOn("pair", ("a",))
+
+
+def test_groups_with_a_speed_have_a_second_coefficient_that_sums_to_little(clean):
+    """It stands for the change with the logarithm of the speed, from the usual one on."""
+    problem = clean.steps[0].problem
+    found = groups(problem, "pair speed")
+    assert {len(own) for own in found} == {2}
+    for own, item in zip(found, problem.shots, strict=True):
+        assert own[0] == (item.pair, 1.0)
+        assert abs(own[1][1]) < 1.0
+
+
+def test_a_drift_has_a_trend_from_minus_one_to_one(clean):
+    """Whatever the number of shots."""
+    found = groups(clean.steps[0].problem, "drift")
+    assert dict(found[0])["trend"] == -1.0
+    assert dict(found[-1])["trend"] == 1.0

@@ -1,0 +1,246 @@
+"""One question: is there structure in the residual, or only noise?
+
+The tests of a residual ask overlapping columns, so their p-values go together. To first order all
+of them are known functions of the whitened noise: noise is drawn, all tests are asked, and what
+their smallest p-values do says how many independent tests they amount to.
+
+Noise of density 1/f moves every order of a zero line, the first most, by amounts that stand in a
+known ratio. Its size is only known to a limit: quiet stretches are short. So a zero line that moves
+says nothing as long as some 1/f part that they allow moves it like that. Hum moves one order and
+hardly the next.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.sparse import csr_array
+from scipy.stats import chi2 as chi2_distribution
+from scipy.stats import norm
+
+from analysis.diagnosis.basis.time_course import BASELINE_ORDERS
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.linearised import Explained, Linearised, LinearisedShot, Projection
+from analysis.fit.law_error import KIND as LAW
+from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
+from analysis.quiet_spectrum import drift_basis, slow_powers
+
+Array = NDArray[np.float64]
+Part = tuple[str, str]
+"""Family, and whose a coefficient is."""
+
+WANDER = ("baseline", "shot")
+"""What slow noise does too, which may be too faint to be seen before the trigger."""
+ASKED: tuple[Part, ...] = (
+    ("response", "rig"), ("response", "surface"), ("static", "rig"), ("dynamic", "rig"),
+    ("contact", "rig"), ("contact", "surface"), ("contact", "sphere"),
+    ("loss", "rig"), ("loss", "surface"), ("cell", "surface"), ("cell", "order"), ("cell", "shot"),
+    ("speed", "height"), ("speed", "shot"), ("locked", "rig"), ("locked", "pair"),
+    ("alternate", "shot"), WANDER,
+)  # fmt: skip
+INEXACT = (LAW, "pair")
+"""Asked of a model with effects: is one of its laws wrong by more than laws are?"""
+
+DRAWS = 200
+"""The number of tests is known to its fourteenth part, and so is a p-value."""
+SEED = 20_311
+"""Any: it is kept, so that the same records have the same p-value."""
+CORNERS_TRIED = 40
+"""Corners of slow noise, evenly over their logarithm: 1.4 times the last or less."""
+LEAST_SHARE = 1e-6
+"""Of an order, that a shot's own parameters must leave of it for it to be seen."""
+
+
+@dataclass(frozen=True)
+class ScoreTest:
+    """The answer to the one question."""
+
+    p_value: float
+    """Of the strongest family, corrected for having asked them all: uniform where there is only
+    noise, at least the chance of it where there is structure."""
+    answers: dict[Part, Explained]
+    """What each family explains."""
+    surplus: float = 0.0
+    """Whitened squares beyond the noise's own, where these are too many for noise. No family need
+    have seen them."""
+
+    @property
+    def structured(self) -> bool:
+        """Whether the residual is more than noise."""
+        return self.p_value < CRITERIA.structure.false_alarm_rate
+
+    @property
+    def left(self) -> float:
+        """Return the whitened squares that are no noise, as far as anything sees them."""
+        return max(self.surplus, *(a.gain - a.dof for a in self.answers.values()))
+
+    @property
+    def strongest(self) -> Explained:
+        """Return the family with the smallest p-value, then the largest fall per number."""
+        return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
+
+
+def run_score_test(linearised: Linearised) -> ScoreTest:
+    """Return whether a fit's residual has structure.
+
+    Bonferroni's correction is an upper bound. Where it calls a residual structured already, it
+    stands; else the chance is asked of noise that is drawn.
+    """
+    asked = (*ASKED, INEXACT) if linearised.wrong_by else ASKED
+    answers = {part: linearised.explain(*part, heldout=False) for part in asked}
+    wander = answers[WANDER]
+    if wander.p_value < CRITERIA.structure.false_alarm_rate:
+        p = max(wander.p_value, p_of_wander(linearised))
+        answers[WANDER] = dataclasses.replace(wander, p_value=p)
+    surplus, p_of_surplus = _surplus(linearised)
+    least = min(a.p_value for a in answers.values())
+    p = min(p_of_surplus, least) * len(answers)
+    if not p < CRITERIA.structure.false_alarm_rate:
+        p = family_wise(least, linearised, asked)
+    return ScoreTest(p, answers, surplus)
+
+
+def _surplus(linearised: Linearised) -> tuple[float, float]:
+    """Return the squares beyond the noise's own and their p-value; 0 and 1 of what noise may have.
+
+    Samples and level are uncertain as those of Gaussian noise are; nothing is said where some level
+    is a guess, not measured on quiet stretches.
+    """
+    noises = {id(shot.item.noise): shot.item.noise for shot in linearised.shots}.values()
+    if any(noise.source != "pre-trigger" for noise in noises):
+        return 0.0, 1.0
+    seen = sum(shot.white.size for shot in linearised.shots)
+    sigma = math.sqrt(2.0 / seen + 2.0 / sum(noise.samples for noise in noises))
+    share = linearised.chi2 / seen - 1.0
+    least = CRITERIA.structure.surplus_share, CRITERIA.structure.surplus_deviations * sigma
+    if not share > max(least):
+        return 0.0, 1.0
+    return share * seen, float(norm.sf(share / sigma))
+
+
+# -- many tests ------------------------------------------------------------------------------------
+def family_wise(p_value: float, linearised: Linearised, parts: Sequence[Part]) -> float:
+    r"""Return the chance that noise makes any of some tests as clear as the clearest.
+
+    .. math:: p = 1 - (1 - p_{min})^m
+
+    of m independent tests; m is the one most likely to give the smallest p-values of noise that was
+    drawn. Uniform between 0 and 1 where there is only noise. Source: F. Dudbridge and B. P. C.
+    Koeleman, Am. J. Hum. Genet. 75 (2004) 424.
+    """
+    return float(-np.expm1(independent_tests(linearised, parts) * np.log1p(-p_value)))
+
+
+def independent_tests(linearised: Linearised, parts: Sequence[Part]) -> float:
+    """Return how many independent tests some overlapping ones amount to, from 1 to their number."""
+    scores = _drawn_scores(linearised)
+    least = np.min([_p_values(linearised, scores, part) for part in parts], axis=0)
+    found = 1.0 / float(np.mean(-np.log1p(-np.minimum(least, 1.0 - 1e-12))))
+    return min(max(found, 1.0), float(len(parts)))
+
+
+def _drawn_scores(linearised: Linearised) -> list[Array]:
+    """Return what each shot's score would be in noise, globals fitted to it.
+
+    Each of shape (s + q, draws): shared parameters, then columns.
+    """
+    rng = np.random.default_rng(SEED)
+    whole = linearised.precision.copy()
+    load = _drawn(rng, whole)
+    chains = [shot.wide_chain for shot in linearised.shots]
+    scores = []
+    for shot, chain in zip(linearised.shots, chains, strict=True):
+        score = _drawn(rng, shot.matrix)
+        whole += chain.T @ shot.matrix @ chain
+        load += chain.T @ score
+        scores.append(score)
+    moved = np.linalg.lstsq(whole, load, rcond=None)[0]
+    return [
+        score - shot.matrix @ (chain @ moved)
+        for score, shot, chain in zip(scores, linearised.shots, chains, strict=True)
+    ]
+
+
+def _drawn(rng: np.random.Generator, matrix: Array) -> Array:
+    """Return draws of a Gaussian with a covariance. Shape (n, draws)."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    unit = np.where(scale > 0.0, scale, 1.0)
+    # rounding and a coarse converter's stretches leave eigenvalues below zero
+    values, vectors = np.linalg.eigh(matrix / np.outer(unit, unit))
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    return np.asarray(scale[:, None] * (root @ rng.standard_normal((scale.size, DRAWS))))
+
+
+def _p_values(linearised: Linearised, scores: list[Array], part: Part) -> Array:
+    """Return the p-values of one test in every draw. Shape (draws,)."""
+    family, scope = part
+    if scope == "shot":
+        at, _ = linearised.families[family]
+        gain, dof = linearised.of_each_shot(at, scores)
+    else:
+        system = linearised.system([part])
+        load = np.zeros((system.whole.shape[0], DRAWS))
+        for chain, score in zip(system.chains, scores, strict=True):
+            load += np.asarray(csr_array(chain.T) @ score)  # next to nothing of a chain is not zero
+        # the globals' own load is what fitting them has brought to nothing, priors included
+        load[: system.globals_] = 0.0
+        found = Projection(system.whole, system.globals_)
+        gain, dof = found.gain(load), found.rank
+    return np.asarray(chi2_distribution.sf(gain, dof)) if dof else np.ones(DRAWS)
+
+
+# -- zero lines ------------------------------------------------------------------------------------
+def p_of_wander(linearised: Linearised) -> float:
+    """Return how likely zero lines move as they do by slow noise that may be there unseen.
+
+    For the 1/f part that suits best among those which the quiet stretches allow. The squares of N
+    shots along an order, over what is expected, are chi-square over N; of the ratios' deviance,
+    N sum(r - 1 - ln r), the smallest over all allowed corners is compared with chi-square of as
+    many degrees of freedom as there are orders, which is on the safe side. Validation: zero lines
+    moved by noise and by hum in ``tests/analysis/diagnosis``.
+    """
+    at, _ = linearised.families[WANDER[0]]
+    by_noise: dict[int, list[LinearisedShot]] = {}
+    for shot in linearised.shots:
+        by_noise.setdefault(id(shot.item.noise), []).append(shot)
+    deviance = sum(_deviance(shots, at) for shots in by_noise.values())
+    return float(chi2_distribution.sf(deviance, len(at) * len(by_noise)))
+
+
+def _deviance(shots: list[LinearisedShot], at: list[int]) -> float:
+    """Return the smallest deviance of one instrument's zero lines over all allowed corners."""
+    by_order = np.array([_by_order(shot, at) for shot in shots])
+    slow = np.array([_slow_powers(shot.item.window.signal.size) for shot in shots])
+    noise = shots[0].item.noise
+    # from none to the largest corner that is allowed [1/sample]
+    largest = FURTHEST_CORNER if noise.corner_below is None else noise.corner_below
+    corners = np.geomspace(LEAST_CORNER, max(largest, LEAST_CORNER), CORNERS_TRIED)
+    least = np.inf
+    for corner in np.append(0.0, corners):
+        expected = (1.0 + corner * slow) / (1.0 + noise.corner * slow)
+        ratio = np.maximum(np.mean(by_order / expected, axis=0), 1e-300)
+        least = min(least, len(shots) * float(np.sum(ratio - 1.0 - np.log(ratio))))
+    return least
+
+
+def _by_order(shot: LinearisedShot, at: list[int]) -> Array:
+    """Return what each order explains beyond those before it, in units of the noise. Shape (q,)."""
+    inner = shot.matrix[np.ix_(at, at)]
+    scale = np.sqrt(np.maximum(np.diag(inner), 1e-300))
+    values, vectors = np.linalg.eigh(inner / np.outer(scale, scale))
+    sound = (vectors * np.maximum(values, LEAST_SHARE)) @ vectors.T
+    root = np.linalg.cholesky(sound)
+    return np.square(solve_triangular(root, shot.vector[at] / scale, lower=True))
+
+
+@lru_cache(maxsize=256)
+def _slow_powers(samples: int) -> Array:
+    """Return how much noise of density 1/f moves each order of a zero line. Shape (q,)."""
+    return slow_powers(drift_basis(samples, max(BASELINE_ORDERS))[:, list(BASELINE_ORDERS)])

@@ -1,1 +1,0 @@
-"""Is there structure in a residual, or only noise?"""
