@@ -138,20 +138,25 @@ def distinct(
         return found
     if earlier is None or earlier.at_bound or not earlier.fitted.blocks:
         return found + _usual(own, few, base, begins)
-    return found + _as_before(own, earlier, begins)
+    for form in {s.proposal.effect.id: s for s in own}:
+        of_form = [s for s in own if s.proposal.effect.id == form]
+        before = _as_before(of_form[0], earlier, begins)
+        found += before or _usual(of_form, few, base, begins)
+    return found
 
 
-def _as_before(own: list[Start], earlier: Refit, begins: list[joint.Fitted]) -> list[Start]:
-    """Return starts at the sizes that an effect had in an earlier turn, from near and from afar."""
-    likely = next((s for s in own if s.proposal.effect.id == earlier.effect.id), None)
-    if likely is None or earlier.effect.basis is not None:
+def _as_before(likely: Start, earlier: Refit, begins: list[joint.Fitted]) -> list[Start]:
+    """Return starts of a form at the sizes of an earlier turn, from near and from afar.
+
+    None where that turn's form has other numbers.
+    """
+    names = [p.name for p in likely.proposal.effect.parameters]
+    at = [fitted_coordinate(earlier, name) for name in names]
+    if likely.proposal.effect.basis is not None or any(value is None for value in at):
         return []
-    fitted = [fitted_coordinate(earlier, p.name) for p in earlier.effect.parameters]
-    at = tuple(
-        usual if value is None else value
-        for value, usual in zip(fitted, likely.proposal.coordinates, strict=True)
+    proposal = dataclasses.replace(
+        likely.proposal, coordinates=tuple(v for v in at if v is not None)
     )
-    proposal = dataclasses.replace(likely.proposal, coordinates=at)
     return [
         Start(proposal, likely.scope, {}, likely.promised, begin=place)
         for place in (None, *begins[:1])
