@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import Proposal, proposals
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
@@ -27,10 +26,9 @@ from analysis.diagnosis.one_material import (
     without_each_material,
 )
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
-from analysis.diagnosis.score_test import ScoreTest, run_score_test
+from analysis.diagnosis.score_test import ScoreTest, ask_residual, run_score_test
 from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
-from analysis.fit.freed_inputs import at_likeliest_inputs
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
@@ -119,22 +117,9 @@ class Selection:
 def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
     """Return a fitted model with the answer to whether its residual is noise.
 
-    Made to its end whatever the time: what was fitted is worth nothing without it. What an effect's
-    law may be wrong by (`analysis.diagnosis.basis.form_error`) is no structure, nor is what masses,
-    radii and heights explain that differ from their statements by what these allow is no structure:
-    such an answer is that of the fit in which they are where the shots put them.
+    Made to its end whatever the time: what was fitted is worth nothing without it.
     """
-    whole = unwatched(problem)
-    linearised = linearise(whole, fitted, inexact=discrepancy(whole, fitted))
-    found = Step(problem, fitted, linearised, run_score_test(linearised))
-    if not found.score_test.structured or joint.is_hopeless(problem, fitted.cost):
-        return found
-    settled, near = at_likeliest_inputs(whole, fitted)
-    if settled is whole:
-        return found  # every number is exact
-    linearised = linearise(settled, near, inexact=discrepancy(settled, near))
-    freed = run_score_test(linearised)
-    return found if freed.structured else Step(problem, fitted, linearised, freed)
+    return Step(problem, fitted, *ask_residual(unwatched(problem), fitted))
 
 
 def try_effects(

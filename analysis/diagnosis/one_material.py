@@ -19,15 +19,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import proposals, scopes_of
 from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping
-from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test import run_score_test
+from analysis.diagnosis.score_test import ask_residual
 from analysis.diagnosis.successive_halving import PresentModel, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
@@ -88,12 +86,8 @@ def single_materials(
         if rest.left > CRITERIA.grouping.outside_share * beyond + chance(present.problem):
             return
         small = rest.left <= CRITERIA.grouping.unrelated_share * beyond
-        inexact = discrepancy(rest.problem, rest.fitted)
-        if (
-            not small
-            and run_score_test(linearise(rest.problem, rest.fitted, inexact=inexact)).structured
-        ):
-            return
+        if not small and ask_residual(rest.problem, rest.fitted)[1].structured:
+            continue  # not this one; the next may leave a little more and be it
         yield apart_from(present, rest, far_begin(present))
 
 

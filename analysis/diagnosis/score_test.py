@@ -25,10 +25,20 @@ from scipy.sparse import csr_array
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import norm
 
+from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.time_course import BASELINE_ORDERS
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.linearised import Explained, Linearised, LinearisedShot, Projection
+from analysis.diagnosis.linearised import (
+    Explained,
+    Linearised,
+    LinearisedShot,
+    Projection,
+    linearise,
+)
+from analysis.fit import joint
+from analysis.fit.freed_inputs import at_likeliest_inputs
 from analysis.fit.law_error import KIND as LAW
+from analysis.fit.problem import JointProblem
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
 from analysis.quiet_spectrum import drift_basis, slow_powers
 
@@ -85,6 +95,25 @@ class ScoreTest:
     def strongest(self) -> Explained:
         """Return the family with the smallest p-value, then the largest fall per number."""
         return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
+
+
+def ask_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Linearised, ScoreTest]:
+    """Return the residual of a fit, linearised, and whether it is more than noise.
+
+    What an effect's law may be wrong by (`analysis.diagnosis.basis.form_error`) is no structure,
+    nor is what masses, radii and heights explain that differ from their statements by what these
+    allow: such an answer is that of the fit in which they are where the shots put them.
+    """
+    linearised = linearise(problem, fitted, inexact=discrepancy(problem, fitted))
+    found = run_score_test(linearised)
+    if not found.structured or joint.is_hopeless(problem, fitted.cost):
+        return linearised, found
+    settled, near = at_likeliest_inputs(problem, fitted)
+    if settled is problem:
+        return linearised, found  # every number is exact
+    again = linearise(settled, near, inexact=discrepancy(settled, near))
+    freed = run_score_test(again)
+    return (linearised, found) if freed.structured else (again, freed)
 
 
 def run_score_test(linearised: Linearised) -> ScoreTest:
