@@ -5,7 +5,8 @@ r"""Base compliance: the cell stands on a mass on the stand's spring.
     M_b\ddot q_b = k\Delta' + \mu\dot\Delta' - M_b\omega_b^2 q_b - 2\zeta_b M_b\omega_b\dot q_b
 
 with Delta' = Delta - q_b the crystal's compression, which is what is read. The first number is
-M / M_b rather than M_b: M itself hardly shows in a trace, the ratio does.
+M / M_b rather than M_b: M itself hardly shows in a trace, the ratio does. M is the crystal without
+its coupon, so that the base is the same under all.
 
 Source: two masses in series. Validity: the stand's lowest mode matters. Validation: DOP853 of the
 coupled equations; heavy limit in the tests.
@@ -30,7 +31,7 @@ def _structure(structure: Structure, values: Values, context: ShotContext) -> No
     ratio = values["crystal_over_base_mass"]
     if ratio == 0.0:
         return  # an infinite base is the frame
-    mass = structure.masses[structure.crystal] / ratio
+    mass = structure.bare_crystal_kg / ratio
     omega = 2 * math.pi * values["frequency_hz"]
     structure.add("base", mass)
     structure.move_base("base")

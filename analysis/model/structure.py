@@ -92,6 +92,11 @@ class Structure:
         link = ("crystal", FRAME, stiffness, damping)
         return cls({"crystal": mass_kg + coupon_kg}, [link], coupon_kg=coupon_kg)
 
+    @property
+    def bare_crystal_kg(self) -> float:
+        """Return the crystal's mass without a coupon that lies on it. [kg]"""
+        return self.masses[self.crystal] - self.coupon_kg
+
     def free_coupon(self) -> None:
         """Take the coupon's mass off the crystal; an effect gives it a place of its own."""
         self.masses["crystal"] -= self.coupon_kg

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals
 
+from analysis.effects.library import effect_named
 from analysis.model.structure import Structure
 
 from .conftest import Rig, apart
@@ -144,6 +145,17 @@ def test_a_heavy_base_stands_still() -> None:
 
     assert effect_of(1e-5) < 1e-4
     assert effect_of(2e-4) / effect_of(1e-4) == pytest.approx(2.0, rel=0.01)
+
+
+def test_the_base_is_the_same_under_every_coupon() -> None:
+    """A coupon that rides on the crystal is no part of the crystal's mass over the base's."""
+    effect = effect_named("base_compliance")
+    assert effect.structure is not None
+    for coupon_kg in (0.0, 5e-3):
+        structure = Structure.kelvin_voigt(0.04, 4e8, 500.0, coupon_kg)
+        values = {"crystal_over_base_mass": 0.1, "frequency_hz": 3e3, "damping_ratio": 0.05}
+        effect.structure(structure, values, None)
+        assert structure.masses["base"] == pytest.approx(0.4)
 
 
 def test_structures_and_laws_act_together() -> None:
