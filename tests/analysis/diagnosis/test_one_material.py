@@ -9,15 +9,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.campaign import Campaign
+from analysis.campaign import Campaign, Uncertainty
 from analysis.diagnosis.candidate import is_there_before
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
+from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.named_model import definition_of, model_of
-from analysis.diagnosis.one_material import can_be_one_materials
+from analysis.diagnosis.one_material import (
+    can_be_one_materials,
+    single_materials,
+    without_each_material,
+)
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.diagnosis.successive_halving import PresentModel
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.library import effect_named
+from analysis.fit import joint
 from analysis.fit.fit_shot import FitShot
+from analysis.fit.problem import build
+from analysis.fit.start import prepare
+from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
 from drivers.simulated.effects.effect import Effect, Scope
@@ -55,6 +65,23 @@ def test_a_large_mode_of_one_coupon_is_found_on_its_shots(swinging: Diagnosis) -
     numbers = dict(zip(taken.problem.names, taken.fitted.theta, strict=True))
     found_hz = math.exp(numbers["coupon_mode.frequency_hz[specimen]"])
     assert found_hz == pytest.approx(MODE["frequency_hz"], rel=2e-3)
+
+
+def test_one_material_makes_the_difference_where_heights_are_off_their_labels(
+    tmp_path: Path,
+) -> None:
+    """What the stated heights allow is no structure of the other shots."""
+    softer = make_effect("plastic_yield", {"yield_pressure_pa": 4e7}, Scope(sphere="acetal_small"))
+    made = campaign(tmp_path, softer)
+    shots = tuple(
+        dataclasses.replace(s, drop_height_m=(s.drop_height_m or 0.0) + 2e-3) for s in made.shots
+    )
+    stated = dataclasses.replace(made, shots=shots, u_height_offset_m=Uncertainty(4e-3))
+    problem = build(stated, model_named("kv2"))
+    nuisances = prepare(problem)
+    present = PresentModel(problem, joint.fit(problem, nuisances), usual_place(problem, nuisances))
+    found = list(single_materials(present, without_each_material(present)))
+    assert [one.rest.only for one in found] == [ActsOn("sphere", ("acetal_small",))]
 
 
 def test_the_other_shots_do_not_feel_it(swinging: Diagnosis) -> None:
