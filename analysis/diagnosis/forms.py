@@ -50,19 +50,27 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     scopes = [p.scope for p in found.effect.parameters]
     if not scopes or "shot" in scopes:
         return found
+    forms = [
+        form
+        for form in (entry, *entry.variants)
+        if (form.id != found.effect.id or any(p.valleys for p in form.parameters))
+        and form.basis is None
+        and form.parameters
+        and not form.by_name
+        and problem.model.base in form.bases
+        and not form.replaces_base
+    ]
+    if not forms:
+        return found
     places = thinned(problem, COMPARED_ON)
     few, few_base = part_of(problem, base, places)
     larger, fitted = part_of(found.problem, found.fitted, places)
     known = refitted(dataclasses.replace(found, problem=larger, fitted=fitted), few, few_base)
     best = known
-    for form in (entry, *entry.variants):
-        other_place = form.id != found.effect.id or any(p.valleys for p in form.parameters)
-        if form.by_name or problem.model.base not in form.bases:
-            continue
-        if other_place and form.basis is None and form.parameters:
-            other = _in_form(_grouped_as(form, found.effect), few, few_base, known)
-            if not other.at_bound and other.score() > best.score():
-                best = other
+    for form in forms:
+        other = _in_form(_grouped_as(form, found.effect), few, few_base, known)
+        if not other.at_bound and other.score() > best.score():
+            best = other
     if best is known:
         return found
     whole = refit_elsewhere(
