@@ -21,7 +21,7 @@ from analysis.diagnosis.candidate import (
     refit_elsewhere,
     refitted,
 )
-from analysis.diagnosis.successive_halving import part_of, thinned
+from analysis.diagnosis.successive_halving import MORE, part_of, thinned
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -33,8 +33,6 @@ STEPS = 25
 """Of each fit: it begins near, and what has not ended by then is behind. Chosen by trial."""
 STARTS_FITTED = 2
 """Of a form, the cheapest before any fit. Chosen by trial."""
-COMPARED_ON = 18
-"""Shots on which forms are compared; one that is ahead there is fitted to all. Chosen by trial."""
 FINER = 3
 """Starts between each two of a threshold's own."""
 
@@ -58,11 +56,10 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
         and form.parameters
         and not form.by_name
         and problem.model.base in form.bases
-        and not form.replaces_base
     ]
     if not forms:
         return found
-    places = thinned(problem, COMPARED_ON)
+    places = thinned(problem, MORE)
     few, few_base = part_of(problem, base, places)
     larger, fitted = part_of(found.problem, found.fitted, places)
     known = refitted(dataclasses.replace(found, problem=larger, fitted=fitted), few, few_base)

@@ -26,7 +26,7 @@ from analysis.diagnosis.one_material import (
     without_each_material,
 )
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
-from analysis.diagnosis.score_test import ScoreTest, ask_residual, run_score_test
+from analysis.diagnosis.score_test import ScoreTest, check_residual, run_score_test
 from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -97,7 +97,7 @@ class Selection:
         return self.last.fitted.cost + paid
 
     def on(self, found: Refit) -> Selection:
-        """Return the selection one effect further, its numbers owned by whom the data ask for."""
+        """Return the selection one effect further, in the form and grouping that score highest."""
         step = make_step(found.problem, found.fitted)
         structured = step.score_test.structured
         if structured or promises_other_grouping(found):
@@ -119,7 +119,7 @@ def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
 
     Made to its end whatever the time: what was fitted is worth nothing without it.
     """
-    return Step(problem, fitted, *ask_residual(unwatched(problem), fitted))
+    return Step(problem, fitted, *check_residual(unwatched(problem), fitted))
 
 
 def try_effects(
@@ -130,14 +130,18 @@ def try_effects(
     What an earlier turn fitted on top of less says where to look first.
     """
     found: list[Refit] = []
-    before = {r.effect_id: r for r in earlier}
     try:
-        _compare(PresentModel(step.problem, step.fitted, usual, before), step, progress, found)
+        _compare(_present(step, usual, earlier), step, progress, found)
     except BudgetSpentError:
         step.unfinished = True
         raise
     finally:
         step.refits += one_form_each(sorted(found, key=rank))
+
+
+def _present(step: Step, usual: joint.Fitted, earlier: Sequence[Refit]) -> PresentModel:
+    before = {r.effect_id: r for r in earlier}
+    return PresentModel(step.problem, step.fitted, usual, before)
 
 
 def _compare(present: PresentModel, step: Step, progress: Progress, found: list[Refit]) -> None:
@@ -233,8 +237,7 @@ def _split_by_material(
                 return one.chosen[-1]
         return None
 
-    before = {r.effect_id: r for r in start.last.refits}
-    present = PresentModel(start.last.problem, start.last.fitted, usual, before)
+    present = _present(start.last, usual, start.last.refits)
     found = split_by_material(present, start.last.without, alone, progress)
     if found is None:
         return None

@@ -63,7 +63,8 @@ PARTS = {
 }
 """Families made of some columns of another: its name, and how their labels begin."""
 RIDGE = 0.5
-"""A discrepancy's coefficients are of order one where it changes the signal by its own size."""
+"""Prior standard deviation of a discrepancy's coefficients. A choice: columns are scaled so that
+one is a usual size, and on held-out shots a smaller one does less harm."""
 RANK_TOLERANCE = 1e-9
 """Least eigenvalue, of a matrix with ones along its diagonal, of a direction that the data see:
 sums over all shots are good to 1e-12."""

@@ -133,67 +133,66 @@ def distinct(
             break
     if all(f.scope != "rig" for f in found):
         found += [s for s in own if s.scope == "rig"][:1]
-    found += some
-    if not bent:
-        return found
-    if earlier is None or earlier.at_bound or not earlier.fitted.blocks:
-        return found + _usual(own, few, base, begins)
-    for form in {s.proposal.effect.id: s for s in own}:
-        of_form = [s for s in own if s.proposal.effect.id == form]
-        before = _as_before(of_form[0], earlier, begins)
-        found += before or _usual(of_form, few, base, begins)
+    return found + some + (_without_slopes(own, few, base, begins, earlier) if bent else [])
+
+
+def _without_slopes(
+    own: list[Start],
+    few: JointProblem,
+    base: joint.Fitted,
+    begins: list[joint.Fitted],
+    earlier: Refit | None,
+) -> list[Start]:
+    """Return each form's starts at the sizes of an earlier turn, else at its usual ones."""
+    forms: dict[str, Start] = {}
+    for start in own:
+        forms.setdefault(start.proposal.effect.id, start)
+    found = []
+    for likely in forms.values():
+        if likely.proposal.effect.basis is not None:
+            continue
+        sizes = None if earlier is None else _sizes_of(earlier, likely.proposal.effect)
+        ways = (
+            _usual(likely.proposal.effect, few, base, begins)
+            if sizes is None
+            else [(place, sizes) for place in (None, *begins[:1])]
+        )
+        for place, at in ways:
+            proposal = dataclasses.replace(likely.proposal, coordinates=at)
+            found.append(Start(proposal, likely.scope, {}, likely.promised, begin=place))
     return found
 
 
-def _as_before(likely: Start, earlier: Refit, begins: list[joint.Fitted]) -> list[Start]:
-    """Return starts of a form at the sizes of an earlier turn, from near and from afar.
-
-    None where that turn's form has other numbers.
-    """
-    names = [p.name for p in likely.proposal.effect.parameters]
-    at = [fitted_coordinate(earlier, name) for name in names]
-    if likely.proposal.effect.basis is not None or any(value is None for value in at):
-        return []
-    proposal = dataclasses.replace(
-        likely.proposal, coordinates=tuple(v for v in at if v is not None)
-    )
-    return [
-        Start(proposal, likely.scope, {}, likely.promised, begin=place)
-        for place in (None, *begins[:1])
-    ]
+def _sizes_of(earlier: Refit, form: Effect) -> tuple[float, ...] | None:
+    """Return the coordinates that a form's numbers had; None where these were others, or no fit."""
+    if earlier.at_bound or not earlier.fitted.blocks:
+        return None
+    found = []
+    for parameter in form.parameters:
+        value = fitted_coordinate(earlier, parameter.name)
+        if value is None:
+            return None
+        found.append(value)
+    return tuple(found)
 
 
 def _usual(
-    own: list[Start], few: JointProblem, base: joint.Fitted, begins: list[joint.Fitted]
-) -> list[Start]:
-    """Return starts at an effect's usual sizes, whatever the linear look says of them."""
+    effect: Effect, few: JointProblem, base: joint.Fitted, begins: list[joint.Fitted]
+) -> list[tuple[joint.Fitted | None, tuple[float, ...]]]:
+    """Return the usual sizes of an effect, whatever the linear look says, and where to begin."""
+    coordinates = default_starts(effect, max(s.window.peak for s in few.shots))
+    places: list[joint.Fitted | None] = [*(begins if ends_the_signal(effect) else begins[:1])]
+    if effect.structure is None or not begins:
+        places.append(None)
     found = []
-    top = max(s.window.peak for s in few.shots)
-    for effect in {s.proposal.effect.id: s.proposal.effect for s in own}.values():
-        if effect.basis is not None:
-            continue
-        likely = next(s for s in own if s.proposal.effect.id == effect.id)
-        coordinates = default_starts(effect, top)
-        places: list[joint.Fitted | None] = [*(begins if ends_the_signal(effect) else begins[:1])]
-        if effect.structure is None or not begins:
-            places.append(None)
-        for place in places:
-            kept = FAR_STARTS if place and len(effect.parameters) > 1 else USUAL_STARTS
-            nearest = coordinates
-            if len(coordinates) > kept:
-                settled = place is not None and effect.structure is not None
-                nearest = _mildest(effect, coordinates, few, place or base, settled=settled)
-                nearest = _of_both_signs(nearest)[:kept]
-            found += [
-                Start(
-                    dataclasses.replace(likely.proposal, coordinates=at),
-                    likely.scope,
-                    {},
-                    likely.promised,
-                    begin=place,
-                )
-                for at in nearest
-            ]
+    for place in places:
+        kept = FAR_STARTS if place and len(effect.parameters) > 1 else USUAL_STARTS
+        nearest = coordinates
+        if len(coordinates) > kept:
+            settled = place is not None and effect.structure is not None
+            nearest = _mildest(effect, coordinates, few, place or base, settled=settled)
+            nearest = _of_both_signs(nearest)[:kept]
+        found += [(place, at) for at in nearest]
     return found
 
 

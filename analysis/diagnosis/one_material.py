@@ -25,7 +25,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test import ask_residual
+from analysis.diagnosis.score_test import check_residual
 from analysis.diagnosis.successive_halving import PresentModel, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
@@ -86,7 +86,7 @@ def single_materials(
         if rest.left > CRITERIA.grouping.outside_share * beyond + chance(present.problem):
             return
         small = rest.left <= CRITERIA.grouping.unrelated_share * beyond
-        if not small and ask_residual(rest.problem, rest.fitted)[1].structured:
+        if not small and check_residual(rest.problem, rest.fitted)[1].structured:
             continue  # not this one; the next may leave a little more and be it
         yield apart_from(present, rest, far_begin(present))
 

@@ -97,7 +97,7 @@ class ScoreTest:
         return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
 
 
-def ask_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Linearised, ScoreTest]:
+def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Linearised, ScoreTest]:
     """Return the residual of a fit, linearised, and whether it is more than noise.
 
     What an effect's law may be wrong by (`analysis.diagnosis.basis.form_error`) is no structure,

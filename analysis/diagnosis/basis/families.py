@@ -37,7 +37,7 @@ CHANGE = 0.05
 """Relative change of a parameter that a coefficient of one stands for: of the order by which a gain
 or a stiffness is wrong, as the ridge on coefficients expects. The cell's four take twice that."""
 TUNED_BY = 3
-"""Every so manieth shot is asked for a frequency or a width, which all share: asking costs time."""
+"""One shot in so many is asked for a frequency or a width, which all share. A choice of time."""
 
 
 @dataclass(frozen=True)

@@ -21,11 +21,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import fft
 from scipy.optimize import minimize
-from scipy.signal import fftconvolve, lfilter
+from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
 Labelled = tuple[list[str], Array]
@@ -135,16 +137,24 @@ def slow_columns(signal: Array, rate: float) -> Labelled:
 
 def impulse_columns(signal: Array, rate: float) -> Labelled:
     """Return an impulse response in pieces, each over the signal."""
+    labels, size, pieces = _impulse_pieces(signal.size, rate)
+    found = fft.irfft(pieces * fft.rfft(signal, size), size)[:, : signal.size]
+    return list(labels), np.asarray(found.T)
+
+
+@lru_cache(maxsize=8)
+def _impulse_pieces(samples: int, rate: float) -> tuple[list[str], int, NDArray[np.complex128]]:
+    """Return the pieces' labels and, of so many points, their transforms. Shape (q, frequencies)"""
     knots, step = [0.0], IMPULSE_STEP_US
     while knots[-1] < IMPULSE_UNTIL_US:
         if knots[-1] >= IMPULSE_EVEN_US:
             step = min(step * IMPULSE_GROWTH, IMPULSE_LONGEST_US)
         knots.append(knots[-1] + step)
-    lags = np.arange(min(signal.size, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
-    pieces = linear_spline(lags, np.array(knots))[:, :-1]
-    pieces /= np.maximum(pieces.sum(axis=0), 1.0)
-    found = fftconvolve(signal[:, None], pieces, axes=0)[: signal.size]
-    return [f"{k:.4g} us later" for k in knots[:-1]], found
+    lags = np.arange(min(samples, int(knots[-1] * 1e-6 * rate) + 1)) / rate * 1e6
+    pieces = linear_spline(lags, np.array(knots))[:, :-1].T
+    pieces /= np.maximum(pieces.sum(axis=1, keepdims=True), 1.0)
+    size = fft.next_fast_len(samples + lags.size - 1, real=True)
+    return [f"{k:.4g} us later" for k in knots[:-1]], size, fft.rfft(pieces, size)
 
 
 def tuned_columns(

@@ -50,9 +50,10 @@ SHIFTS = np.concatenate((-_LATER[::-1], [0.0], _LATER))
 LATE_IMPACT = "blow"
 WIDTHS_US = tuple((12.0 * 2.0 ** np.arange(0.0, 6.5, 0.125)).tolist())
 RING_US = 600.0
-"""How long after its own end a late impact is felt."""
+"""How long after its own end a late impact is felt. Derived: a cell of 17 kHz with a damping ratio
+of 0.07 has then rung 4.6 decay times of 130 us, and 1 % is left."""
 EARLY_US = 1.0
-"""By so much a coefficient of one moves a late impact of the size of one."""
+"""A unit: a coefficient of one moves a late impact of size one by a sample at 1 MHz."""
 BASELINE_ORDERS = (1, 2, 3)
 PIECES = (0.15, 0.5, 0.85, 1.2)
 """Early, middle and late contact, and all that follows. [contact times]"""

@@ -46,7 +46,8 @@ OF_SLOPES = ("cell", "gain", "pitch", "stiffness")
 STEER_STEP = 1e-4
 """Of the largest signal, to see how they follow: large beside rounding, small beside a ripple."""
 OWN_WIDTH = 3.0
-"""How large a coefficient of a single shot may be: columns are scaled to be of order one."""
+"""Prior standard deviation of a single shot's coefficient. A choice: columns are scaled so that one
+is usual, and the shot's own samples are to decide."""
 WIDTHS = (0.5, 0.1, 0.02, 4e-3)
 """How large shared ones may be, in steps of five; the one that holds best on other shots counts."""
 ROUNDS, STEERED_ROUNDS, FOLD_ROUNDS, TURNS = 6, 20, 3, 2
@@ -57,11 +58,12 @@ FIRST_DAMPING, LEAST_DAMPING = 1e-4, 1e-9
 FAILURES = 4
 """Steps that may fail one after the other: the damping has then grown by 1e8."""
 AGREED = 3e-4
-"""Relative fall of the cost at which a search ends."""
+"""Relative fall of the cost at which a search ends. Chosen so that an error moves by half of that,
+a third of what one discrepancy more must bring, see ``CRITERIA.discrepancy.further_ratio``."""
 SETTLE_STEPS = 4
 """Of the shots' own numbers, the shared ones held. Chosen by trial."""
 FORCE_WIDTH = 1.0
-"""A free force is thought of as at most Hertz's own."""
+"""Prior standard deviation of a free force's coefficients: one is Hertz's own force once more."""
 FORCE_STEPS = 8
 """Of a fit with a free force, which is linear in its coefficients. Chosen by trial."""
 

@@ -26,7 +26,8 @@ from analysis.fit.shot_fit import ShotFit, collect
 Array = NDArray[np.float64]
 
 RING_ENDS = 4.0
-"""The ring is looked at until so many contact times after touch-down."""
+"""The ring is looked at until so many contact times after touch-down. A choice of words: no verdict
+asks where one phase ends."""
 PHASES = {
     "before": "before the contact begins, so it is not locked to the impact",
     "contact": "while sphere and surface touch",

@@ -38,7 +38,6 @@ FAMILIES = {
     "locked": "anything at a fixed time after touch-down",
     "law": "more than a published law is usually wrong by",
     "background": "what is on the line all the time",
-    "template": "a waveform that repeats from shot to shot, locked to touch-down",
     "ringing": "resonances behind the signal",
     "memory": "delays and slow decays behind the signal",
     "bend": "a smooth nonlinearity of the signal",
