@@ -57,6 +57,12 @@ class Structure:
     """The same in standard deviations, for short campaigns. Derived: the normal tail is 1e-9."""
     excess_deviations: float = 4.0
     """Of a sum of squares, that are no sign of more. Derived: the normal tail is 3e-5."""
+    odd_share: float = 0.1
+    """Of a campaign's shots, that may be set aside as not belonging, and one always: what more
+    have is a property of the rig. Rate."""
+    odd_part: float = 0.5
+    """Of a k-th of all the difference, that the worst of k odd shots makes at least. Derived: of
+    equal ones each makes a k-th, and the fit of all takes up at most half of what few shots ask."""
     form_error: float = 0.01
     """Standard uncertainty of a law, as a share of its effect's own signal along each column of its
     discrepancy. Measured: a tape whose damping is a loss factor, fitted with one damping constant,

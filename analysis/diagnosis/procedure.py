@@ -21,6 +21,7 @@ from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
+from analysis.diagnosis.odd_shots import SetAside, without_odd_shots
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, TimeBudget, Watch
 from analysis.diagnosis.successive_halving import rank
 from analysis.effects.library import effect_named, library
@@ -68,6 +69,8 @@ class Diagnosis:
     """The drop that would tell the likeliest names apart."""
     check_noise: Background | None = None
     """What is on the line all the time; None where nobody looked."""
+    set_aside: tuple[SetAside, ...] = ()
+    """Shots that do not belong; the last steps rest on the others."""
     watch: Watch = field(default_factory=Watch)
     """Knows whether the search ended early."""
 
@@ -150,9 +153,24 @@ def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
     if selection.last.impossible and not selection.last.score_test.structured:
         # noise is left, but by a model that nothing real can be: the data cannot show it
         return Diagnosis("not_identifiable", selection.steps, selection.chosen, check_noise=seen)
+    set_aside: tuple[SetAside, ...] = ()
+    if not selection.adequate:
+        with contextlib.suppress(BudgetSpentError):
+            selection, usual, set_aside = _without_odd_shots(selection, usual, told)
     if not selection.adequate:
         selection = searched(selection, usual, told)
-    return _beside(seen, _judge(selection, told))
+    return dataclasses.replace(_beside(seen, _judge(selection, told)), set_aside=set_aside)
+
+
+def _without_odd_shots(
+    selection: Selection, usual: joint.Fitted, told: Watch
+) -> tuple[Selection, joint.Fitted, tuple[SetAside, ...]]:
+    """Return the selection and its usual place without shots that do not belong, and those."""
+    rest = without_odd_shots(selection.last, told)
+    if rest is None:
+        return selection, usual, ()
+    usual = dataclasses.replace(usual, nuisances=usual.nuisances[rest.kept])
+    return Selection([*selection.steps[:-1], rest.step], selection.chosen), usual, rest.set_aside
 
 
 def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.Fitted]:

@@ -76,6 +76,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     turns = [_turn(diagnosis, step) for step in diagnosis.steps]
     ended = diagnosis.watch.ended
     said = [
+        *wording.set_aside_sentences(diagnosis.set_aside),
         wording.verdict_sentence(diagnosis, before, after),
         *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
         *_on_moduli(stated, free_after),
@@ -92,6 +93,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.check_noise),
         "effects": [_effect(diagnosis, refit, after) for refit in diagnosis.chosen],
+        "set_aside": [dataclasses.asdict(one) for one in diagnosis.set_aside],
         "slot": diagnosis.slot,
         "slots": {} if located is None else _slots(last, located),
         "also_possible_slots": [] if located is None else located.also,

@@ -16,6 +16,7 @@ from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.noise_check import Background
+from analysis.diagnosis.odd_shots import SetAside
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.effects.library import effect_named, library
 from analysis.fit.physical_range import out_of_range
@@ -96,6 +97,14 @@ def two_digits(number: float) -> str:
 
 
 # -- the verdict ---------------------------------------------------------------------------------
+def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
+    """Return which shots were set aside and why; nothing where there are none."""
+    said = [f"Shot {one.shot} ({one.name}) does not belong. {one.because}" for one in set_aside]
+    count = len(said)
+    rest = "The rest is judged without " + ("it." if count == 1 else f"these {count}.")
+    return [*said, rest] if said else []
+
+
 def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     """Return the verdict in one sentence, and for what has no name what it looks like.
 

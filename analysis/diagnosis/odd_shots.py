@@ -1,0 +1,347 @@
+"""Shots that do not belong: without a few of them the rest is noise, and their repetitions agree.
+
+No effect of a rig tells one shot from its repetitions: the same sphere on the same surface from
+the same height. So a shot that differs from them is set aside before any effect is looked for. What
+it is like is said: a drop of another sphere or coupon, from another height, with another gain.
+Without a repetition an effect may be the reason, and the shot stays, unless a speed of its own
+explains it whole: then its height is wrong, whatever acts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forward_selection import Step, make_step
+from analysis.diagnosis.progress import MethodStep, Progress
+from analysis.fit import joint
+from analysis.fit.blocks import shot_cost
+from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable
+from analysis.fit.problem import JointProblem
+from analysis.fit.settle import settle
+from analysis.model import solver
+
+Array = NDArray[np.float64]
+
+SUBSETS, CONCENTRATIONS = 3, 3
+"""Small sets of shots that a fit begins from where the whole is drawn far off, and fits from each
+to the shots that it follows best. Of three sets one holds none of two odd shots; chosen by trial.
+"""
+RANK = 1e-9
+"""Singular value, over the largest, of a direction of one shot's parameters that it shows."""
+SETTLINGS = 5
+"""Of one shot's own parameters, at most; ended where the squares fall no more."""
+DRAWN = 400
+"""Points of a picture."""
+HEIGHT = "drop_height_m"
+GAIN_WITHIN = 0.7
+"""Largest change of the logarithm of one shot's gain: by a factor of two."""
+
+
+@dataclass(frozen=True)
+class SetAside:
+    """A shot that was set aside, and why."""
+
+    shot: int
+    """Place in the campaign, from 0."""
+    name: str
+    because: str
+    likely: dict[str, str | float]
+    """What it would be like: sphere and surface, drop_height_m, or gain; empty for nothing known.
+    """
+    curves: dict[str, list[float]]
+    """``time_us`` in the record, ``signal``, and the best of the model ``as_labelled``."""
+
+
+@dataclass(frozen=True)
+class Rest:
+    """A campaign without the shots that do not belong."""
+
+    step: Step
+    kept: list[int]
+    """Places among the shots of the problem that was given."""
+    set_aside: tuple[SetAside, ...]
+
+
+def without_odd_shots(step: Step, progress: Progress) -> Rest | None:
+    """Return the present model without shots that do not belong; None where there are none.
+
+    One shot after the other is left out, until none differs from the rest by more than noise. Where
+    they have drawn the fit far off, it begins without those that it follows least.
+    """
+    progress(MethodStep.STRUCTURE.told("does a shot not belong?"), 0.07)
+    whole = len(step.problem.shots)
+    most = max(1, int(CRITERIA.structure.odd_share * whole))
+    part = _Part(list(range(whole)), step.problem, step.fitted)
+    if joint.is_hopeless(step.problem, step.fitted.cost):
+        part = _trimmed(step, most)
+    while part.fitted.blocks and len(part.kept) >= whole - most:
+        falls, chance = _own_falls(part.problem, part.fitted)
+        worst, to_go = int(np.argmax(falls)), most - (whole - len(part.kept))
+        odd = chance[worst] * falls.size < CRITERIA.structure.false_alarm_rate
+        part_of_all = CRITERIA.structure.odd_part * falls.sum() / max(to_go, 1)
+        odd = odd and to_go > 0 and falls[worst] >= part_of_all
+        if len(part.kept) < whole and not (odd and chance[worst] == 0.0):
+            rest = make_step(part.problem, part.fitted)
+            if not rest.score_test.structured:
+                return _set_aside(step, rest, part.kept)
+        if not odd:
+            return None
+        kept = [i for at, i in enumerate(part.kept) if at != worst]
+        part = _fitted_to(step, kept, np.delete(part.fitted.nuisances, worst, axis=0), part.fitted)
+    return None
+
+
+def _set_aside(step: Step, rest: Step, kept: list[int]) -> Rest | None:
+    """Return the rest with why the others do not belong; None where an effect may be the reason."""
+    left_out = sorted(set(range(len(step.problem.shots))) - set(kept))
+    found = [_described(step, rest, at) for at in left_out]
+    certain = all(repeated or HEIGHT in one.likely for one, repeated in found)
+    return Rest(rest, kept, tuple(one for one, _ in found)) if certain else None
+
+
+@dataclass(frozen=True)
+class _Part:
+    """Some of the shots, and the present model fitted to them."""
+
+    kept: list[int]
+    problem: JointProblem
+    fitted: joint.Fitted
+
+
+def _fitted_to(step: Step, kept: list[int], nuisances: Array, begin: joint.Fitted) -> _Part:
+    problem = dataclasses.replace(step.problem, shots=[step.problem.shots[i] for i in kept])
+    return _Part(kept, problem, joint.fit(problem, nuisances, theta=begin.theta))
+
+
+def _trimmed(step: Step, most: int) -> _Part:
+    """Return the fit to the shots that it follows, at least all but ``most``.
+
+    It begins where a few shots are followed that hold no odd one. Source: concentration steps from
+    small subsets, P. J. Rousseeuw and K. Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29.
+    """
+    whole = step.problem
+    least, found, kept = math.inf, step.fitted, list(range(len(whole.shots)))
+    for some in _subsets(whole):
+        begin = dataclasses.replace(step.fitted, theta=whole.start)
+        part = _fitted_to(step, some, step.fitted.nuisances[some], begin)
+        for _ in range(CONCENTRATIONS):
+            if not part.fitted.blocks:
+                break
+            nuisances = step.fitted.nuisances.copy()
+            nuisances[part.kept] = part.fitted.nuisances
+            nuisances = settle(whole, part.fitted.theta, nuisances)
+            squares = np.array(
+                [
+                    shot_cost(whole, item, part.fitted.theta, own) / item.data
+                    for item, own in zip(whole.shots, nuisances, strict=True)
+                ]
+            )
+            best = sorted(np.argsort(squares)[: len(whole.shots) - most].tolist())
+            trimmed = float(squares[best].sum())
+            if not trimmed < least:
+                break
+            least, found = trimmed, dataclasses.replace(part.fitted, nuisances=nuisances)
+            kept = [i for i, one in enumerate(squares) if i in best or one < joint.HOPELESS]
+            if trimmed > joint.HOPELESS * len(best):
+                break  # so few shots are far off too: a model that lacks something
+            part = _fitted_to(step, best, nuisances[best], part.fitted)
+        if least <= joint.HOPELESS * len(kept):
+            break
+    return _fitted_to(step, kept, found.nuisances[kept], found)
+
+
+def _subsets(problem: JointProblem) -> list[list[int]]:
+    """Return disjoint sets of shots with one of every pair each; an odd shot is in one only."""
+    by_pair: dict[str, list[int]] = {}
+    for at, item in enumerate(problem.shots):
+        by_pair.setdefault(item.pair, []).append(at)
+    return [
+        sorted(own[turn % len(own)] for own in by_pair.values())
+        for turn in range(min(SUBSETS, max(len(own) for own in by_pair.values())))
+    ]
+
+
+def _own_falls(problem: JointProblem, fitted: joint.Fitted) -> tuple[Array, Array]:
+    """Return how far the squares fall where one shot has a rig of its own, and its chance.
+
+    Both of shape (n,), of the linearised problem: the shot's speed and all that it shares with
+    others are its own then, and what it leaves beyond noise even so is taken off, too.
+    """
+    matrix, _, parts = joint.normal_equations(problem, fitted)
+    ranks, owns, beyonds = np.ones((3, len(problem.shots)))
+    for at, (item, block, part) in enumerate(zip(problem.shots, fitted.blocks, parts, strict=True)):
+        others = np.linalg.lstsq(matrix - part.matrix, part.vector, rcond=None)[0]
+        own, load = block.matrix.copy(), block.vector.copy()
+        prior, speed = item.speed_prior, block.chain.shape[0]
+        promised = 0.0
+        if prior is not None:  # a height that may be wrong promises no speed
+            away = float(fitted.nuisances[at][0] - prior.mean) / prior.u
+            promised = away**2
+            own[speed, speed] -= prior.u**-2
+            load[speed] += away / prior.u
+        moved, _, rank, _ = np.linalg.lstsq(own, load, rcond=RANK)
+        alone = block.cost - promised - float(load @ moved)
+        beyond = alone - item.data - CRITERIA.structure.excess_deviations * math.sqrt(2 * item.data)
+        fall = float(part.vector @ others) + promised + float(load @ moved)
+        ranks[at], owns[at], beyonds[at] = max(int(rank), 1), fall, max(beyond, 0.0)
+    # noise of another colour than was estimated widens all shots' falls alike
+    usual = max(1.0, float(np.median(owns / chi2.median(ranks))))
+    chance = np.where(beyonds > 0.0, 0.0, chi2.sf(owns / usual, ranks))
+    return np.maximum(owns - usual * ranks, 0.0) + beyonds, chance
+
+
+def _condition(item: FitShot) -> tuple[str | None, str | None, float | None]:
+    return item.shot.sphere, item.shot.surface, item.shot.drop_height_m
+
+
+def _left_out(problem: JointProblem, kept: list[int]) -> list[int]:
+    return sorted(set(range(len(problem.shots))) - set(kept))
+
+
+# -- what a shot is like ---------------------------------------------------------------------------
+def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
+    """Return why a shot does not belong, and whether a repetition is left that says so too."""
+    item = whole.problem.shots[at]
+    alone = _Alone(rest.problem, rest.fitted.theta, item, whole.fitted.nuisances[at])
+    found = alone.explanations()
+    ratio = math.sqrt(alone.squares(item) / item.data)
+    peers = sum(_condition(other) == _condition(item) for other in rest.problem.shots)
+    others = {0: "all other shots are", 1: "its repetition is"}.get(
+        peers, f"its {peers} repetitions are"
+    )
+    like = ", or ".join(words for words, _ in found)
+    because = f"It leaves {ratio:.3g} times the noise where {others} noise. " + (
+        f"{like[0].upper()}{like[1:]}." if found else "No other label, height or gain explains it."
+    )
+    places = [id(shot) for shot in whole.problem.campaign.shots]
+    place = places.index(id(item.shot))
+    likely = found[0][1] if found else {}
+    return SetAside(place, item.shot.name, because, likely, alone.curves()), peers > 0
+
+
+@dataclass(frozen=True)
+class _Alone:
+    """One shot under what all others say of the rig and of the materials."""
+
+    rest: JointProblem
+    theta: Array
+    item: FitShot
+    own: Array
+    """The shot's own parameters as the fit of all shots has them: where to begin."""
+
+    def squares(self, item: FitShot) -> float:
+        """Return the whitened squares at the shot's best own parameters; infinite without any."""
+        return self._at_best(item)[0]
+
+    def _at_best(self, item: FitShot) -> tuple[float, Array]:
+        problem = dataclasses.replace(self.rest, shots=[item])
+        starts = [self.own]
+        if item.speed_prior is not None:
+            starts.append(self.own.copy())
+            starts[1][0] = item.speed_prior.mean
+        return min((self._settled(problem, start) for start in starts), key=_first)
+
+    def _settled(self, problem: JointProblem, own: Array) -> tuple[float, Array]:
+        squares = math.inf
+        for _ in range(SETTLINGS):
+            own = settle(problem, self.theta, own[None, :])[0]
+            before, squares = squares, shot_cost(problem, problem.shots[0], self.theta, own)
+            if not squares < before - 1.0:
+                break
+        return squares, own
+
+    def curves(self) -> dict[str, list[float]]:
+        """Return the pulse and what the model makes of it as labelled, `DRAWN` points at most."""
+        shared, _ = self.rest.shared_local(self.item, self.theta)
+        local = np.concatenate([shared, self._at_best(self.item)[1]])
+        expected = self.rest.model.predict(local, self.item.frame).signal
+        window, rate = self.item.window, self.item.frame.sample_rate_hz
+        pulse = max(1, round(window.width_s * rate))
+        first = max(0, window.rise_index - pulse)
+        last = min(window.signal.size, window.rise_index + 4 * pulse)
+        shown = slice(first, last, math.ceil((last - first) / DRAWN))
+        time_us = 1e6 * (window.first + np.arange(window.signal.size)) / rate
+        drawn = {"time_us": time_us, "signal": window.signal, "as_labelled": expected}
+        return {name: values[shown].tolist() for name, values in drawn.items()}
+
+    def explanations(self) -> list[tuple[str, dict[str, str | float]]]:
+        """Return in words and numbers what leaves noise of the shot, the least squares first."""
+        found = sorted((*self._labels(), *self._height(), *self._gain()), key=_first)
+        deviations = CRITERIA.structure.excess_deviations
+        enough = min(
+            self.item.data + deviations * math.sqrt(2.0 * self.item.data),
+            found[0][0] + CRITERIA.stepwise.confusable_within if found else math.inf,
+        )
+        return [(said, like) for squares, said, like in found if squares <= enough]
+
+    def _labels(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
+        shot, campaign, model = self.item.shot, self.rest.campaign, self.rest.model
+        if shot.sphere is None or shot.surface is None:
+            return
+        known = set(self.rest.names)
+        for sphere in sorted(campaign.spheres):
+            for surface in sorted(campaign.surfaces):
+                same = (sphere, surface) == (shot.sphere, shot.surface)
+                if same or not {f"sphere.{sphere}", f"surface.{surface}"} <= known:
+                    continue
+                other = fit_shot(
+                    dataclasses.replace(shot, sphere=sphere, surface=surface),
+                    campaign,
+                    self.item.noise,
+                    known_gain=gain_is_observable(campaign, kv=model.kind == solver.KV),
+                    kv=model.kind == solver.KV,
+                    closed=model.closed,
+                    place=self.item.frame.place,
+                )
+                like: dict[str, str | float] = {}
+                if sphere != shot.sphere:
+                    like["sphere"] = sphere
+                if surface != shot.surface:
+                    like["surface"] = surface
+                words = (
+                    f"it is like {sphere} on {surface}, not {shot.sphere} on {shot.surface}: "
+                    "look at the label"
+                )
+                yield self.squares(other), words, like
+
+    def _height(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
+        stated = self.item.shot.drop_height_m
+        if self.item.speed_prior is None or stated is None:
+            return
+        squares, own = self._at_best(dataclasses.replace(self.item, speed_prior=None))
+        # the squared speed goes with the height, nearly so in air
+        height = stated * math.exp(2.0 * (float(own[0]) - self.item.speed_prior.mean))
+        words = f"it fell from about {1e3 * height:.3g} mm, not {1e3 * stated:.3g} mm"
+        yield squares + CRITERIA.comparison.price_of_number, words, {HEIGHT: height}
+
+    def _gain(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
+        if self.item.shot.quantity != "voltage":
+            return
+        found = minimize_scalar(
+            lambda ln: self.squares(_amplified(self.item, math.exp(-ln))),
+            bounds=(-GAIN_WITHIN, GAIN_WITHIN),
+            method="bounded",
+        )
+        factor = math.exp(float(found.x))
+        words = f"its signal is {factor:.3g} of the others': look at the gain, or it hit off-centre"
+        yield float(found.fun) + CRITERIA.comparison.price_of_number, words, {"gain": factor}
+
+
+def _first(found: tuple[float, *tuple[Any, ...]]) -> float:
+    return found[0]
+
+
+def _amplified(item: FitShot, by: float) -> FitShot:
+    """Return a shot with its signal times a factor."""
+    window = dataclasses.replace(item.window, signal=item.window.signal * by)
+    return dataclasses.replace(item, window=window)
