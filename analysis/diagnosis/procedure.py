@@ -15,9 +15,10 @@ from analysis.diagnosis.backward_elimination import (
 )
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step, make_step
+from analysis.diagnosis.forward_selection import Selection, Step, make_step, try_effects, useful
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
+from analysis.diagnosis.mistakes import Mistake, named_mistake
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
@@ -44,6 +45,8 @@ AKIN = {
 """Families of the score test test that an effect of a slot looks like."""
 SLOT = "electronics"
 """Where what is on the line all the time gets in."""
+RECORD = "record"
+"""The slot of what was written down wrong, or changed under way."""
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 
@@ -71,6 +74,10 @@ class Diagnosis:
     """What is on the line all the time; None where nobody looked."""
     set_aside: tuple[SetAside, ...] = ()
     """Shots that do not belong; the last steps rest on the others."""
+    mistakes: tuple[Mistake, ...] = ()
+    """A mistake of the record that explains all, then those that cannot be told from it."""
+    as_well: tuple[str, ...] = ()
+    """Ids of effects that explain as much as that mistake."""
     watch: Watch = field(default_factory=Watch)
     """Knows whether the search ended early."""
 
@@ -158,8 +165,39 @@ def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
         with contextlib.suppress(BudgetSpentError):
             selection, usual, set_aside = _without_odd_shots(selection, usual, told)
     if not selection.adequate:
+        with contextlib.suppress(BudgetSpentError):
+            mistaken = _mistaken(selection, usual, told)
+            if mistaken is not None:
+                return _beside(seen, mistaken)
+    if not selection.adequate:
         selection = searched(selection, usual, told)
     return dataclasses.replace(_beside(seen, _judge(selection, told)), set_aside=set_aside)
+
+
+def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnosis | None:
+    """Return the verdict that a mistake of the record explains all, None where an effect may."""
+    name = selection.last.problem.model.base
+    named = named_mistake(selection.last, lambda restated: _base(restated, name, told), told)
+    if named is None:
+        return None
+    try_effects(selection.last, usual, told)
+    as_well = []
+    for one in useful(selection.last)[:1]:
+        effect = selection.on(one)
+        ahead = named.best.cost - (effect.last.fitted.cost + one.gain - one.score())
+        if effect.adequate and ahead > CRITERIA.comparison.least_lead:
+            return None
+        if effect.adequate and ahead > -CRITERIA.comparison.least_lead:
+            as_well.append(one.effect_id)
+    verdict = "family" if as_well or named.near else "identified"
+    return Diagnosis(
+        verdict,
+        [*selection.steps, named.step],
+        selection.chosen,
+        slot=RECORD,
+        mistakes=(named.best, *named.near),
+        as_well=tuple(as_well),
+    )
 
 
 def _without_odd_shots(

@@ -80,6 +80,9 @@ class ScoreTest:
     surplus: float = 0.0
     """Whitened squares beyond the noise's own, where these are too many for noise. No family need
     have seen them."""
+    beyond_labels: float | None = None
+    """What is ``left`` where masses, radii and heights are free within what is stated of them; None
+    where nobody asked."""
 
     @property
     def structured(self) -> bool:
@@ -113,7 +116,9 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
         return linearised, found  # every number is exact
     again = linearise(settled, near, inexact=discrepancy(settled, near))
     freed = run_score_test(again)
-    return (linearised, found) if freed.structured else (again, freed)
+    if freed.structured:
+        return linearised, dataclasses.replace(found, beyond_labels=freed.left)
+    return again, freed
 
 
 def run_score_test(linearised: Linearised) -> ScoreTest:

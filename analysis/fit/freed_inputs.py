@@ -43,11 +43,26 @@ def with_inputs(problem: JointProblem) -> JointProblem:
     )
     if not inputs or any(one.kind != LAW for one in problem.inputs):
         return problem
-    return _widened_by(problem, *_with_calibration(problem, inputs))
+    return widened_by(problem, *_with_calibration(problem, inputs))
 
 
-def _widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> JointProblem:
-    """Return a problem with inputs as globals behind its own, of which ``own`` is the precision."""
+def widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> JointProblem:
+    """Return a problem with inputs as globals behind its own.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Without any of them.
+    inputs : tuple of Input
+        Each with its standard uncertainty.
+    own : ndarray, shape (g, g)
+        Precision of what is known of the problem's own globals.
+
+    Returns
+    -------
+    JointProblem
+        The inputs are its last globals, from where they are stated.
+    """
     size, more = len(problem.names), len(inputs)
     precision = np.zeros((size + more, size + more))
     precision[:size, :size] = own
@@ -87,7 +102,7 @@ def at_likeliest_inputs(
     inputs = tuple(one for one in stated if one.kind != "converter_gain")
     if not inputs or problem.inputs or not fitted.blocks:
         return problem, fitted
-    wide = _widened_by(problem, inputs, problem.prior_precision)
+    wide = widened_by(problem, inputs, problem.prior_precision)
     more = wide.start[len(problem.names) :]
     freed = joint.fit(
         wide,

@@ -118,6 +118,8 @@ class Input:
             return item.shot.surface == self.owner
         if self.kind == "height_offset":
             return _fell(item)
+        if self.kind == "height":
+            return _fell(item) and item.shot.drop_height_m == self.value
         return True
 
     def moved(self, item: FitShot, by: float) -> FitShot:
@@ -235,6 +237,12 @@ def _height_offset(item: FitShot, by_mm: float) -> FitShot:
     return _refallen(item, replace(item.frame, drop_height_m=height), faster)
 
 
+def _height(item: FitShot, by: float) -> FitShot:
+    known = item.frame.drop_height_m
+    assert known is not None
+    return _refallen(item, replace(item.frame, drop_height_m=known * math.exp(by)), 0.5 * by)
+
+
 def _time_base(item: FitShot, by: float) -> FitShot:
     frame = replace(
         item.frame,
@@ -255,6 +263,7 @@ _MOVES = {
     "coupon_mass": _coupon_mass,
     "coupon_ratio": _coupon_ratio,
     "height_offset": _height_offset,
+    "height": _height,
     "time_base": _time_base,
     "gravity": _gravity,
 }

@@ -92,7 +92,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.check_noise),
-        "effects": [_effect(diagnosis, refit, after) for refit in diagnosis.chosen],
+        "effects": [
+            *(_effect(diagnosis, refit, after) for refit in diagnosis.chosen),
+            *_mistake(diagnosis),
+        ],
         "set_aside": [dataclasses.asdict(one) for one in diagnosis.set_aside],
         "slot": diagnosis.slot,
         "slots": {} if located is None else _slots(last, located),
@@ -305,6 +308,29 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
         "parameters": parameters | _parameters_by_shot(refit.effect, after),
         "confusable_with": diagnosis.confusable_with(refit.effect_id),
     }
+
+
+def _mistake(diagnosis: Diagnosis) -> list[Json]:
+    """Return the mistake of the record that was named, in the form of an effect."""
+    return [
+        {
+            "id": one.id,
+            "form": one.id,
+            "slot": diagnosis.slot,
+            "title": one.sentence,
+            "scope": {one.kind: one.name},
+            "acts_on": None,
+            "parameters": {
+                name: {"value": value, "u": u, "unit": unit}
+                for name, (value, u, unit) in one.parameters.items()
+            },
+            "confusable_with": [
+                *(other.id for other in diagnosis.mistakes[1:]),
+                *diagnosis.as_well,
+            ],
+        }
+        for one in diagnosis.mistakes[:1]
+    ]
 
 
 def _acts_on(refit: Refit) -> Json | None:

@@ -117,7 +117,12 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     fall = f"the residual falls from {had} to {left} {unit} rms"
     noise = f"the noise is {floor} {unit}"
     structured = diagnosis.steps[-1].score_test.structured
-    if diagnosis.verdict == "adequate":
+    if diagnosis.mistakes:
+        found, *near = (one.sentence for one in diagnosis.mistakes)
+        said = f"Written down wrong, or changed: {found}; without it {fall}, which is noise."
+        if near or diagnosis.as_well:
+            said += f" These data cannot tell it from: {'; '.join([*near, *diagnosis.as_well])}."
+    elif diagnosis.verdict == "adequate":
         said = f"The model {before.model} explains the data: its residual is {_noise_left(before)}."
     elif diagnosis.verdict == "identified":
         ends = f", which is noise ({noise})."

@@ -1,0 +1,436 @@
+"""Numbers written down wrong, and changes half-way: the campaign as it would be stated without.
+
+Each is one number more: a mass, a radius, a height of a series, the modulus of a reference, a gain
+or a coupon that is another from some shot on, a gain that drifts. By how much each would lower the
+squares follows from the normal equations; the few that promise most are stated otherwise, and the
+base is fitted again. One that leaves noise is named if no effect of the library does as well. It is
+never applied: the campaign stays as it is written.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forward_selection import Selection, Step
+from analysis.diagnosis.progress import MethodStep, Progress
+from analysis.fit import joint
+from analysis.fit.blocks import linearise_shot
+from analysis.fit.fit_shot import FitShot
+from analysis.fit.freed_inputs import widened_by
+from analysis.fit.inputs import Input, stated_numbers
+from analysis.fit.problem import JointProblem
+
+Array = NDArray[np.float64]
+
+TRIED = 4
+"""Mistakes that are fitted, those that promise most. A choice of time: each is a base fit."""
+WIDE = 0.3
+"""Standard uncertainty of the logarithm of a number that may be written down wrong: next to
+nothing is known of it then, and its first digit is still right."""
+FEWEST = 3
+"""Shots on either side of a change, so that no odd one is taken for it."""
+LEAST_SEEN = 1e-6
+"""Share of a number's information that must be its own: below it is rounding."""
+GAIN = "sensor.ln_S"
+
+
+@dataclass(frozen=True)
+class Mistake:
+    """One mistake of the record, as it would be named."""
+
+    id: str
+    kind: str
+    """What ``name`` is: sphere, surface, drop_height_m or cell."""
+    name: str | float
+    parameters: dict[str, tuple[float, float | None, str]]
+    """Value, standard uncertainty and unit, by name."""
+    sentence: str
+    promised: float
+    """Fall of the squares in the linearised problem, its numbers paid."""
+    restated: Campaign
+    """The campaign as it would be stated without the mistake."""
+    cost: float = math.inf
+    """The squares that are left once it is fitted, its numbers paid."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """The mistake that leaves noise, and those that the data cannot tell from it."""
+
+    best: Mistake
+    near: tuple[Mistake, ...]
+    step: Step
+    """The base fitted to the campaign without the mistake."""
+
+
+Fit = Callable[[Campaign], tuple[Selection, joint.Fitted]]
+"""How the base is fitted to a campaign."""
+
+
+def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None:
+    """Return the mistake without which only noise is left; None where there is none."""
+    found: list[tuple[Mistake, Step]] = []
+    structure = step.score_test.beyond_labels
+    if structure is None:
+        structure = step.score_test.left
+    for likely in _likeliest(step, CRITERIA.structure.odd_part * structure):
+        progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
+        again = fit_base(likely.restated)[0].last
+        if not (again.impossible or again.score_test.structured):
+            paid = CRITERIA.comparison.price_of_number * len(likely.parameters)
+            found.append((dataclasses.replace(likely, cost=again.fitted.cost + paid), again))
+    if not found:
+        return None
+    found.sort(key=lambda pair: pair[0].cost)
+    best, again = found[0]
+    within = best.cost + CRITERIA.stepwise.confusable_within
+    return Named(best, tuple(m for m, _ in found[1:] if m.cost < within), again)
+
+
+def _likeliest(step: Step, least: float) -> list[Mistake]:
+    """Return the mistakes that promise at least so many squares, each with its number, in order."""
+    known = _Known.at(step)
+    if known is None:
+        return []
+    ways = [*_numbers(known), *_moduli(known), *_changes(known)]
+    ways.sort(key=lambda way: -way[0])
+    found: list[Mistake] = []
+    for promised, make in ways:
+        if promised < least or len(found) == TRIED:
+            break
+        mistake = make()
+        if mistake is not None:
+            found.append(dataclasses.replace(mistake, promised=promised))
+    return found
+
+
+Way = tuple[float, Callable[[], Mistake | None]]
+"""What a mistake promises, and how to make it."""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """The linearised base model, every stated number as uncertain as it is stated."""
+
+    problem: JointProblem
+    fitted: joint.Fitted
+    """Stated numbers are exact in these two."""
+    stated: tuple[Input, ...]
+    """Those with an uncertainty."""
+    asked: tuple[Input, ...]
+    """Masses, radii and heights, as if next to nothing were known of each."""
+    matrix: Array
+    vector: Array
+    """Globals, then ``stated``, then ``asked``; these last ones have no prior."""
+    parts: list[tuple[Array, Array]]
+    """The same of each shot."""
+
+    @classmethod
+    def at(cls, step: Step) -> _Known | None:
+        """Return it at a fitted model; None where that cannot be linearised."""
+        problem, fitted = step.problem, step.fitted
+        if problem.inputs or problem.by_pair or not fitted.blocks:
+            return None
+        by_ratio = problem.model.coupon_share_at is not None
+        stated, _ = stated_numbers(problem.campaign, problem.shots, by_ratio=by_ratio)
+        # the converter's gain is the cell's to all shots alike
+        stated = tuple(one for one in stated if one.kind != "converter_gain")
+        known = widened_by(problem, stated, problem.prior_precision)
+        asked = tuple(_asked(problem))
+        wide = widened_by(known, asked, known.prior_precision)
+        theta = np.concatenate([fitted.theta, wide.start[fitted.theta.size :]])
+        blocks = []
+        for item, own in zip(wide.shots, fitted.nuisances, strict=True):
+            block = linearise_shot(wide, item, theta, own)
+            if block is None:
+                return None
+            blocks.append(block)
+        there = dataclasses.replace(fitted, theta=theta, blocks=blocks)
+        matrix, vector, parts = joint.normal_equations(wide, there)
+        last = range(len(wide.names) - len(asked), len(wide.names))
+        matrix[last, last] -= WIDE**-2
+        own_parts = [(part.matrix, part.vector) for part in parts]
+        return cls(problem, fitted, stated, asked, matrix, vector, own_parts)
+
+    @property
+    def size(self) -> int:
+        """Return how many numbers are known: globals and stated ones."""
+        return self.vector.size - len(self.asked)
+
+    def place_of(self, one: Input) -> int | None:
+        """Return where a number that is asked for is among the stated ones."""
+        own = [(i.kind, i.owner) for i in self.stated]
+        at = (one.kind, one.owner)
+        return self.fitted.theta.size + own.index(at) if at in own else None
+
+    def fall(self, cross: Array, own: float, load: float, but: int | None = None) -> float:
+        """Return by how much the squares fall with one more number, less its price.
+
+        ``cross`` is its row, ``but`` a known number that says the same and is left out.
+        """
+        kept = np.array([j for j in range(self.size) if j != but])
+        against = np.column_stack([cross[kept], self.vector[kept]])
+        back = np.linalg.lstsq(self.matrix[np.ix_(kept, kept)], against, rcond=None)[0]
+        left = own - float(cross[kept] @ back[:, 0])
+        if not left > LEAST_SEEN * own:
+            return 0.0
+        return float(load - cross[kept] @ back[:, 1]) ** 2 / left
+
+    def value(self, one: Input) -> tuple[float, float] | None:
+        """Return the coordinate at which a number fits best, and its standard uncertainty."""
+        others = tuple(i for i in self.stated if (i.kind, i.owner) != (one.kind, one.owner))
+        wide = widened_by(self.problem, (*others, one), self.problem.prior_precision)
+        theta = np.concatenate([self.fitted.theta, wide.start[self.fitted.theta.size :]])
+        rough = joint.ROUGH_TOLERANCE
+        found = joint.fit(wide, self.fitted.nuisances, theta=theta, tolerance=rough)
+        if not found.blocks:
+            return None
+        return float(found.theta[-1]), math.sqrt(float(found.covariance[-1, -1]))
+
+
+# -- numbers ---------------------------------------------------------------------------------------
+def _asked(problem: JointProblem) -> Iterator[Input]:
+    spheres = {i.shot.sphere for i in problem.shots if i.shot.sphere is not None}
+    for name in sorted(spheres & set(problem.campaign.spheres)):
+        ball = problem.campaign.spheres[name]
+        for kind, value, unit in (("mass", ball.mass_kg, "kg"), ("radius", ball.radius_m, "m")):
+            if value is not None:
+                yield Input(kind, name, value, unit, Uncertainty(WIDE * value), "")
+    heights = {i.shot.drop_height_m for i in problem.shots if i.speed_prior is not None}
+    if len(heights) > 1:
+        for height in sorted(h for h in heights if h is not None):
+            yield Input("height", f"{height:.6g}", height, "m", Uncertainty(WIDE * height), "")
+
+
+def _numbers(known: _Known) -> Iterator[Way]:
+    for j, one in enumerate(known.asked, start=known.size):
+        fall = known.fall(known.matrix[j], known.matrix[j, j], known.vector[j], known.place_of(one))
+        yield fall - CRITERIA.comparison.price_of_number, partial(_number, known, one)
+
+
+def _number(known: _Known, one: Input) -> Mistake | None:
+    found = known.value(one)
+    if found is None or not abs(found[0] - one.stated) < 3.0 * WIDE:
+        return None
+    value, u = math.exp(found[0]), math.exp(found[0]) * found[1]
+    campaign, owner = known.problem.campaign, one.owner or ""
+    said = (
+        f"stated {_figure(one.value, one.unit)}, the recordings say {_figure(value, one.unit, u)}"
+    )
+    doubt = Uncertainty(WIDE * value)
+    if one.kind == "height":
+        shots = tuple(
+            dataclasses.replace(s, drop_height_m=value, u_drop_height_m=doubt)
+            if s.drop_height_m == one.value
+            else s
+            for s in campaign.shots
+        )
+        return Mistake(
+            "wrong_height",
+            "drop_height_m",
+            one.value,
+            {"drop_height_m": (value, u, "m")},
+            f"the height of a series is written down wrong: {said}",
+            0.0,
+            dataclasses.replace(campaign, shots=shots),
+        )
+    ball = campaign.spheres[owner]
+    if one.kind == "mass":
+        ball = dataclasses.replace(ball, mass_kg=value, u_mass_kg=doubt)
+    else:
+        ball = dataclasses.replace(ball, radius_m=value, u_radius_m=doubt)
+    return Mistake(
+        f"wrong_{one.kind}",
+        "sphere",
+        owner,
+        {f"{one.kind}_{one.unit}": (value, u, one.unit)},
+        f"the {one.kind} of {owner} is written down wrong: {said}",
+        0.0,
+        dataclasses.replace(campaign, spheres={**campaign.spheres, owner: ball}),
+    )
+
+
+def _moduli(known: _Known) -> Iterator[Way]:
+    """Yield the stated moduli, each against all the rest, as Baarda's data snooping has it."""
+    problem, campaign = known.problem, known.problem.campaign
+    sides: tuple[tuple[str, Mapping[str, Sphere | Surface]], ...] = (
+        ("sphere", campaign.spheres),
+        ("surface", campaign.surfaces),
+    )
+    for side, materials in sides:
+        for name, material in sorted(materials.items()):
+            j = problem.index(f"{side}.{name}")
+            if j is None or material.youngs_modulus_pa is None:
+                continue
+            prior = float(problem.prior_precision[j, j])
+            away = float(known.fitted.theta[j] - problem.prior_mean[j])
+            own, load = known.matrix[j, j] - prior, known.vector[j] + prior * away
+            fall = known.fall(known.matrix[j], own, load, j)
+            yield fall - CRITERIA.comparison.price_of_number, partial(_modulus, known, side, name)
+
+
+def _modulus(known: _Known, side: str, name: str) -> Mistake | None:
+    problem, fitted, campaign = known.problem, known.fitted, known.problem.campaign
+    j = problem.names.index(f"{side}.{name}")
+    precision = problem.prior_precision.copy()
+    precision[j, j] = WIDE**-2
+    wide = widened_by(problem, known.stated, precision)
+    theta = np.concatenate([fitted.theta, wide.start[fitted.theta.size :]])
+    found = joint.fit(wide, fitted.nuisances, theta=theta, tolerance=joint.ROUGH_TOLERANCE)
+    if side == "sphere":
+        stated = campaign.spheres[name].youngs_modulus_pa
+        ball = dataclasses.replace(campaign.spheres[name], youngs_modulus_pa=None)
+        campaign = dataclasses.replace(campaign, spheres={**campaign.spheres, name: ball})
+    else:
+        stated = campaign.surfaces[name].youngs_modulus_pa
+        coupon = dataclasses.replace(campaign.surfaces[name], youngs_modulus_pa=None)
+        campaign = dataclasses.replace(campaign, surfaces={**campaign.surfaces, name: coupon})
+    if not found.blocks or stated is None:
+        return None
+    value = stated.value * math.exp(float(found.theta[j] - problem.prior_mean[j]))
+    u = value * math.sqrt(float(found.covariance[j, j]))
+    said = f"stated {_figure(stated.value, 'Pa')}, the recordings say {_figure(value, 'Pa', u)}"
+    return Mistake(
+        "wrong_modulus",
+        side,
+        name,
+        {"youngs_modulus_Pa": (value, u, "Pa")},
+        f"the modulus of {name} is written down wrong: {said}",
+        0.0,
+        campaign,
+    )
+
+
+# -- changes in the course of the campaign ---------------------------------------------------------
+def _changes(known: _Known) -> Iterator[Way]:
+    """Yield changes of the gain and of each coupon, from every shot on, and a drift of the gain."""
+    problem = known.problem
+    places = np.array([item.frame.place for item in problem.shots])
+    order = np.argsort(places)
+    paid = 2.0 * CRITERIA.comparison.price_of_number
+
+    def promised(column: int, weights: Array) -> float:
+        cross, load, own = np.zeros(known.vector.size), 0.0, 0.0
+        for weight, (matrix, vector) in zip(weights, known.parts, strict=True):
+            cross += weight * matrix[column]
+            load += weight * vector[column]
+            own += weight**2 * matrix[column, column]
+        return known.fall(cross, own, load)
+
+    gain = problem.index(GAIN)
+    columns: list[tuple[int, str | None, list[int]]] = []
+    if gain is not None:
+        columns.append((gain, None, order.tolist()))
+        if order.size > 2 * FEWEST:
+            yield promised(gain, places) - paid, partial(_drift, known)
+    for surface in sorted({i.shot.surface for i in problem.shots if i.shot.surface}):
+        j = problem.index(f"surface.{surface}")
+        if j is not None:
+            own = [at for at in order.tolist() if problem.shots[at].shot.surface == surface]
+            columns.append((j, surface, own))
+    for column, on, own in columns:
+        ways = [
+            (promised(column, (places >= places[at]).astype(float)), at)
+            for at in own[FEWEST : len(own) - FEWEST + 1]
+        ]
+        if ways:
+            fall, at = max(ways)
+            yield fall - paid, partial(_change, known, on, problem.shots[at])
+
+
+@dataclass(frozen=True)
+class _Gain(Input):
+    """A gain that is another in the course of a campaign."""
+
+    since: float | None = None
+    """Place of the first shot that has it; None for a drift over all."""
+
+    def weight(self, item: FitShot) -> float:
+        """Return which part of it a shot has."""
+        return item.frame.place if self.since is None else float(item.frame.place >= self.since)
+
+    def local_slopes(
+        self, item: FitShot, names: Sequence[str], *, by_moduli: bool
+    ) -> list[tuple[int, float]]:
+        """Return how the logarithm of newtons per volt follows."""
+        return [(names.index("ln_S"), self.weight(item))]
+
+
+def _amplified(known: _Known, since: float | None) -> tuple[float, float, Campaign] | None:
+    """Return by how much the logarithm of volts per newton changed, its u, and all as at first."""
+    one = _Gain("converter_gain", None, 1.0, "1", Uncertainty(WIDE), "", since=since)
+    found = known.value(one)
+    if found is None:
+        return None
+    problem = known.problem
+    weights = {id(item.shot): one.weight(item) for item in problem.shots}
+
+    def as_at_first(shot: Shot) -> Shot:
+        by = math.exp(found[0] * weights.get(id(shot), 0.0))
+        return dataclasses.replace(
+            shot, signal=shot.code_zero + by * (shot.signal - shot.code_zero)
+        )
+
+    shots = tuple(as_at_first(shot) for shot in problem.campaign.shots)
+    return -found[0], found[1], dataclasses.replace(problem.campaign, shots=shots)
+
+
+def _change(known: _Known, surface: str | None, first: FitShot) -> Mistake | None:
+    campaign = known.problem.campaign
+    at = [id(shot) for shot in campaign.shots].index(id(first.shot))
+    parameters: dict[str, tuple[float, float | None, str]] = {"first_shot": (float(at), None, "1")}
+    begins = f"from shot {at} ({first.shot.name}) on"
+    if surface is None:
+        found = _amplified(known, first.frame.place)
+        if found is None:
+            return None
+        factor = math.exp(found[0])
+        parameters["factor"] = (factor, factor * found[1], "1")
+        size = _figure(factor, "", factor * found[1])
+        said = f"{begins} the signal is {size} of what it was: the gain changed"
+        return Mistake("change_point", "cell", "gain", parameters, said, 0.0, found[2])
+    later = f"{surface}, {begins}"
+    shots = tuple(
+        dataclasses.replace(shot, surface=later) if shot.surface == surface and i >= at else shot
+        for i, shot in enumerate(campaign.shots)
+    )
+    other = dataclasses.replace(campaign.surfaces[surface], name=later)
+    restated = dataclasses.replace(
+        campaign, shots=shots, surfaces={**campaign.surfaces, later: other}
+    )
+    said = f"{begins} {surface} is another coupon, or was changed"
+    return Mistake("change_point", "surface", surface, parameters, said, 0.0, restated)
+
+
+def _drift(known: _Known) -> Mistake | None:
+    found = _amplified(known, None)
+    if found is None:
+        return None
+    share, u, restated = found
+    size = _figure(100.0 * share, "%", 100.0 * u)
+    said = f"the signal drifts by {size} from the first shot to the last"
+    parameters: dict[str, tuple[float, float | None, str]] = {"share": (share, u, "1")}
+    return Mistake("drift_in_time", "cell", "gain", parameters, said, 0.0, restated)
+
+
+# -- words -----------------------------------------------------------------------------------------
+SHOWN = {"kg": (1e3, "g"), "m": (1e3, "mm"), "Pa": (1e-9, "GPa"), "%": (1.0, "%"), "": (1.0, "")}
+
+
+def _figure(value: float, unit: str, u: float | None = None) -> str:
+    """Return a number in a handy unit, with its standard uncertainty in two digits."""
+    scale, name = SHOWN[unit]
+    end = f" {name}" if name else ""
+    if u is None or not u > 0:
+        return f"{scale * value:.5g}{end}"
+    digits = max(0, 1 - math.floor(math.log10(scale * u)))
+    return f"{scale * value:.{digits}f} +- {scale * u:.{digits}f}{end}"
