@@ -7,12 +7,15 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from drivers.simulated.effects import EFFECTS
+from drivers.simulated.mistakes import MISTAKES, SINGLE_SHOT
 from impactd.bench.blind.interval import median, median95, wilson95
 from impactd.bench.blind.outcome import (
+    claims_mistake,
     grouping_of,
     groups_right,
     is_detectable,
     names_all,
+    names_effect,
     outcome,
 )
 from impactd.bench.blind.plan import COLOURS
@@ -85,6 +88,8 @@ def answers(trials: Group) -> list[Answer]:
         _outside,
         _pairs,
         _crystal,
+        _mistakes,
+        _one_bad_shot,
         _repair,
         _modulus,
         _time,
@@ -121,7 +126,7 @@ def _is(*wanted: str) -> Test:
 
 
 def _detected(trial: Trial) -> bool:
-    return trial.verdict not in ("adequate", "failed")
+    return trial.verdict not in ("adequate", "failed") or claims_mistake(trial)
 
 
 def _clean(trials: Group) -> Iterator[Answer | None]:
@@ -132,6 +137,7 @@ def _clean(trials: Group) -> Iterator[Answer | None]:
         own = [t for t in clean if t.colour == colour and t.ar1 == rho]
         note = f" {rho}" if rho else ", which nobody promised" if colour == "pink" else ""
         yield _share(f"- {colour}{note}", own, _detected)
+    yield _share("clean, any noise: a mistake of people claimed", clean, claims_mistake, "<= 0.01")
 
 
 def _detection(trials: Group) -> Iterator[Answer | None]:
@@ -199,6 +205,45 @@ def _crystal(trials: Group) -> Iterator[Answer | None]:
     bare = _of(trials, "hsd")
     yield _share("base HSD: crystal found", bare, names_all, ">= 0.98")
     yield _share("- and nothing else", bare, lambda t: t.named == t.truth)
+
+
+def _mistakes(trials: Group) -> Iterator[Answer | None]:
+    shown = _shown(trials, "mistake")
+    yield _share("mistakes detected", shown, _detected)
+    yield _share("mistakes: the right kind named", shown, names_all, ">= 0.9")
+    for mistake_id in MISTAKES:
+        own = [t for t in shown if mistake_id in t.truth]
+        yield _share(f"- {mistake_id}", own, names_all)
+    named = [t for t in shown if names_all(t)]
+    yield _share("- of the right kind: the right shot or group", named, groups_right, ">= 0.95")
+    yield _share("- right in all", shown, _right_in_all)
+    made = _of(trials, "mistake")
+    yield _share("mistakes: an effect of the library named", made, names_effect, "<= 0.02")
+    yield _share("- of detectable ones", shown, names_effect)
+    stated = [t for t in named if t.plane.get("after") is not None]
+    question = "mistakes of the right kind: 95 % interval of E/(1-nu^2) covers, after"
+    yield _share(question, stated, _covers("plane", "after"), ">= 0.92")
+    yield _share("- withheld", named, lambda t: t.plane.get("after") is None)
+    physics = _of(trials, "library", "outside", "pair")
+    yield _share("effects taken for a mistake of people", physics, claims_mistake)
+
+
+def _right_in_all(trial: Trial) -> bool:
+    return outcome(trial) in ("right", "family") and groups_right(trial)
+
+
+def _one_bad_shot(trials: Group) -> Iterator[Answer | None]:
+    """Ask what one bad shot costs in time, beside clean campaigns of the same run."""
+    usual = [t.seconds for t in _of(trials, "clean") if t.seconds is not None]
+    if not usual:
+        return
+    bad = [t for t in _of(trials, "mistake") if t.truth[0] in SINGLE_SHOT]
+
+    def ratio(trial: Trial) -> float | None:
+        """Return the time of a trial over the clean ones' median."""
+        return None if trial.seconds is None else trial.seconds / median(usual)
+
+    yield _middle("one bad shot: time to the verdict over a clean one's", bad, ratio, "<= 2")
 
 
 def _repair(trials: Group) -> Iterator[Answer | None]:
@@ -288,6 +333,14 @@ def _error(quantity: str, when: str) -> Measure:
 def _covers(quantity: str, when: str) -> Test:
     def test(trial: Trial) -> bool:
         low, high = getattr(trial, quantity)[when]["interval95"]
-        return bool(low <= getattr(trial, f"{quantity}_true") <= high)
+        return any(low <= true <= high for true in _true_values(trial, quantity))
 
     return test
+
+
+def _true_values(trial: Trial, quantity: str) -> list[float]:
+    """Return the specimen's modulus; where it was exchanged, that of either piece."""
+    first = float(getattr(trial, f"{quantity}_true"))
+    if trial.mistake is None or trial.mistake["id"] != "coupon_exchanged":
+        return [first]
+    return [first, first * float(trial.mistake["numbers"]["factor"])]

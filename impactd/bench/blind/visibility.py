@@ -1,9 +1,9 @@
-"""How far an effect shows, in whitened squares, by the simulator's own account.
+"""How far an effect or a mistake shows, in whitened squares, by the simulator's own account.
 
-The same campaign is simulated with hardly any noise, with its effects and without. The base model
-is fitted to both under the noise that the real campaign has; what the effects add to the cost at
-the minimum is the squared length of what they leave behind, in units of noise. Priors are part of
-the cost: an effect of the release shows only as speeds that contradict their heights.
+The same campaign is simulated with hardly any noise, with its effects or its mistake and without.
+The base model is fitted to both under the noise that the real campaign has; what they add to the
+cost at the minimum is the squared length of what they leave behind, in units of noise. Priors are
+part of the cost: an effect of the release shows only as speeds that contradict their heights.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from analysis.fit.problem import build
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
 from drivers.simulated.effects import Effect
+from drivers.simulated.mistakes import Mistake, make_mistake
 from impactd.bench.blind.plan import Plan
-from impactd.bench.simulated_campaign import simulated_campaign
+from impactd.bench.simulated_campaign import simulated_campaign, through_a_folder
 
 VISIBLE = 400.0
 """Whitened squares from which an effect counts as detectable: a residual of 20 in norm."""
@@ -32,14 +33,14 @@ QUIET = 0.1
 
 @dataclasses.dataclass(frozen=True)
 class Visibility:
-    """What effects add to the whitened squares of the base model's best fit.
+    """What effects or a mistake add to the whitened squares of the base model's best fit.
 
     Attributes
     ----------
     together : float
         All that act. [1]
     each : list of float
-        One alone, in the order of the effects. [1]
+        One alone, in the order of the effects; a mistake's by itself. [1]
     """
 
     together: float
@@ -47,7 +48,7 @@ class Visibility:
 
 
 def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
-    """Return how far a trial's effects show.
+    """Return how far a trial's effects or its mistake show.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
         base model cannot be fitted at all, the difference of the records stands in: such effects
         are large, and must not drop out of the count.
     """
-    if not plan.effects and plan.base == plan.whole:
+    if not plan.effects and plan.mistake is None and plan.base == plan.whole:
         return None
     bare_twin = _twin(plan, ())
     bare = _cost(bare_twin, campaign, plan.whole)
@@ -71,24 +72,27 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
         return Visibility(_cost(bare_twin, campaign, "hsd") - bare, [])
 
     def added(effects: Sequence[Effect]) -> float:
-        """Return what some effects add to the cost."""
-        twin = _twin(plan, effects)
+        """Return what some effects and the mistake add to the cost."""
+        twin = _twin(plan, effects, plan.mistake)
         try:
             return _cost(twin, campaign, plan.whole) - bare
         except (AnalysisError, np.linalg.LinAlgError):
             return _difference(twin, bare_twin, plan.settings.noise.rms_v)
 
     together = added(plan.effects)
-    alone = [together] if len(plan.effects) == 1 else [added([e]) for e in plan.effects]
+    alone = [together] if len(plan.effects) <= 1 else [added([e]) for e in plan.effects]
     return Visibility(together, alone)
 
 
-def _twin(plan: Plan, effects: Sequence[Effect]) -> Campaign:
-    """Return the campaign with hardly any noise and other effects."""
+def _twin(plan: Plan, effects: Sequence[Effect], mistake: Mistake | None = None) -> Campaign:
+    """Return the campaign with hardly any noise, other effects and no mistake or this one."""
     quiet = dataclasses.replace(plan.settings.noise, rms_v=QUIET * plan.settings.noise.rms_v)
     # steps of a coarse converter would stand above so little noise, and be taken for the effect
     settings = dataclasses.replace(plan.settings, effects=tuple(effects), noise=quiet, bits=16)
-    return _without_restitution(simulated_campaign(settings, plan.campaign_seed))
+    if mistake is None:
+        return _without_restitution(simulated_campaign(settings, plan.campaign_seed))
+    made = make_mistake(settings, plan.campaign_seed, mistake)
+    return _without_restitution(through_a_folder(made))
 
 
 def _difference(twin: Campaign, bare: Campaign, noise_v: float) -> float:
