@@ -3,7 +3,8 @@
 The same campaign is simulated with hardly any noise, with its effects or its mistake and without.
 The base model is fitted to both under the noise that the real campaign has; what they add to the
 cost at the minimum is the squared length of what they leave behind, in units of noise. Priors are
-part of the cost: an effect of the release shows only as speeds that contradict their heights.
+part of the cost: an effect of the release shows only as speeds that contradict their heights, and
+a number written down wrong only as far as it contradicts its stated uncertainty.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from analysis.campaign import Campaign
 from analysis.errors import AnalysisError
 from analysis.fit import joint
 from analysis.fit.fit_shot import noise_by_instrument, usable_shots
+from analysis.fit.freed_inputs import with_inputs
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
@@ -29,6 +31,11 @@ VISIBLE = 400.0
 """Whitened squares from which an effect counts as detectable: a residual of 20 in norm."""
 QUIET = 0.1
 """Share of the noise that is left: enough to keep the converter's steps from lining up."""
+
+
+WRONG_NUMBERS = ("wrong_mass", "wrong_radius", "wrong_height")
+"""Mistakes in what is stated with an uncertainty. Where such numbers counted as exact, the error of
+a careful label would already leave hundreds of squares, and a mistake could even take them away."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +74,8 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
     if not plan.effects and plan.mistake is None and plan.base == plan.whole:
         return None
     bare_twin = _twin(plan, ())
-    bare = _cost(bare_twin, campaign, plan.whole)
+    uncertain = plan.mistake is not None and plan.mistake.id in WRONG_NUMBERS
+    bare = _cost(bare_twin, campaign, plan.whole, uncertain=uncertain)
     if plan.base == "hsd":
         return Visibility(_cost(bare_twin, campaign, "hsd") - bare, [])
 
@@ -75,7 +83,7 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
         """Return what some effects and the mistake add to the cost."""
         twin = _twin(plan, effects, plan.mistake)
         try:
-            return _cost(twin, campaign, plan.whole) - bare
+            return _cost(twin, campaign, plan.whole, uncertain=uncertain) - bare
         except (AnalysisError, np.linalg.LinAlgError):
             return _difference(twin, bare_twin, plan.settings.noise.rms_v)
 
@@ -101,8 +109,11 @@ def _difference(twin: Campaign, bare: Campaign, noise_v: float) -> float:
     return sum(float(np.sum((a.signal - b.signal) ** 2)) for a, b in pairs) / noise_v**2
 
 
-def _cost(twin: Campaign, campaign: Campaign, model: str) -> float:
-    """Return the cost of a quiet twin under the noise of the campaign."""
+def _cost(twin: Campaign, campaign: Campaign, model: str, *, uncertain: bool = False) -> float:
+    """Return the cost of a quiet twin under the noise of the campaign.
+
+    ``uncertain`` takes masses, radii and the like as uncertain as stated, else as exact.
+    """
     problem = build(twin, model_named(model))
     noise = noise_by_instrument(tuple(usable_shots(campaign)[0]))
     problem.shots = [
@@ -112,7 +123,11 @@ def _cost(twin: Campaign, campaign: Campaign, model: str) -> float:
     fitted = joint.fit(problem, prepare(problem))
     if not fitted.blocks:
         raise AnalysisError("The base model cannot be evaluated on these records.")
-    return fitted.cost
+    if not uncertain:
+        return fitted.cost
+    problem = with_inputs(problem)
+    stated = problem.start[fitted.theta.size :]
+    return joint.fit(problem, fitted.nuisances, theta=np.concatenate([fitted.theta, stated])).cost
 
 
 def _without_restitution(campaign: Campaign) -> Campaign:
