@@ -138,6 +138,7 @@ def covers(quantity: str, when: str) -> Test:
     """
 
     def test(trial: Trial) -> bool:
+        """Return whether a trial's interval holds the truth."""
         low, high = getattr(trial, quantity)[when]["interval95"]
         return any(low <= true <= high for true in _true_values(trial, quantity))
 

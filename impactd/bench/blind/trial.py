@@ -213,7 +213,9 @@ def _diagnosed(plan: Plan, simulated: Json) -> Json:
     stated = diagnose(campaign, plan.base, progress=clock)
     ended = time.perf_counter()
     before, after = stated["before"], stated["after"]
-    evidence = next((step["evidence"] for step in stated["trail"] if step.get("evidence")), [])
+    evidence: list[Json] = next(
+        (step["evidence"] for step in stated["trail"] if step.get("evidence")), []
+    )
     return {
         "verdict": stated["verdict"],
         "named": [e["id"] for e in stated["effects"]],
