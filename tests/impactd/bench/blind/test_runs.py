@@ -10,11 +10,12 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from drivers.simulated.mistakes import Mistake
-from impactd.bench.blind import runs
+from impactd.bench.blind import runs, trial
 from impactd.bench.blind.__main__ import main
 from impactd.bench.blind.plan import draw_plan
 from impactd.bench.blind.runs import Task, read, run_into
@@ -99,6 +100,48 @@ def test_a_mistake_shows_as_far_as_the_base_model_stumbles_over_it() -> None:
     seen = visibility(dataclasses.replace(plan, mistake=none), campaign)
     assert seen is not None
     assert seen.together == 0.0
+
+
+def test_a_trial_takes_over_what_a_document_says_of_mistakes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Shots that were set aside, the scope of a wrong record, and the first shot of a change."""
+    block: dict[str, Any] = {
+        "chi2_per_dof": 1.0,
+        "degrees_of_freedom": 9,
+        "heldout_rms_V": None,
+        "moduli": {},
+    }
+    change = {
+        "id": "change_point",
+        "slot": "record",
+        "scope": {"cell": "gain"},
+        "parameters": {"first_shot": {"value": 30}},
+    }
+    document: dict[str, Any] = {
+        "verdict": "identified",
+        "effects": [change],
+        "set_aside": [{"shot": 17, "because": "of its size"}, {"shot": 3}],
+        "slot": "record",
+        "p_value": None,
+        "noise_rms_V": 1e-3,
+        "before": block,
+        "after": block,
+        "trail": [{}],
+    }
+    monkeypatch.setattr(trial, "diagnose", lambda *_, **__: document)
+    monkeypatch.setattr(trial, "visibility", lambda *_: None)
+    found = trial.run_trial("mistake", 5)
+    assert found.error is None
+    drawn = draw_plan("mistake", 5).mistake
+    assert drawn is not None
+    assert found.mistake == drawn.to_json()
+    assert found.acts_on == [{"cell": "gain", "first_shot": 30}]
+    assert (found.named, found.set_aside) == (["change_point"], [3, 17])
+    assert Trial.from_json(json.loads(json.dumps(found.to_json()))) == found
+    del document["set_aside"]
+    older = trial.run_trial("clean", 5)
+    assert (older.error, older.mistake, older.set_aside) == (None, None, [])
 
 
 def test_the_table_has_a_row_for_each_mistake(
