@@ -162,7 +162,7 @@ def test_mistakes_are_counted_by_kind_place_false_name_and_modulus(
     assert share("mistakes: the right kind named") == (4, 0.75)
     assert share("- wrong_radius") == (1, 0.0)
     assert share("- odd_shot") == (1, 1.0)
-    assert share("- of the right kind: the right shot or group") == (3, pytest.approx(2 / 3))
+    assert share("- of the right kind: the right shot or group") == (3, 2 / 3)
     assert share("mistakes: an effect of the library named") == (5, 0.2)
     assert share("- of detectable ones") == (4, 0.25)
     question = "mistakes of the right kind: 95 % interval of E/(1-nu^2) covers, after"
