@@ -21,13 +21,20 @@ from drivers.simulated.campaign_settings import CampaignSettings
 from drivers.simulated.converter import CODES, Board, coarser, quantise
 from drivers.simulated.draw import draw_rig
 from drivers.simulated.drawn_rig import DrawnRig
+from drivers.simulated.drops import Drops, draw_drops
 from drivers.simulated.effects import Shot
 from drivers.simulated.flight import Flight, begin_flight, render_flight
 from drivers.simulated.impact import simulate_impact
 from drivers.simulated.noise import NoiseSettings, noise_record, noise_table
-from drivers.simulated.specimens import CellSpec, SurfaceSpec
+from drivers.simulated.specimens import SPECIMEN, CellSpec, SurfaceSpec
 
-__all__ = ["CampaignSettings", "simulate_campaign", "write_campaign_folder"]
+__all__ = [
+    "CampaignSettings",
+    "draw_certificate",
+    "simulate_campaign",
+    "simulate_drops",
+    "write_campaign_folder",
+]
 
 
 def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
@@ -52,32 +59,69 @@ def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
     ValueError
         If an effect and the cell's model do not go together.
     """
-    rng = np.random.default_rng([seed, 100])
-    surfaces = {
-        name: _random_specimen(spec, rng) if name == "specimen" and not settings.exact else spec
-        for name, spec in settings.surfaces.items()
-    }
-    heights = [h * math.exp(rng.uniform(-0.06, 0.06)) for h in settings.drop_heights_m]
-    rig = _draw(settings, surfaces, settings.cell, seed)
-    cell = settings.cell
-    if settings.fill is not None:
-        cell = _fitting_cell(settings, rig, max(heights))
-        rig = _draw(settings, surfaces, cell, seed)
-    plan = [(s, c, h) for s in settings.spheres for c in surfaces for h in heights]
-    plan *= settings.repeats
-    order = rng.permutation(len(plan))
+    drops = draw_drops(settings, seed)
+    return simulate_drops(settings, drops, draw_certificate(settings, drops, seed), seed)
+
+
+def draw_certificate(settings: CampaignSettings, drops: Drops, seed: int) -> CellSpec:
+    """Return the cell's certificate, its compliance chosen where ``settings.fill`` asks for it.
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        What the campaign consists of.
+    drops : Drops
+        What falls.
+    seed : int
+        Of the campaign.
+
+    Returns
+    -------
+    CellSpec
+        ``settings.cell`` itself without ``fill``.
+    """
+    if settings.fill is None:
+        return settings.cell
+    rig = _draw(settings, drops.surfaces, settings.cell, seed)
+    return _fitting_cell(settings, rig, max(height for _, _, height in drops.in_order))
+
+
+def simulate_drops(
+    settings: CampaignSettings, drops: Drops, cell: CellSpec, seed: int
+) -> dict[str, Any]:
+    """Simulate drops that are already drawn.
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        What the campaign consists of.
+    drops : Drops
+        What falls.
+    cell : CellSpec
+        The cell's certificate.
+    seed : int
+        Of the campaign.
+
+    Returns
+    -------
+    dict
+        As `simulate_campaign` returns it.
+
+    Raises
+    ------
+    ValueError
+        If an effect and the cell's model do not go together.
+    """
+    rig = _draw(settings, drops.surfaces, cell, seed)
     shots, codes, flights = [], [], []
-    for number, place in enumerate(order):
-        sphere, surface, height = plan[place]
-        flight, volts = _record(settings, rig, (sphere, surface, height), number, seed)
+    for number, drop in enumerate(drops.in_order):
+        flight, volts = _record(settings, rig, drop, number, seed)
         flights.append(flight)
         row = _convert(volts, settings, rig)
         codes.append(row)
-        shots.append(
-            describe_shot(settings, flight, (sphere, surface, height), row, (seed, number))
-        )
+        shots.append(describe_shot(settings, flight, drop, row, (seed, number)))
     return {
-        "campaign": describe_campaign(settings, surfaces, cell, shots),
+        "campaign": describe_campaign(settings, drops.surfaces, cell, shots),
         "codes": codes,
         "truth": _truth(settings, rig, flights),
     }
@@ -110,11 +154,6 @@ def write_campaign_folder(folder: Path, simulated: Mapping[str, Any]) -> Path:
     path = folder / "campaign.json"
     path.write_text(json.dumps(simulated["campaign"], indent=1, allow_nan=False))
     return path
-
-
-def _random_specimen(spec: SurfaceSpec, rng: np.random.Generator) -> SurfaceSpec:
-    ratio = round(float(rng.uniform(0.33, 0.42)), 2)
-    return replace(spec, poissons_ratio=ratio, coupon_mass_kg=float(rng.uniform(2.5e-3, 5e-3)))
 
 
 def _draw(
@@ -212,8 +251,8 @@ def _truth(
     settings: CampaignSettings, rig: DrawnRig, flights: Sequence[Flight]
 ) -> dict[str, object]:
     truth = rig.truth()
-    if "specimen" in rig.surface_solids:
-        solid = rig.surface_solids["specimen"]
+    if SPECIMEN in rig.surface_solids:
+        solid = rig.surface_solids[SPECIMEN]
         truth["specimen_youngs_modulus_Pa"] = solid.youngs_modulus_pa
     truth["bits"] = settings.bits
     truth["noise_ar1"] = settings.noise.ar1

@@ -41,10 +41,6 @@ def describe_shot(
         Ready for JSON.
     """
     sphere, surface, height = drop
-    volts_per_code = 2.0 * settings.range_v / (1 << settings.bits)
-    baseline = float(np.median(codes[: settings.touch_at // 2]))
-    above = np.flatnonzero((codes - baseline) * volts_per_code > settings.trigger_v)
-    above = above[above >= settings.touch_at - 5]
     touch = flight.touches[0]
     slowed = settings.gravity_m_per_s2 * settings.restitution_seen_after_s
     measured = (touch.rebound_speed_m_per_s - slowed) / touch.speed_m_per_s
@@ -55,10 +51,35 @@ def describe_shot(
         "drop_height_m": _stated(settings, height, settings.spread.height_scatter_m),
         "file": f"shot{flight.shot.number:03d}.npy",
         "sample_rate_Hz": settings.sample_rate_hz,
-        "volts_per_code": volts_per_code,
-        "trigger_index": int(above[0]) if above.size else settings.touch_at,
+        "volts_per_code": _volts_per_code(settings),
+        "trigger_index": trigger_index(settings, codes),
         "restitution": {"value": round(float(measured), 4), "u": settings.restitution_u},
     }
+
+
+def trigger_index(settings: CampaignSettings, codes: NDArray[np.int16]) -> int:
+    """Return the first sample of a record beyond the trigger's level, above the baseline.
+
+    Parameters
+    ----------
+    settings : CampaignSettings
+        What was asked for.
+    codes : ndarray of int16, shape (samples,)
+        The record.
+
+    Returns
+    -------
+    int
+        ``settings.touch_at`` where no sample is.
+    """
+    baseline = float(np.median(codes[: settings.touch_at // 2]))
+    above = np.flatnonzero((codes - baseline) * _volts_per_code(settings) > settings.trigger_v)
+    above = above[above >= settings.touch_at - 5]
+    return int(above[0]) if above.size else settings.touch_at
+
+
+def _volts_per_code(settings: CampaignSettings) -> float:
+    return 2.0 * settings.range_v / (1 << settings.bits)
 
 
 def _quantity(value: float, u: float) -> dict[str, float]:

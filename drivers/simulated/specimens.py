@@ -93,10 +93,13 @@ SPHERES: dict[str, SphereSpec] = {
     "neoprene": _sphere(3.18e-3, 0.1981e-3, 0.082e9, 0.499),
 }
 
+SPECIMEN = "specimen"
+"""Name of the surface whose modulus is sought."""
+
 SURFACES: dict[str, SurfaceSpec] = {
     "aluminium": SurfaceSpec(69e9, 1e9, 0.33, coupon_mass_kg=8.1e-3),
     "polycarbonate": SurfaceSpec(2.2e9, 5e7, 0.37, coupon_mass_kg=3.6e-3),
     "pvc": SurfaceSpec(3.25e9, 6.5e7, 0.395, coupon_mass_kg=4.2e-3),
     "ptfe": SurfaceSpec(0.5e9, 1e7, 0.46, coupon_mass_kg=6.5e-3),
-    "specimen": SurfaceSpec(None, 0.0, 0.37, 0.02, coupon_mass_kg=3.8e-3),
+    SPECIMEN: SurfaceSpec(None, 0.0, 0.37, 0.02, coupon_mass_kg=3.8e-3),
 }

@@ -4,7 +4,7 @@ The diagnosis sees what a campaign folder holds and nothing else. A trial is kno
 its seed; a table belongs to the seeds it was made with, so tune on some and report on others.
 
 ``plan`` draws, ``trial`` runs one, ``runs`` runs many and can be stopped, ``outcome`` judges one,
-``questions`` counts, ``table`` prints.
+``questions`` asks and ``counting`` counts, ``table`` prints.
 """
 
 from __future__ import annotations

@@ -75,6 +75,8 @@ def _run(options: argparse.Namespace) -> int:
 def _line(trial: Trial) -> str:
     truth = "+".join(trial.truth) or "nothing"
     said = " ".join((trial.verdict, "+".join(trial.named)))
+    if trial.set_aside:
+        said += f", shots {', '.join(map(str, trial.set_aside))} set aside"
     seconds = "" if trial.seconds is None else f", {trial.seconds:.1f} s"
     visible = "" if trial.visible is None else f" ({trial.visible:.2g})"
     return f"{trial.kind} {trial.seed}: {truth}{visible}: {said}: {outcome(trial)}{seconds}" + (

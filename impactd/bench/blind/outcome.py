@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from impactd.bench.blind.trial import Trial
+from drivers.simulated.mistakes import MISTAKES, SINGLE_SHOT
+from impactd.bench.blind.trial import Json, Trial
 from impactd.bench.blind.visibility import VISIBLE
 
 OUTCOMES = ("right", "family", "half", "wrong", "unknown", "missed", "adequate", "failed")
-"""All named; named but for a confusion set that holds the truth; some named and nothing false; a
-name that did not act; abstained; nothing seen; rightly nothing seen; the diagnosis raised."""
+"""All named; named but for a confusion set that holds the truth; some named and nothing false, or
+all and good shots set aside with it; a name that did not act, or good shots set aside and nothing
+right; abstained; nothing seen; rightly nothing seen; the diagnosis raised."""
 
 ABSTAINED = ("unknown", "not_identifiable")
+NAMED_AS = {"coupon_exchanged": "change_point", "gain_switched": "change_point"}
+"""Ids that a diagnosis has for mistakes, where they are not the mistake's own."""
+RECORD = tuple(dict.fromkeys(NAMED_AS.get(m, m) for m in MISTAKES if m not in SINGLE_SHOT))
+"""Ids of a diagnosis for what people did wrong; one bad shot has none, it is set aside."""
+SAME_HEIGHT = 0.01
+"""Relative difference of two heights up to which they are one: drawn ones are tens of percent
+apart, and a document may round."""
+BESIDE = 1
+"""Shots by which the beginning of a change may be off."""
 
 
 def outcome(trial: Trial) -> str:
@@ -24,25 +35,117 @@ def outcome(trial: Trial) -> str:
     -------
     str
         One of `OUTCOMES`. A first name that did not act is taken back where its confusion set
-        holds the truth: the diagnosis said that it could be either.
+        holds the truth: the diagnosis said that it could be either. Not so an effect of the
+        library where people made a mistake.
     """
     if trial.verdict == "failed":
         return "failed"
-    if trial.verdict == "adequate":
-        return "missed" if trial.truth else "adequate"
-    if trial.verdict in ABSTAINED:
-        return "unknown"
-    strangers = [name for name in trial.named if name not in trial.truth]
-    missing = [name for name in trial.truth if name not in trial.named]
+    named, wanted = said_names(trial), wanted_names(trial)
+    good_shots = [place for place in trial.set_aside if place not in wanted_shots(trial)]
+    missing_shots = [place for place in wanted_shots(trial) if place not in trial.set_aside]
+    if not named and not trial.set_aside:
+        if trial.verdict == "adequate":
+            return "missed" if trial.truth else "adequate"
+        if trial.verdict in ABSTAINED or trial.mistake is not None:
+            return "unknown"
+    strangers = [name for name in named if name not in wanted]
+    missing = [name for name in wanted if name not in named]
     shared = [name for name in missing if name in trial.confusable]
-    if strangers and shared and trial.named[0] == strangers[0]:
+    may_be_either = trial.mistake is None or any(name in RECORD for name in strangers[:1])
+    if may_be_either and shared and strangers and named[0] == strangers[0]:
         strangers = strangers[1:]
         missing.remove(shared[0])
-    if strangers:
+    nothing_right = len(missing) == len(wanted) and len(missing_shots) == len(wanted_shots(trial))
+    if strangers or (good_shots and nothing_right):
         return "wrong"
-    if missing:
+    if missing or missing_shots or good_shots:
         return "half"
     return "family" if trial.confusable else "right"
+
+
+def wanted_names(trial: Trial) -> list[str]:
+    """Return the ids that a diagnosis should give.
+
+    Parameters
+    ----------
+    trial : Trial
+        Any.
+
+    Returns
+    -------
+    list of str
+        Empty where nothing acted, or one shot is bad.
+    """
+    if trial.mistake is None:
+        return trial.truth
+    return [] if trial.mistake["id"] in SINGLE_SHOT else [NAMED_AS.get(n, n) for n in trial.truth]
+
+
+def wanted_shots(trial: Trial) -> list[int]:
+    """Return the places of the shots that a diagnosis should set aside.
+
+    Parameters
+    ----------
+    trial : Trial
+        Any.
+
+    Returns
+    -------
+    list of int
+        The one bad shot, or none.
+    """
+    single = trial.mistake is not None and trial.mistake["id"] in SINGLE_SHOT
+    return [int(trial.mistake["scope"]["shot"])] if trial.mistake and single else []
+
+
+def said_names(trial: Trial) -> list[str]:
+    """Return the ids that a diagnosis stands by.
+
+    Parameters
+    ----------
+    trial : Trial
+        Any.
+
+    Returns
+    -------
+    list of str
+        Where it abstained or found the rest adequate, those of mistakes alone.
+    """
+    if trial.verdict in ("adequate", *ABSTAINED):
+        return [name for name in trial.named if name in RECORD]
+    return trial.named
+
+
+def claims_mistake(trial: Trial) -> bool:
+    """Return whether a diagnosis says that people did something wrong.
+
+    Parameters
+    ----------
+    trial : Trial
+        Any.
+
+    Returns
+    -------
+    bool
+        Whether it was so or not.
+    """
+    return bool(trial.set_aside) or any(name in RECORD for name in trial.named)
+
+
+def names_effect(trial: Trial) -> bool:
+    """Return whether a diagnosis names an effect of the library.
+
+    Parameters
+    ----------
+    trial : Trial
+        Any.
+
+    Returns
+    -------
+    bool
+        Whether one acted or not.
+    """
+    return any(name not in RECORD for name in said_names(trial))
 
 
 def names_all(trial: Trial) -> bool:
@@ -56,9 +159,12 @@ def names_all(trial: Trial) -> bool:
     Returns
     -------
     bool
-        Also where something else was named as well; `outcome` is then ``wrong``.
+        Also where something else was named as well; `outcome` is then ``wrong``. Of one bad shot
+        whether any shot was set aside; `groups_right` says which.
     """
-    return bool(trial.named) and set(trial.truth) <= {*trial.named, *trial.confusable}
+    if wanted_shots(trial):
+        return bool(trial.set_aside)
+    return bool(trial.named) and set(wanted_names(trial)) <= {*trial.named, *trial.confusable}
 
 
 def grouping_of(trial: Trial) -> str:
@@ -90,13 +196,37 @@ def groups_right(trial: Trial) -> bool:
     -------
     bool
         A name that was confusable, or beside a false one, counts as long as it was given itself.
+        Of a mistake whether the very shot was set aside, or whose number is wrong and from which
+        shot on something changed.
     """
-    said = dict(zip(trial.named, trial.acts_on or [], strict=True))
+    if wanted_shots(trial):
+        return trial.set_aside == wanted_shots(trial)
+    pairs = list(zip(trial.named, trial.acts_on or [], strict=True))
+    if trial.mistake is not None:
+        said_of = [where for name, where in pairs if name in wanted_names(trial)]
+        return bool(said_of) and all(_is_place_of(trial.mistake, where) for where in said_of)
+    said = dict(pairs)
     return all(said.get(str(e["id"])) == e.get("scope", {}) for e in trial.effects)
 
 
+def _is_place_of(mistake: Json, said: Json) -> bool:
+    """Return whether a scope, and the first shot of a change, are those of a mistake."""
+    numbers, scope = mistake["numbers"], dict(said)
+    first = scope.pop("first_shot", None)
+    if "first_shot" in numbers:
+        # between the last shot without the change and the first with it no shot could tell
+        begins, ends = numbers["last_before"] + 1 - BESIDE, numbers["first_shot"] + BESIDE
+        if first is None or not begins <= first <= ends:
+            return False
+    if "drop_height_m" in mistake["scope"]:
+        height = scope.get("drop_height_m")
+        right = mistake["scope"]["drop_height_m"]
+        return height is not None and abs(height / right - 1.0) <= SAME_HEIGHT
+    return bool(scope == mistake["scope"])
+
+
 def is_detectable(trial: Trial) -> bool:
-    """Return whether every effect of a trial would by itself leave a residual of 20 in norm.
+    """Return whether each effect or mistake would by itself leave a residual of 20 in norm.
 
     Parameters
     ----------

@@ -9,16 +9,19 @@ import numpy as np
 
 from drivers.simulated.campaign import CampaignSettings
 from drivers.simulated.draw import draw_effect, no_room_for
+from drivers.simulated.drops import draw_drops
 from drivers.simulated.effects import INVENTED, LIBRARY, Effect
 from drivers.simulated.label_spread import EXACT, TYPICAL
+from drivers.simulated.mistakes import Mistake, draw_mistake
 from drivers.simulated.noise import NoiseSettings
 from drivers.simulated.rig_model import DEFAULT_RIG, rig_model
 from drivers.simulated.specimens import SPHERES, SURFACES
 from impactd.bench.simulated_campaign import BASES
 
-KINDS = ("clean", "library", "outside", "pair", "hsd")
-"""Nothing, one known effect, one that no library knows, two known ones in different slots, and a
-clean rig that is diagnosed from the base model without a crystal."""
+KINDS = ("clean", "library", "outside", "pair", "hsd", "mistake")
+"""Nothing, one known effect, one that no library knows, two known ones in different slots, a
+clean rig that is diagnosed from the base model without a crystal, and one with a mistake of people.
+A kind's place is part of what its trials are drawn from: a new one goes to the end."""
 COLOURS = (("white", 0.0), ("ar1", 0.3), ("ar1", 0.6), ("pink", 0.0))
 COLOUR_SHARES = (0.3, 0.3, 0.3, 0.1)
 """The last one is wrong noise: no autoregression of low order describes 1/f."""
@@ -55,6 +58,8 @@ class Plan:
         Base model that has all of the rig's physics but its effects.
     base : str
         Model that the diagnosis starts from: ``whole``, or the one without a crystal.
+    mistake : Mistake or None
+        What people did wrong.
     """
 
     kind: str
@@ -65,10 +70,11 @@ class Plan:
     rig: str
     whole: str
     base: str
+    mistake: Mistake | None = None
 
 
 def draw_plan(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Plan:
-    """Draw materials, noise and effects of one trial.
+    """Draw materials, noise, effects and mistake of one trial.
 
     Parameters
     ----------
@@ -108,7 +114,8 @@ def draw_plan(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Plan:
     )
     whole = BASES[rig]
     base = "hsd" if kind == "hsd" else whole
-    return Plan(kind, seed, settings, effects, number, rig, whole, base)
+    mistake = _draw_mistake(settings, number) if kind == "mistake" else None
+    return Plan(kind, seed, settings, effects, number, rig, whole, base, mistake)
 
 
 def colour_of(noise: NoiseSettings) -> str:
@@ -127,6 +134,10 @@ def _draw_noise(rng: np.random.Generator) -> NoiseSettings:
 
 def _draw_bits(number: int) -> int:
     return int(np.random.default_rng([number, 8]).choice(BITS, p=BITS_SHARES))
+
+
+def _draw_mistake(settings: CampaignSettings, number: int) -> Mistake:
+    return draw_mistake(np.random.default_rng([number, 9]), draw_drops(settings, number))
 
 
 def _log_uniform(rng: np.random.Generator, ends: tuple[float, float]) -> float:

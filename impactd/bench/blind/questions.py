@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator
 
 from drivers.simulated.effects import EFFECTS
-from impactd.bench.blind.interval import median, median95, wilson95
+from impactd.bench.blind.counting import (
+    Answer,
+    Group,
+    Measure,
+    covers,
+    detectable,
+    ended_as,
+    middle,
+    of_kinds,
+    share,
+    was_detected,
+)
+from impactd.bench.blind.mistake_questions import of_mistakes
 from impactd.bench.blind.outcome import (
+    claims_mistake,
     grouping_of,
     groups_right,
-    is_detectable,
     names_all,
     outcome,
 )
@@ -19,49 +30,10 @@ from impactd.bench.blind.plan import COLOURS
 from impactd.bench.blind.trial import Json, Trial
 from impactd.bench.blind.visibility import VISIBLE
 
-Group = Sequence[Trial]
-Test = Callable[[Trial], bool]
-Measure = Callable[[Trial], float | None]
-
 VERDICTS = ("adequate", "identified", "family", "partial", "unknown")
 """Those of campaigns whose references are stated, as in all trials."""
 LOUD = 3.0
 """Times the noise, from which no closure is kept from a threefold fall by the noise alone."""
-
-
-@dataclass(frozen=True)
-class Answer:
-    """One row of the table.
-
-    Attributes
-    ----------
-    question : str
-        In words.
-    count : int
-        Trials that were asked.
-    value, low, high : float
-        Share or median, and its 95 % interval.
-    unit : str
-        ``1`` or ``s``.
-    goal : str
-        E.g. ``>= 0.98``; empty where none was set.
-    """
-
-    question: str
-    count: int
-    value: float
-    low: float
-    high: float
-    unit: str = "1"
-    goal: str = ""
-
-    @property
-    def met(self) -> bool | None:
-        """Return whether the measured value meets the goal, None without one."""
-        if not self.goal:
-            return None
-        sign, limit = self.goal.split()
-        return self.value >= float(limit) if sign == ">=" else self.value <= float(limit)
 
 
 def answers(trials: Group) -> list[Answer]:
@@ -85,6 +57,7 @@ def answers(trials: Group) -> list[Answer]:
         _outside,
         _pairs,
         _crystal,
+        of_mistakes,
         _repair,
         _modulus,
         _time,
@@ -92,82 +65,51 @@ def answers(trials: Group) -> list[Answer]:
     return [answer for ask in asked for answer in ask(trials) if answer is not None]
 
 
-def _share(question: str, group: Group, test: Test, goal: str = "") -> Answer | None:
-    if not group:
-        return None
-    hits = sum(test(t) for t in group)
-    return Answer(question, len(group), hits / len(group), *wilson95(hits, len(group)), goal=goal)
-
-
-def _middle(
-    question: str, group: Group, measure: Measure, goal: str = "", unit: str = "1"
-) -> Answer | None:
-    values = [v for v in (measure(t) for t in group) if v is not None]
-    if not values:
-        return None
-    return Answer(question, len(values), median(values), *median95(values), unit, goal)
-
-
-def _of(trials: Group, *kinds: str) -> list[Trial]:
-    return [t for t in trials if t.kind in kinds]
-
-
-def _shown(trials: Group, *kinds: str) -> list[Trial]:
-    return [t for t in _of(trials, *kinds) if is_detectable(t)]
-
-
-def _is(*wanted: str) -> Test:
-    return lambda trial: outcome(trial) in wanted
-
-
-def _detected(trial: Trial) -> bool:
-    return trial.verdict not in ("adequate", "failed")
-
-
 def _clean(trials: Group) -> Iterator[Answer | None]:
-    clean = _of(trials, "clean")
+    clean = of_kinds(trials, "clean")
     proper = [t for t in clean if t.colour != "pink"]
-    yield _share("clean called discrepant, white and AR(1)", proper, _detected, "<= 0.01")
+    yield share("clean called discrepant, white and AR(1)", proper, was_detected, "<= 0.01")
     for colour, rho in COLOURS:
         own = [t for t in clean if t.colour == colour and t.ar1 == rho]
         note = f" {rho}" if rho else ", which nobody promised" if colour == "pink" else ""
-        yield _share(f"- {colour}{note}", own, _detected)
+        yield share(f"- {colour}{note}", own, was_detected)
+    yield share("clean, any noise: a mistake of people claimed", clean, claims_mistake, "<= 0.01")
 
 
 def _detection(trials: Group) -> Iterator[Answer | None]:
     kinds = ("library", "outside", "pair")
-    shown = _shown(trials, *kinds)
-    yield _share("detectable effects detected", shown, _detected, ">= 0.98")
+    shown = detectable(trials, *kinds)
+    yield share("detectable effects detected", shown, was_detected, ">= 0.98")
     for kind in kinds:
-        yield _share(f"- {kind}", _of(shown, kind), _detected)
-    singles = [t for t in _of(trials, "library", "outside") if t.visible is not None]
+        yield share(f"- {kind}", of_kinds(shown, kind), was_detected)
+    singles = [t for t in of_kinds(trials, "library", "outside") if t.visible is not None]
     faint = [t for t in singles if 0.1 <= (t.visible or 0.0) / VISIBLE < 1.0]
-    yield _share("- of singles with a tenth to all of that", faint, _detected)
+    yield share("- of singles with a tenth to all of that", faint, was_detected)
 
 
 def _library(trials: Group) -> Iterator[Answer | None]:
-    single = _shown(trials, "library")
-    yield _share("library: right name or family", single, _is("right", "family"), ">= 0.95")
+    single = detectable(trials, "library")
+    yield share("library: right name or family", single, ended_as("right", "family"), ">= 0.95")
     right = [t for t in single if outcome(t) == "right"]
-    yield _share("- right name", single, _is("right"))
-    yield _share("- of these, down to the noise", right, lambda t: t.verdict == "identified")
-    yield _share("library: wrong name", single, _is("wrong"), "<= 0.02")
-    yield _share("library: unknown", single, _is("unknown"))
+    yield share("- right name", single, ended_as("right"))
+    yield share("- of these, down to the noise", right, lambda t: t.verdict == "identified")
+    yield share("library: wrong name", single, ended_as("wrong"), "<= 0.02")
+    yield share("library: unknown", single, ended_as("unknown"))
 
 
 def _groupings(trials: Group) -> Iterator[Answer | None]:
     """Ask of effects that materials can have: the name, and the materials beside it."""
-    single = _shown(trials, "library")
+    single = detectable(trials, "library")
     single = [t for t in single if t.acts_on is not None and _of_materials(t)]
     question = "groupings drawn at random: right name or family"
-    yield _share(question, single, _is("right", "family"), ">= 0.95")
+    yield share(question, single, ended_as("right", "family"), ">= 0.95")
     named = [t for t in single if set(t.truth) <= set(t.named)]
-    yield _share("- named: with the right materials", named, groups_right, ">= 0.95")
+    yield share("- named: with the right materials", named, groups_right, ">= 0.95")
     for how_many in ("one", "some", "all"):
         own = [t for t in single if grouping_of(t) == how_many]
-        yield _share(f"- {how_many}: right name or family", own, _is("right", "family"))
+        yield share(f"- {how_many}: right name or family", own, ended_as("right", "family"))
         seen = [t for t in named if grouping_of(t) == how_many]
-        yield _share(f"- {how_many}, named: with the right materials", seen, groups_right)
+        yield share(f"- {how_many}, named: with the right materials", seen, groups_right)
 
 
 def _of_materials(trial: Trial) -> bool:
@@ -175,54 +117,54 @@ def _of_materials(trial: Trial) -> bool:
 
 
 def _outside(trials: Group) -> Iterator[Answer | None]:
-    outside = _shown(trials, "outside")
-    yield _share("outside: identified", outside, lambda t: t.verdict == "identified", "<= 0")
-    yield _share("- or given a family", outside, lambda t: t.verdict == "family", "<= 0")
+    outside = detectable(trials, "outside")
+    yield share("outside: identified", outside, lambda t: t.verdict == "identified", "<= 0")
+    yield share("- or given a family", outside, lambda t: t.verdict == "family", "<= 0")
     admitted = ("unknown", "partial")
-    yield _share("outside: unknown or partial", outside, lambda t: t.verdict in admitted, ">= 0.9")
-    yield _share("outside: right slot", outside, lambda t: t.slot in t.slots, ">= 0.8")
-    yield _middle("outside: held-out error, before over after", outside, _fall, ">= 3")
-    yield _middle("- the noise taken out of both", outside, _fall_beyond_noise)
+    yield share("outside: unknown or partial", outside, lambda t: t.verdict in admitted, ">= 0.9")
+    yield share("outside: right slot", outside, lambda t: t.slot in t.slots, ">= 0.8")
+    yield middle("outside: held-out error, before over after", outside, _fall, ">= 3")
+    yield middle("- the noise taken out of both", outside, _fall_beyond_noise)
     loud = [t for t in outside if (_over_noise("before")(t) or 0.0) >= LOUD]
-    yield _middle("- where the noise leaves room for 3-fold (before >= 3 x noise)", loud, _fall)
+    yield middle("- where the noise leaves room for 3-fold (before >= 3 x noise)", loud, _fall)
 
 
 def _pairs(trials: Group) -> Iterator[Answer | None]:
-    pairs = _shown(trials, "pair")
-    yield _share("pairs in two slots: both named", pairs, names_all, ">= 0.8")
-    yield _share("- and nothing false", pairs, _is("right", "family"))
-    yield _share("- one named, nothing false", pairs, _is("half"))
-    yield _share("- a wrong name", pairs, _is("wrong"))
+    pairs = detectable(trials, "pair")
+    yield share("pairs in two slots: both named", pairs, names_all, ">= 0.8")
+    yield share("- and nothing false", pairs, ended_as("right", "family"))
+    yield share("- one named, nothing false", pairs, ended_as("half"))
+    yield share("- a wrong name", pairs, ended_as("wrong"))
 
 
 def _crystal(trials: Group) -> Iterator[Answer | None]:
-    bare = _of(trials, "hsd")
-    yield _share("base HSD: crystal found", bare, names_all, ">= 0.98")
-    yield _share("- and nothing else", bare, lambda t: t.named == t.truth)
+    bare = of_kinds(trials, "hsd")
+    yield share("base HSD: crystal found", bare, names_all, ">= 0.98")
+    yield share("- and nothing else", bare, lambda t: t.named == t.truth)
 
 
 def _repair(trials: Group) -> Iterator[Answer | None]:
     for kind, goal in (("library", "<= 1.1"), ("pair", "")):
-        shown = _shown(trials, kind)
+        shown = detectable(trials, kind)
         for when in ("before", "after"):
-            yield _middle(f"{kind}: held-out rms over noise, {when}", shown, _over_noise(when),
+            yield middle(f"{kind}: held-out rms over noise, {when}", shown, _over_noise(when),
                           goal if when == "after" else "")  # fmt: skip
 
 
 def _modulus(trials: Group) -> Iterator[Answer | None]:
-    single = _shown(trials, "library")
+    single = detectable(trials, "library")
     for quantity, name, goals in (
         ("plane", "E/(1-nu^2)", {"error after": "<= 0.01", "cover after": ">= 0.92"}),
         ("modulus", "E", {}),
     ):
         for when in ("before", "after"):
             question = f"library: specimen's {name}, error {when}"
-            yield _middle(question, single, _error(quantity, when), goals.get(f"error {when}", ""))
+            yield middle(question, single, _error(quantity, when), goals.get(f"error {when}", ""))
         for when in ("before", "after"):
             question = f"library: 95 % interval of {name} covers, {when}"
             stated = [t for t in single if getattr(t, quantity).get(when) is not None]
-            yield _share(question, stated, _covers(quantity, when), goals.get(f"cover {when}", ""))
-    yield _share("library: modulus withheld after", single, lambda t: t.plane.get("after") is None)
+            yield share(question, stated, covers(quantity, when), goals.get(f"cover {when}", ""))
+    yield share("library: modulus withheld after", single, lambda t: t.plane.get("after") is None)
     yield from _every_verdict(trials)
 
 
@@ -230,20 +172,20 @@ def _every_verdict(trials: Group) -> Iterator[Answer | None]:
     """Ask, of all trials, of the modulus that a verdict leaves standing."""
     stated = [t for t in trials if t.plane.get("after") is not None]
     question = "95 % interval of E/(1-nu^2) covers, whatever the verdict"
-    yield _share(question, stated, _covers("plane", "after"), ">= 0.92")
+    yield share(question, stated, covers("plane", "after"), ">= 0.92")
     for verdict in VERDICTS:
         own = [t for t in stated if t.verdict == verdict]
-        yield _share(f"- {verdict}", own, _covers("plane", "after"))
+        yield share(f"- {verdict}", own, covers("plane", "after"))
 
 
 def _time(trials: Group) -> Iterator[Answer | None]:
-    library = _of(trials, "library")
+    library = of_kinds(trials, "library")
     for name, group, goal in (("library", library, "<= 20"), ("all", trials, "")):
-        yield _middle(f"{name}: time to the verdict, median", group, lambda t: t.seconds, goal, "s")
+        yield middle(f"{name}: time to the verdict, median", group, lambda t: t.seconds, goal, "s")
         yield _slow(f"{name}: time to the verdict, 95 of 100 are below", group)
-    yield _middle("all: processor time to the verdict", trials, lambda t: t.cpu_seconds, unit="s")
-    yield _middle("all: time to write it down", trials, lambda t: t.statement_seconds, unit="s")
-    yield _share("the diagnosis raised", trials, _is("failed"), "<= 0")
+    yield middle("all: processor time to the verdict", trials, lambda t: t.cpu_seconds, unit="s")
+    yield middle("all: time to write it down", trials, lambda t: t.statement_seconds, unit="s")
+    yield share("the diagnosis raised", trials, ended_as("failed"), "<= 0")
 
 
 def _slow(question: str, group: Group) -> Answer | None:
@@ -283,11 +225,3 @@ def _error(quantity: str, when: str) -> Measure:
         return None if stated is None else abs(stated["value"] / true - 1.0)
 
     return measure
-
-
-def _covers(quantity: str, when: str) -> Test:
-    def test(trial: Trial) -> bool:
-        low, high = getattr(trial, quantity)[when]["interval95"]
-        return bool(low <= getattr(trial, f"{quantity}_true") <= high)
-
-    return test

@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Sequence
 
+from drivers.simulated.mistakes import MISTAKES
+from impactd.bench.blind.counting import Answer
 from impactd.bench.blind.interval import median
-from impactd.bench.blind.outcome import is_detectable, outcome
-from impactd.bench.blind.questions import Answer, answers
+from impactd.bench.blind.outcome import groups_right, is_detectable, names_all, outcome
+from impactd.bench.blind.questions import answers
 from impactd.bench.blind.trial import Json, Trial
 
 MATRIX_FORMAT = "impactd-blind-confusion/1"
@@ -24,9 +26,13 @@ def table(trials: Sequence[Trial]) -> str:
     Returns
     -------
     str
-        Which seeds, the questions with their goals, and one row an effect.
+        Which seeds, the questions with their goals, one row an effect, and one a mistake where
+        any was made.
     """
-    return "\n\n".join((_seeds(trials), _questions(trials), _effects(trials)))
+    parts = [_seeds(trials), _questions(trials), _effects(trials)]
+    if any(trial.mistake is not None for trial in trials):
+        parts.append(_mistakes(trials))
+    return "\n\n".join(parts)
 
 
 def _seeds(trials: Sequence[Trial]) -> str:
@@ -75,6 +81,26 @@ def _effects(trials: Sequence[Trial]) -> str:
     return "\n".join(lines)
 
 
+def _mistakes(trials: Sequence[Trial]) -> str:
+    """Return one row a mistake; outcomes are those of detectable draws."""
+    outcomes = ("right", "family", "half", "wrong", "unknown", "missed", "failed")
+    head = ["mistake", "drawn", "detectable", "named", "right place", *outcomes, "squares"]
+    lines = [f"| {' | '.join(head)} |", "|---" * len(head) + "|"]
+    for name in MISTAKES:
+        drawn = [t for t in trials if t.mistake is not None and t.mistake["id"] == name]
+        if not drawn:
+            continue
+        shown = [t for t in drawn if is_detectable(t)]
+        named = [t for t in shown if names_all(t)]
+        found = Counter(outcome(t) for t in shown)
+        sizes = [t.visible for t in drawn if t.visible is not None]
+        cells = [name, len(drawn), len(shown), len(named), sum(map(groups_right, named))]
+        cells += [found[column] or "" for column in outcomes]
+        cells += [f"{median(sizes):.2g}" if sizes else "-"]
+        lines.append(f"| {' | '.join(str(c) for c in cells)} |")
+    return "\n".join(lines)
+
+
 def confusion(trials: Sequence[Trial]) -> Json:
     """Return who was taken for whom.
 
@@ -87,7 +113,8 @@ def confusion(trials: Sequence[Trial]) -> Json:
     -------
     dict
         ``rows``: what acted (``none``, ids, ``a+b``); ``columns``: what was said (``adequate``,
-        ``unknown``, names joined by ``+``, those of a confusion set by ``|``); ``counts``: rows by
+        ``unknown``, names and ``set_aside`` joined by ``+``, those of a confusion set by ``|``);
+        ``counts``: rows by
         columns, of all draws and of detectable ones; ``trials``: kind and seed per cell, so that a
         page can point at them. JSON-ready.
     """
@@ -116,7 +143,8 @@ def confusion(trials: Sequence[Trial]) -> Json:
 
 
 def _said(trial: Trial) -> str:
+    shots = ("set_aside",) if trial.set_aside else ()
     if not trial.named:
-        return trial.verdict
+        return "+".join(shots) or trial.verdict
     first = "|".join((trial.named[0], *sorted(trial.confusable)))
-    return "+".join((first, *trial.named[1:]))
+    return "+".join((first, *trial.named[1:], *shots))

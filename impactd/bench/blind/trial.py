@@ -8,7 +8,9 @@ from typing import Any
 
 from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
+from drivers.simulated.mistakes import make_mistake
 from drivers.simulated.rig_model import DEFAULT_RIG
+from drivers.simulated.specimens import SPECIMEN
 from impactd.bench.blind.plan import Plan, colour_of, draw_plan
 from impactd.bench.blind.visibility import visibility
 from impactd.bench.simulated_campaign import through_a_folder
@@ -16,7 +18,8 @@ from impactd.diagnosis.run import diagnose
 
 Json = dict[str, Any]
 
-SPECIMEN = "specimen"
+RECORD_SLOT = "record"
+"""Slot of what people did wrong: neither physics nor electronics, but what is written down."""
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,8 @@ class Trial:
         Ids it gave.
     acts_on : list of dict
         Where each named effect acts, as the truth says it: side to name or names; empty where it
-        acts on everything.
+        acts on everything. Of a mistake that was named its scope, and ``first_shot`` where the
+        diagnosis says from which place in the order of the shots on.
     slot : str or None
         Where it put the discrepancy.
     p_value : float or None
@@ -70,6 +74,10 @@ class Trial:
         What went wrong.
     rig : str
         Which physics the rig obeys.
+    mistake : dict or None
+        What people did wrong: id, scope, numbers, label.
+    set_aside : list of int
+        Places of the shots that the diagnosis set aside.
     """
 
     kind: str
@@ -102,10 +110,14 @@ class Trial:
     statement_seconds: float | None = None
     error: str | None = None
     rig: str = "paper"  # of lines that were written before there was another
+    mistake: Json | None = None
+    set_aside: list[int] = field(default_factory=list)
 
     @property
     def truth(self) -> list[str]:
         """Return the ids that acted; for the base ``hsd`` the crystal is what is missing."""
+        if self.mistake is not None:
+            return [str(self.mistake["id"])]
         if self.base == "hsd":
             return ["crystal_dynamics"]
         return [str(e["id"]) for e in self.effects]
@@ -167,7 +179,10 @@ def run_trial(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Trial:
         Also where the diagnosis raised: its verdict is then ``failed``.
     """
     plan = draw_plan(kind, seed, rig)
-    simulated = simulate_campaign(plan.settings, plan.campaign_seed)
+    if plan.mistake is None:
+        simulated = simulate_campaign(plan.settings, plan.campaign_seed)
+    else:
+        simulated = make_mistake(plan.settings, plan.campaign_seed, plan.mistake)
     solid = simulated["truth"]["surfaces"][SPECIMEN]
     noise = plan.settings.noise
     known: Json = {
@@ -176,6 +191,7 @@ def run_trial(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Trial:
         "base": plan.base,
         "rig": plan.rig,
         "effects": simulated["truth"]["effects"],
+        "mistake": simulated["truth"].get("mistake"),
         "materials": [*plan.settings.spheres, *plan.settings.surfaces],
         "colour": colour_of(noise),
         "ar1": noise.ar1,
@@ -197,17 +213,20 @@ def _diagnosed(plan: Plan, simulated: Json) -> Json:
     stated = diagnose(campaign, plan.base, progress=clock)
     ended = time.perf_counter()
     before, after = stated["before"], stated["after"]
-    evidence = stated["trail"][0]["evidence"]
+    evidence: list[Json] = next(
+        (step["evidence"] for step in stated["trail"] if step.get("evidence")), []
+    )
     return {
         "verdict": stated["verdict"],
         "named": [e["id"] for e in stated["effects"]],
-        "confusable": [n for e in stated["effects"] for n in e["confusable_with"]],
-        "acts_on": [_where(e) for e in stated["effects"]],
+        "confusable": [n for e in stated["effects"] for n in e.get("confusable_with", [])],
+        "acts_on": [where(e) for e in stated["effects"]],
+        "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),
         "slot": stated["slot"],
         "p_value": stated["p_value"],
         "visible": seen.together if seen else None,
         "visible_each": seen.each if seen else [],
-        "visible_seen": max(e["gain"] - e["numbers"] for e in evidence),
+        "visible_seen": max((e["gain"] - e["numbers"] for e in evidence), default=None),
         "excess_seen": (before["chi2_per_dof"] - 1.0) * before["degrees_of_freedom"],
         "noise_V": stated["noise_rms_V"],
         "heldout_before_V": before["heldout_rms_V"],
@@ -226,8 +245,22 @@ def _diagnosed(plan: Plan, simulated: Json) -> Json:
     }
 
 
-def _where(effect: Json) -> Json:
-    """Return the materials that a named effect acts on in the truth's words."""
+def where(effect: Json) -> Json:
+    """Return where a named effect or mistake acts, in the truth's words.
+
+    Parameters
+    ----------
+    effect : dict
+        One of a diagnosis' ``effects``.
+
+    Returns
+    -------
+    dict
+        As in ``Trial.acts_on``.
+    """
+    if effect["slot"] == RECORD_SLOT:
+        first = effect.get("parameters", {}).get("first_shot")
+        return dict(effect["scope"]) | ({} if first is None else {"first_shot": first["value"]})
     acts_on = effect["acts_on"]
     if acts_on is None:
         return {}

@@ -7,8 +7,10 @@ from collections import Counter
 
 import pytest
 
+from drivers.simulated.drops import draw_drops
 from drivers.simulated.effects import INVENTED, LIBRARY
 from drivers.simulated.label_spread import EXACT, TYPICAL
+from drivers.simulated.mistakes import MISTAKES
 from drivers.simulated.rig_model import LOSS, rig_model
 from impactd.bench.blind.plan import KINDS, colour_of, draw_plan
 
@@ -32,7 +34,45 @@ def test_a_kind_says_what_acts() -> None:
         first, second = drawn["pair"].effects
         assert first.slot != second.slot
         assert drawn["hsd"].base == "hsd"
+        assert drawn["mistake"].effects == ()
+        assert [k for k, plan in drawn.items() if plan.mistake is not None] == ["mistake"]
         assert dataclasses.replace(drawn["pair"].settings).effects == drawn["pair"].effects
+
+
+@pytest.mark.parametrize(
+    ("kind", "effects", "noise_v", "sphere", "surface"),
+    [
+        ("clean", [], 0.00243722940550802, "acetal", "pvc"),
+        ("library", ["release_speed_bias"], 0.0022807781577586215, "polypropylene", "pvc"),
+        ("outside", ["x_stuck_bit"], 0.00102127819173296, "acetal", "polycarbonate"),
+        ("pair", ["echo", "release_speed_bias"], 0.0029985771665460856, "hdpe", "polycarbonate"),
+        ("hsd", [], 0.0016000671888057446, "hdpe", "polycarbonate"),
+    ],
+)
+def test_a_kind_that_was_added_draws_nothing_else_for_the_others(
+    kind: str, effects: list[str], noise_v: float, sphere: str, surface: str
+) -> None:
+    """Trial 7 of the first five kinds is what it was when there were five."""
+    plan = draw_plan(kind, 7, "closed")
+    assert plan.campaign_seed == 70 + KINDS.index(kind) < 75
+    assert [e.id for e in plan.effects] == effects
+    assert plan.settings.noise.rms_v == noise_v
+    assert (list(plan.settings.spheres)[1], list(plan.settings.surfaces)[1]) == (sphere, surface)
+    assert plan.mistake is None
+
+
+def test_every_mistake_comes_up_among_the_drops_of_its_campaign() -> None:
+    """Each of the eight, of materials and heights that the trial has."""
+    plans = [draw_plan("mistake", seed) for seed in range(80)]
+    assert {p.mistake.id for p in plans if p.mistake} == set(MISTAKES)
+    for plan in plans:
+        assert plan.mistake is not None
+        scope = plan.mistake.scope
+        assert scope.get("sphere", "acetal_small") in plan.settings.spheres
+        drops = draw_drops(plan.settings, plan.campaign_seed).in_order
+        assert 0 <= scope.get("shot", 0) < len(drops) == 54
+        height = plan.mistake.numbers.get("drop_height_m", drops[0][2])
+        assert height in {h for _, _, h in drops}
 
 
 def _names(wanted: str | tuple[str, ...] | None) -> set[str]:

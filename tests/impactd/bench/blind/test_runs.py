@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import signal
 import subprocess
@@ -9,10 +10,12 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from impactd.bench.blind import runs
+from drivers.simulated.mistakes import Mistake
+from impactd.bench.blind import runs, trial
 from impactd.bench.blind.__main__ import main
 from impactd.bench.blind.plan import draw_plan
 from impactd.bench.blind.runs import Task, read, run_into
@@ -82,6 +85,90 @@ def test_an_effect_shows_as_far_as_its_size() -> None:
     assert seen.together > VISIBLE
     clean = draw_plan("clean", 1)
     assert visibility(clean, simulated_campaign(clean.settings, clean.campaign_seed)) is None
+
+
+def test_a_mistake_shows_as_far_as_the_base_model_stumbles_over_it() -> None:
+    """One shot at nine tenths is plain to see, a mass that is stated right is not."""
+    plan = draw_plan("mistake", 1)
+    campaign = simulated_campaign(plan.settings, plan.campaign_seed)
+    odd = Mistake("odd_shot", {"shot": 5}, {"factor": 0.9})
+    seen = visibility(dataclasses.replace(plan, mistake=odd), campaign)
+    assert seen is not None
+    assert seen.each == [seen.together]
+    assert seen.together > VISIBLE
+    none = Mistake("wrong_mass", {"sphere": "acetal_small"}, {"factor": 1.0})
+    seen = visibility(dataclasses.replace(plan, mistake=none), campaign)
+    assert seen is not None
+    assert seen.together == 0.0
+
+
+def test_a_trial_takes_over_what_a_document_says_of_mistakes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Shots that were set aside, the scope of a wrong record, and the first shot of a change."""
+    block: dict[str, Any] = {
+        "chi2_per_dof": 1.0,
+        "degrees_of_freedom": 9,
+        "heldout_rms_V": None,
+        "moduli": {},
+    }
+    change = {
+        "id": "change_point",
+        "slot": "record",
+        "scope": {"cell": "gain"},
+        "parameters": {"first_shot": {"value": 30}},
+    }
+    document: dict[str, Any] = {
+        "verdict": "identified",
+        "effects": [change],
+        "set_aside": [{"shot": 17, "because": "of its size"}, {"shot": 3}],
+        "slot": "record",
+        "p_value": None,
+        "noise_rms_V": 1e-3,
+        "before": block,
+        "after": block,
+        "trail": [{}],
+    }
+    monkeypatch.setattr(trial, "diagnose", lambda *_, **__: document)
+    monkeypatch.setattr(trial, "visibility", lambda *_: None)
+    found = trial.run_trial("mistake", 5)
+    assert found.error is None
+    drawn = draw_plan("mistake", 5).mistake
+    assert drawn is not None
+    assert found.mistake == drawn.to_json()
+    assert found.acts_on == [{"cell": "gain", "first_shot": 30}]
+    assert (found.named, found.set_aside) == (["change_point"], [3, 17])
+    assert Trial.from_json(json.loads(json.dumps(found.to_json()))) == found
+    del document["set_aside"]
+    older = trial.run_trial("clean", 5)
+    assert (older.error, older.mistake, older.set_aside) == (None, None, [])
+
+
+def test_the_table_has_a_row_for_each_mistake(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], a_mistake: ATrial, a_trial: ATrial
+) -> None:
+    """Where mistakes were made; confusion counts shots that were set aside, too."""
+    path = written(
+        tmp_path / "t.jsonl",
+        a_mistake("odd_shot", seed=1, set_aside=[5]),
+        a_mistake("odd_shot", seed=2, set_aside=[5, 6]),
+        a_mistake("odd_shot", seed=3, verdict="unknown"),
+        a_mistake("wrong_mass", seed=4, named=["adhesion"], acts_on=[{}]),
+    )
+    matrix = tmp_path / "matrix.json"
+    assert main(["--table", str(path), "--confusion", str(matrix)]) == 0
+    printed = capsys.readouterr().out
+    assert "| odd_shot | 3 | 3 | 2 | 1 | 1 |  | 1 |  | 1 |  |  | 1e+04 |" in printed
+    assert "| wrong_mass | 1 | 1 | 0 | 0 |  |  |  | 1 |" in printed
+    found = json.loads(matrix.read_text())
+    assert (found["rows"], found["columns"]) == (
+        ["odd_shot", "wrong_mass"],
+        ["unknown", "adhesion", "set_aside"],
+    )
+    assert found["counts"]["all"] == [[1, 0, 2], [0, 1, 0]]
+    clean = written(tmp_path / "c.jsonl", a_trial(kind="clean", verdict="adequate"))
+    assert main(["--table", str(clean)]) == 0
+    assert "| mistake |" not in capsys.readouterr().out
 
 
 @pytest.mark.slow
