@@ -219,7 +219,7 @@ def _numbers(known: _Known) -> Iterator[Way]:
 
 def _number(known: _Known, one: Input) -> Mistake | None:
     found = known.value(one)
-    if found is None or not abs(found[0] - one.stated) < 3.0 * WIDE:
+    if found is None:
         return None
     value, u = math.exp(found[0]), math.exp(found[0]) * found[1]
     campaign, owner = known.problem.campaign, one.owner or ""

@@ -1,0 +1,205 @@
+"""Numbers written down wrong and changes half-way: which is promised most, and what is said."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from analysis.campaign import Campaign, Quantity
+from analysis.diagnosing import diagnose
+from analysis.diagnosis import mistakes
+from analysis.diagnosis.forward_selection import Step
+from analysis.diagnosis.mistakes import Mistake, named_mistake
+from analysis.diagnosis.procedure import _base
+from analysis.diagnosis.progress import Watch
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from drivers.simulated.drops import draw_drops
+from drivers.simulated.effects import make_effect
+from drivers.simulated.effects.effect import Effect
+from drivers.simulated.mistakes import draw_mistake, make_mistake
+from impactd.storage.campaign_folder import read_campaign
+
+
+def campaign(folder: Path, *effects: Effect) -> Campaign:
+    """Return three spheres on three surfaces from two heights, three times each."""
+    settings = dataclasses.replace(
+        CampaignSettings(), drop_heights_m=(0.0155, 0.0405), repeats=3, effects=effects
+    )
+    return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 11)))
+
+
+@pytest.fixture(scope="module")
+def clean(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
+    """Nothing acts, and all is written down as it was."""
+    return campaign(tmp_path_factory.mktemp("clean"))
+
+
+def base_of(whole: Campaign) -> Step:
+    """Return the base model fitted to a campaign."""
+    return _base(whole, "kv2", Watch())[0].last
+
+
+def with_mass(whole: Campaign, by: float) -> Campaign:
+    """Return a campaign in which a sphere's mass is stated too large by a factor."""
+    ball = whole.spheres["acetal"]
+    assert ball.mass_kg is not None
+    heavier = dataclasses.replace(ball, mass_kg=by * ball.mass_kg)
+    return dataclasses.replace(whole, spheres={**whole.spheres, "acetal": heavier})
+
+
+def with_height(whole: Campaign, by: float) -> Campaign:
+    """Return a campaign in which the larger height is stated too large by a factor."""
+    heights = [s.drop_height_m for s in whole.shots if s.drop_height_m is not None]
+    shots = (
+        dataclasses.replace(s, drop_height_m=by * max(heights))
+        if s.drop_height_m == max(heights)
+        else s
+        for s in whole.shots
+    )
+    return dataclasses.replace(whole, shots=tuple(shots))
+
+
+def with_modulus(whole: Campaign, by: float) -> Campaign:
+    """Return a campaign in which a sphere's modulus is stated too large by a factor."""
+    ball = whole.spheres["acetal"]
+    known = ball.youngs_modulus_pa
+    assert known is not None
+    stated = Quantity(by * known.value, 5e-3 * known.value)
+    stiffer = dataclasses.replace(ball, youngs_modulus_pa=stated)
+    return dataclasses.replace(whole, spheres={**whole.spheres, "acetal": stiffer})
+
+
+def amplified(whole: Campaign, factor: Callable[[int], float]) -> Campaign:
+    """Return a campaign with each shot's record times a factor of its place."""
+    shots = (
+        dataclasses.replace(s, signal=s.code_zero + factor(i) * (s.signal - s.code_zero))
+        for i, s in enumerate(whole.shots)
+    )
+    return dataclasses.replace(whole, shots=tuple(shots))
+
+
+def likeliest(whole: Campaign) -> Mistake:
+    """Return what promises most."""
+    return mistakes._likeliest(base_of(whole), 0.0)[0]
+
+
+def test_a_wrong_mass_promises_most_and_its_value_is_right(clean: Campaign) -> None:
+    """Within four of its own uncertainties."""
+    found = likeliest(with_mass(clean, 1.04))
+    assert (found.id, found.kind, found.name) == ("wrong_mass", "sphere", "acetal")
+    value, u, unit = found.parameters["mass_kg"]
+    true = clean.spheres["acetal"]
+    assert unit == "kg"
+    assert u is not None
+    assert true.mass_kg is not None
+    assert abs(value - true.mass_kg) < 4.0 * u
+    assert found.sentence.startswith("the mass of acetal is written down wrong: stated ")
+    assert found.restated.spheres["acetal"].mass_kg == value
+
+
+def test_a_wrong_height_of_a_series_is_told_from_one_mass(clean: Campaign) -> None:
+    """It moves the speed of every shot from there, and of no other."""
+    wrong = with_height(clean, 1.2)
+    found = likeliest(wrong)
+    stated = max(s.drop_height_m for s in wrong.shots if s.drop_height_m is not None)
+    assert (found.id, found.name) == ("wrong_height", stated)
+    value, _, _ = found.parameters["drop_height_m"]
+    assert value == pytest.approx(stated / 1.2, rel=0.02)
+    restated = {s.drop_height_m for s in found.restated.shots}
+    assert stated not in restated
+
+
+def test_a_gain_that_is_switched_is_found_at_its_shot(clean: Campaign) -> None:
+    """And by how much; all records are then as with the first gain."""
+    at = len(clean.shots) // 2
+    found = likeliest(amplified(clean, lambda i: 0.95 if i >= at else 1.0))
+    assert (found.id, found.kind, found.name) == ("change_point", "cell", "gain")
+    assert abs(found.parameters["first_shot"][0] - at) <= 1
+    factor, u, _ = found.parameters["factor"]
+    assert u is not None
+    assert abs(factor - 0.95) < 4.0 * u + 1e-3
+    again, first = found.restated.shots[-1], clean.shots[-1]
+    assert max(abs(again.signal - first.signal)) < 0.01 * max(abs(first.signal))
+
+
+def test_a_slow_drift_is_no_switch(clean: Campaign) -> None:
+    """Its share is that from the first shot to the last."""
+    last = len(clean.shots) - 1
+    found = likeliest(amplified(clean, lambda i: 1.0 + 0.04 * i / last))
+    assert found.id == "drift_in_time"
+    assert found.parameters["share"][0] == pytest.approx(0.04, rel=0.1)
+
+
+def test_a_coupon_that_is_exchanged_is_two_coupons(tmp_path: Path) -> None:
+    """From its own shot on, each with a modulus."""
+    settings = dataclasses.replace(CampaignSettings(), drop_heights_m=(0.0155, 0.0405))
+    drawn = draw_mistake(
+        np.random.default_rng(3), draw_drops(settings, 11), among=("coupon_exchanged",)
+    )
+    made = make_mistake(settings, 11, drawn)
+    first = int(drawn.numbers["first_shot"])
+    whole = read_campaign(write_campaign_folder(tmp_path, made))
+    found = likeliest(whole)
+    assert (found.id, found.kind, found.name) == ("change_point", "surface", "specimen")
+    assert abs(found.parameters["first_shot"][0] - first) <= 3
+    assert len(found.restated.surfaces) == len(whole.surfaces) + 1
+
+
+def test_a_stated_modulus_that_is_wrong_is_told_with_what_fits(clean: Campaign) -> None:
+    """It is to be found then; of two that contradict each other either may be the wrong one."""
+    known = mistakes._likeliest(base_of(with_modulus(clean, 1.4)), 0.0)
+    assert known[0].id == "wrong_modulus"
+    found = next(
+        m for m in known if (m.id, m.kind, m.name) == ("wrong_modulus", "sphere", "acetal")
+    )
+    assert found.restated.spheres["acetal"].youngs_modulus_pa is None
+    true = clean.spheres["acetal"].youngs_modulus_pa
+    assert true is not None
+    value, u, _ = found.parameters["youngs_modulus_Pa"]
+    assert u is not None
+    assert abs(value - true.value) < 3.0 * math.hypot(u, true.u)
+
+
+def test_an_effect_is_no_mistake(tmp_path: Path) -> None:
+    """Nothing that is written down takes up what a coupler does."""
+    step = base_of(campaign(tmp_path, make_effect("coupler_highpass", {"time_constant_s": 5e-3})))
+    assert step.score_test.structured
+    assert named_mistake(step, lambda whole: _base(whole, "kv2", Watch()), Watch()) is None
+
+
+@pytest.mark.slow
+def test_the_document_names_the_mistake_and_states_the_modulus(clean: Campaign) -> None:
+    """Identified in the slot of what is written down, nothing applied to what was stated."""
+    wrong = with_mass(clean, 1.04)
+    document = diagnose(wrong)
+    (effect,) = document["effects"]
+    assert document["verdict"] == "identified"
+    assert (effect["id"], effect["slot"]) == ("wrong_mass", "record")
+    assert effect["scope"] == {"sphere": "acetal"}
+    assert document["slot"] == "record"
+    assert "the recordings say" in document["sentence"]
+    right = diagnose(clean)["after"]["moduli"]["specimen"]["plane_strain_modulus_Pa"]
+    found = document["after"]["moduli"]["specimen"]["plane_strain_modulus_Pa"]
+    assert abs(found["value"] - right["value"]) < 2.0 * math.hypot(found["u"], right["u"])
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "u", "said"),
+    [
+        (6.1284e-4, "kg", 4.6e-7, "0.61284 +- 0.00046 g"),
+        (0.0493958, "m", None, "49.396 mm"),
+        (70e9, "Pa", 1.2e9, "70.0 +- 1.2 GPa"),
+        (1.105, "%", 0.028, "1.105 +- 0.028 %"),
+        (0.9, "", 0.0, "0.9"),
+    ],
+)
+def test_figures_have_two_digits_of_their_uncertainty(
+    value: float, unit: str, u: float | None, said: str
+) -> None:
+    """In a unit that a person would use."""
+    assert mistakes._figure(value, unit, u) == said
