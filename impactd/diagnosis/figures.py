@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from analysis.plots.residuals import plot_stack
 from analysis.plots.span import span_us
@@ -28,7 +29,7 @@ WIDE = 9.9
 
 MOST_SET_ASIDE = 6
 """Pictures of shots that do not belong: two rows of three; more push the result off the screen."""
-NAME = 44
+NAME = 40
 """Longest name over one of three pictures in a row. [characters]"""
 
 # Any: matplotlib's own type names each of its hundreds of keys
@@ -150,7 +151,7 @@ def set_aside_shots(shots: list[Json], noise_rms: float, unit: Unit) -> str | No
     shots : list of dict
         Of ``set_aside`` of a diagnosis, with ``curves``; the first `MOST_SET_ASIDE` are drawn.
     noise_rms : float
-        Of one sample, hatched. [as recorded]
+        Of one sample, in grey. [as recorded]
     unit : Unit
         To show the records in.
 
@@ -165,7 +166,8 @@ def set_aside_shots(shots: list[Json], noise_rms: float, unit: Unit) -> str | No
     columns = min(3, len(drawn))
     rows = math.ceil(len(drawn) / columns)
     with mpl.rc_context(LOOK):
-        figure = Figure(figsize=(WIDE, 3.3 * rows), layout="constrained")
+        apart = ConstrainedLayoutEngine(h_pad=0.08)  # one shot's axis from the next one's name
+        figure = Figure(figsize=(WIDE, 3.3 * rows), layout=apart)
         grid = figure.subplots(
             2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": [2, 1] * rows}
         )
@@ -196,7 +198,7 @@ def _set_aside_shot(pair: Any, shot: Json, noise_rms: float, unit: Unit) -> None
     said = shot_words(shot)
     above.set_title(said if len(said) <= NAME else f"{said[: NAME - 1]}…", loc="left", fontsize=8)
     noise = unit.factor * noise_rms
-    below.axhspan(-noise, noise, facecolor="none", edgecolor=NOISE, hatch="////", lw=0)
+    below.axhspan(-noise, noise, color=NOISE, alpha=0.45, lw=0)
     below.plot(t, signal - labelled, color=BEFORE, lw=1)
     below.set_xlabel("time in the record / µs")
     below.sharex(above)

@@ -160,7 +160,7 @@ def _set_aside(document: Json, unit: Unit) -> str:
     return sections.set_aside_shots(document) + _picture(
         figures.set_aside_shots(drawn, document["noise_rms_V"], unit),
         "The record, and the best that the model makes of it as it is labelled. Below: what that "
-        "leaves; hatched: one standard deviation of a sample's noise."
+        "leaves; grey: one standard deviation of a sample's noise."
         + (f" {more} more are not drawn." if more > 0 else ""),
     )
 
