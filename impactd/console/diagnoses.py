@@ -5,6 +5,7 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,12 @@ from impactd.console.progress_bar import progress, progress_by_step
 from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import measured, print_json, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
+from impactd.diagnosis.set_aside import likely_words, set_aside, shot_words
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""
+WIDTH = 100
+"""Of a line of words, in columns: half of a wide screen."""
 _UNITS = {"voltage": "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 
@@ -169,6 +173,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         Verdict, numbers of what was found, before and after, moduli, candidates.
     """
     parts = [f"{document['verdict'].upper()}: {document['sentence']}"]
+    parts += _set_aside(document)
     if document["effects"]:
         rows = [
             (effect["id"], name, measured(value), value["unit"])
@@ -208,6 +213,17 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         for item in document["rejected"]
     ]
     return "\n\n".join(parts)
+
+
+def _set_aside(document: dict[str, Any]) -> list[str]:
+    """Return the shots that do not belong, one a line; nothing where all do."""
+    lines = []
+    for one in set_aside(document):
+        likely = likely_words(one)
+        said = f"most like {likely}" if likely else "no label, height or gain explains it"
+        line = f"Set aside: {shot_words(one)}: {said}"
+        lines.append(textwrap.fill(line, WIDTH, subsequent_indent="  "))
+    return ["\n".join(lines)] if lines else []
 
 
 def _unit(document: dict[str, Any]) -> str:

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import base64
 import io
+import math
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from analysis.plots.residuals import plot_stack
 from analysis.plots.span import span_us
 from analysis.plots.style import Shown, styled
+from impactd.diagnosis.set_aside import shot_words
 from impactd.diagnosis.unit import Unit
 
 Json = dict[str, Any]
@@ -23,6 +26,11 @@ BEFORE, AFTER, NOISE, INK = "#c4572c", "#1c6dd0", "#8a8f98", "#202124"
 HEIGHTS = "viridis"
 WIDE = 9.9
 """Width of every picture, so that letters come out equally large. [inch]"""
+
+MOST_SET_ASIDE = 6
+"""Pictures of shots that do not belong: two rows of three; more push the result off the screen."""
+NAME = 40
+"""Longest name over one of three pictures in a row. [characters]"""
 
 # Any: matplotlib's own type names each of its hundreds of keys
 LOOK: Any = {
@@ -133,6 +141,67 @@ def spectra(before: Json, after: Json | None, unit: Unit) -> str:
         axes.set_ylabel(f"power density / ({unit.density})")
         axes.legend(fontsize=8)
         return svg(figure)
+
+
+def set_aside_shots(shots: list[Json], noise_rms: float, unit: Unit) -> str | None:
+    """Draw shots that do not belong, each over what the model makes of it as it is labelled.
+
+    Parameters
+    ----------
+    shots : list of dict
+        Of ``set_aside`` of a diagnosis, with ``curves``; the first `MOST_SET_ASIDE` are drawn.
+    noise_rms : float
+        Of one sample, in grey. [as recorded]
+    unit : Unit
+        To show the records in.
+
+    Returns
+    -------
+    str or None
+        Data URI of an SVG; None where there are none.
+    """
+    drawn = shots[:MOST_SET_ASIDE]
+    if not drawn:
+        return None
+    columns = min(3, len(drawn))
+    rows = math.ceil(len(drawn) / columns)
+    with mpl.rc_context(LOOK):
+        apart = ConstrainedLayoutEngine(h_pad=0.08)  # one shot's axis from the next one's name
+        figure = Figure(figsize=(WIDE, 3.3 * rows), layout=apart)
+        grid = figure.subplots(
+            2 * rows, columns, squeeze=False, gridspec_kw={"height_ratios": [2, 1] * rows}
+        )
+        for place, shot in enumerate(drawn):
+            row, column = divmod(place, columns)
+            _set_aside_shot(grid[2 * row : 2 * row + 2, column], shot, noise_rms, unit)
+        for place in range(len(drawn), rows * columns):
+            for axes in grid[2 * rows - 2 :, place % columns]:
+                axes.set_visible(False)
+        for row in range(rows):
+            grid[2 * row, 0].set_ylabel(f"signal / {unit.label}")
+            grid[2 * row + 1, 0].set_ylabel(f"left / {unit.label}")
+        grid[0, 0].legend(fontsize=8, loc="upper right")
+        figure.align_ylabels(grid[:, 0])
+        return svg(figure)
+
+
+def _set_aside_shot(pair: Any, shot: Json, noise_rms: float, unit: Unit) -> None:
+    t, signal, labelled = (
+        np.array([np.nan if v is None else v for v in shot["curves"][key]])
+        for key in ("time_us", "signal", "as_labelled")
+    )
+    signal, labelled = unit.factor * signal, unit.factor * labelled
+    above, below = pair
+    above.plot(t, signal, color=INK, lw=1.2, label="record")
+    above.plot(t, labelled, color=BEFORE, lw=1.2, ls=(0, (4, 1.6)), label="model, as labelled")
+    above.tick_params(labelbottom=False)
+    said = shot_words(shot)
+    above.set_title(said if len(said) <= NAME else f"{said[: NAME - 1]}…", loc="left", fontsize=8)
+    noise = unit.factor * noise_rms
+    below.axhspan(-noise, noise, color=NOISE, alpha=0.45, lw=0)
+    below.plot(t, signal - labelled, color=BEFORE, lw=1)
+    below.set_xlabel("time in the record / µs")
+    below.sharex(above)
 
 
 def moduli(before: Json, after: Json) -> str | None:

@@ -13,6 +13,7 @@ from typing import Any
 
 from analysis.plots.span import span_us
 from impactd.diagnosis import budgets, closure_figures, figures, sections, trail
+from impactd.diagnosis.set_aside import set_aside
 from impactd.diagnosis.style import STYLE
 from impactd.diagnosis.unit import Unit, unit_of
 
@@ -34,6 +35,7 @@ _PAGE = Template("""<!doctype html>
 <p class="soft">$campaign</p>
 <p class="verdict $verdict"><b>$verdict</b> $sentence</p>
 $headline
+$set_aside
 $found
 <h2>The error before and after</h2>
 <p class="soft">Held out: the error on shots that the parameters shared by all shots were not
@@ -103,6 +105,7 @@ def page(document: Json) -> str:
         sentence=html.escape(document["sentence"]),
         campaign=html.escape(sections.campaign(document)),
         headline=sections.headline(document),
+        set_aside=_set_aside(document, unit),
         found=sections.found(document),
         quality=sections.quality(document),
         seen=sections.seen(document),
@@ -147,6 +150,18 @@ def page(document: Json) -> str:
         next_drop=sections.next_drop(document),
         circumstances=sections.circumstances(document),
         software=html.escape(document["software"]),
+    )
+
+
+def _set_aside(document: Json, unit: Unit) -> str:
+    """Return which shots do not belong, each with its record and what the model makes of it."""
+    drawn = [one for one in set_aside(document) if one.get("curves")]
+    more = len(drawn) - figures.MOST_SET_ASIDE
+    return sections.set_aside_shots(document) + _picture(
+        figures.set_aside_shots(drawn, document["noise_rms_V"], unit),
+        "The record, and the best that the model makes of it as it is labelled. Below: what that "
+        "leaves; grey: one standard deviation of a sample's noise."
+        + (f" {more} more are not drawn." if more > 0 else ""),
     )
 
 

@@ -9,6 +9,7 @@ from typing import Any
 from impactd.console.tables import measured
 from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
+from impactd.diagnosis.set_aside import set_aside, shot_words
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
 
@@ -33,7 +34,9 @@ def campaign(document: Json) -> str:
     heights = ", ".join(f"{h * 1e3:.1f}" for h in seen["drop_heights_m"])
     spheres, surfaces = _named(seen["spheres"], "sphere"), _named(seen["surfaces"], "surface")
     said = f"{seen['shots']} shots of {spheres} on {surfaces}"
-    return f"{said}, from {heights} mm" if heights else said
+    said += f", from {heights} mm" if heights else ""
+    count = len(set_aside(document))
+    return f"{said}; {count} more set aside" if count else said
 
 
 def _named(names: list[str | None], what: str) -> str:
@@ -69,6 +72,19 @@ def headline(document: Json) -> str:
         for value, label in cards
     )
     return f'<div class="figures">{body}</div>'
+
+
+def set_aside_shots(document: Json) -> str:
+    """Return which shots do not belong, and why; nothing where all do."""
+    lines = [f"S{shot_words(one)[1:]}. {one['because']}" for one in set_aside(document)]
+    if not lines:
+        return ""
+    return (
+        '<h2>Shots set aside</h2><p class="soft">A wrong label, height or gain, or a hit '
+        "beside the middle: no effect of the rig tells one shot from its repetitions. All else on "
+        "this page rests on the other shots. Look at the label, or repeat the drop.</p>"
+        + bullets(lines)
+    )
 
 
 def _mean(document: Json) -> str:
