@@ -61,6 +61,11 @@ class Mistake:
     cost: float = math.inf
     """The squares that are left once it is fitted, its numbers paid."""
 
+    @property
+    def in_time(self) -> bool:
+        """Whether early and late shots differ by it, and nothing else tells them apart."""
+        return self.id in ("change_point", "drift_in_time")
+
 
 @dataclass(frozen=True)
 class Named:

@@ -216,11 +216,11 @@ def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     found = alone.explanations()
     ratio = math.sqrt(alone.squares(item) / item.data)
     peers = sum(_condition(other) == _condition(item) for other in rest.problem.shots)
-    others = {0: "all other shots are", 1: "its repetition is"}.get(
-        peers, f"its {peers} repetitions are"
+    others = {0: "all other shots leave", 1: "its repetition leaves"}.get(
+        peers, f"its {peers} repetitions leave"
     )
     like = ", or ".join(words for words, _ in found)
-    because = f"It leaves {ratio:.3g} times the noise where {others} noise. " + (
+    because = f"It leaves {ratio:.3g} times the noise, {others} noise. " + (
         f"{like[0].upper()}{like[1:]}." if found else "No other label, height or gain explains it."
     )
     places = [id(shot) for shot in whole.problem.campaign.shots]

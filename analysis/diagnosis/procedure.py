@@ -29,7 +29,7 @@ from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.law_error import KIND as LAW
 from analysis.fit.physical_range import out_of_range
-from analysis.fit.problem import build
+from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import prepare
 from analysis.model import solver
 from analysis.model.impact_model import model_named
@@ -180,8 +180,9 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
     named = named_mistake(selection.last, lambda restated: _base(restated, name, told), told)
     if named is None:
         return None
-    try_effects(selection.last, usual, told)
     as_well = []
+    if not named.best.in_time or not _repeated_in_time(selection.last.problem):
+        try_effects(selection.last, usual, told)
     for one in useful(selection.last)[:1]:
         effect = selection.on(one)
         ahead = named.best.cost - (effect.last.fitted.cost + one.gain - one.score())
@@ -198,6 +199,17 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
         mistakes=(named.best, *named.near),
         as_well=tuple(as_well),
     )
+
+
+def _repeated_in_time(problem: JointProblem) -> bool:
+    """Tell whether early and late shots share a condition: no effect tells these apart."""
+    half = len(problem.shots) // 2
+    ordered = sorted(problem.shots, key=lambda item: item.frame.place)
+    early, late = (
+        {(i.shot.sphere, i.shot.surface, i.shot.drop_height_m) for i in part}
+        for part in (ordered[:half], ordered[half:])
+    )
+    return bool(early & late)
 
 
 def _without_odd_shots(

@@ -146,10 +146,7 @@ def found(document: Json) -> str:
         ]
         parts.append(
             f"<h3><code>{html.escape(effect['id'])}</code>: {html.escape(effect['title'])}</h3>"
-            f'<p class="soft">Lives in: {html.escape(effect["slot"])}.'
-            f"{_where(effect)} Shows as: "
-            f"{html.escape(listed.get('tell_tale', ''))}. Source: "
-            f"{html.escape(listed.get('source', ''))}.</p>"
+            f'<p class="soft">{_lives(effect, listed)}</p>'
             + (table(("number", "value ± u", "unit"), rows) if rows else "")
         )
         if effect["confusable_with"]:
@@ -159,6 +156,18 @@ def found(document: Json) -> str:
                 said = "These data cannot tell it from the following, or nobody compared them"
             parts.append(f"<p>{said}: {html.escape(names)}.</p>")
     return "".join(parts)
+
+
+def _lives(effect: Json, listed: Json) -> str:
+    """Return where an effect lives and what it is known by; of a mistake what to do."""
+    if effect["slot"] == "record":
+        return (
+            "Nothing was changed in the campaign, and the moduli rest on the value that the "
+            "recordings give. Weigh or measure again, and correct what was written down."
+        )
+    tell_tale, source = (html.escape(listed.get(key, "")) for key in ("tell_tale", "source"))
+    lives = f"Lives in: {html.escape(effect['slot'])}.{_where(effect)}"
+    return f"{lives} Shows as: {tell_tale}. Source: {source}."
 
 
 def _where(effect: Json) -> str:

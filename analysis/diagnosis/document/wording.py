@@ -99,7 +99,14 @@ def two_digits(number: float) -> str:
 # -- the verdict ---------------------------------------------------------------------------------
 def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
     """Return which shots were set aside and why; nothing where there are none."""
-    said = [f"Shot {one.shot} ({one.name}) does not belong. {one.because}" for one in set_aside]
+    # what an archive calls "shot 231" is known by that number alone
+    names = [
+        one.name.capitalize() if one.name.startswith("shot ") else f"Shot {one.shot} ({one.name})"
+        for one in set_aside
+    ]
+    said = [
+        f"{name} does not belong. {one.because}" for name, one in zip(names, set_aside, strict=True)
+    ]
     count = len(said)
     rest = "The rest is judged without " + ("it." if count == 1 else f"these {count}.")
     return [*said, rest] if said else []
@@ -119,7 +126,7 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     structured = diagnosis.steps[-1].score_test.structured
     if diagnosis.mistakes:
         found, *near = (one.sentence for one in diagnosis.mistakes)
-        said = f"Written down wrong, or changed: {found}; without it {fall}, which is noise."
+        said = f"A mistake, no effect: {found}; without it only noise is left ({floor} {unit})."
         if near or diagnosis.as_well:
             said += f" These data cannot tell it from: {'; '.join([*near, *diagnosis.as_well])}."
     elif diagnosis.verdict == "adequate":

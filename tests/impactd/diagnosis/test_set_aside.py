@@ -16,7 +16,7 @@ from impactd.console.diagnoses import summary
 from impactd.diagnosis.report import page
 from impactd.diagnosis.set_aside import likely_words, shot_words
 
-BECAUSE = "It leaves 6.82 times the noise where its 2 repetitions are noise. It is like <acetal>."
+BECAUSE = "It leaves 6.82 times the noise, its 2 repetitions leave noise. It is like <acetal>."
 
 
 def odd(shot: int, name: str = "shot.npy", **likely: str | float) -> dict[str, Any]:
