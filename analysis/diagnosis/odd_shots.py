@@ -32,6 +32,8 @@ from analysis.model import solver
 
 Array = NDArray[np.float64]
 
+FEWEST = 3
+"""Shots from which one may be the odd one: of two nobody knows which."""
 SUBSETS, CONCENTRATIONS = 3, 3
 """Small sets of shots that a fit begins from where the whole is drawn far off, and fits from each
 to the shots that it follows best. Of three sets one holds none of two odd shots; chosen by trial.
@@ -80,6 +82,8 @@ def without_odd_shots(step: Step, progress: Progress) -> Rest | None:
     """
     progress(MethodStep.STRUCTURE.told("does a shot not belong?"), 0.07)
     whole = len(step.problem.shots)
+    if whole < FEWEST:
+        return None
     most = max(1, int(CRITERIA.structure.odd_share * whole))
     part = _Part(list(range(whole)), step.problem, step.fitted)
     if joint.is_hopeless(step.problem, step.fitted.cost):

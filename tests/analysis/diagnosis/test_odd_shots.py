@@ -138,6 +138,14 @@ def test_without_a_repetition_an_effect_may_be_the_reason(tmp_path: Path) -> Non
     assert [one.shot for one in rest.set_aside] == [AT]
 
 
+@pytest.mark.parametrize("count", [1, 2])
+def test_of_two_shots_none_is_the_odd_one(clean: Campaign, count: int) -> None:
+    """Whatever is wrong with them: a short campaign is judged as it is."""
+    at = [AT, next(i for i, s in enumerate(clean.shots) if i != AT)][:count]
+    few = dataclasses.replace(clean, shots=tuple(clean.shots[i] for i in at))
+    assert rest_of(changed(few, 0, signal=np.abs(few.shots[0].signal))) is None
+
+
 def test_the_document_tells_what_was_set_aside_and_judges_the_rest(clean: Campaign) -> None:
     """One bad shot costs no modulus."""
     shot = clean.shots[AT]
