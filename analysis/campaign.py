@@ -205,6 +205,24 @@ class Shot:
     environment: Environment | None = None
 
 
+def shot_words(place: int, name: str) -> str:
+    """Return how people know a shot: ``shot 17 (a.npy)``, or its number in the archive alone.
+
+    Parameters
+    ----------
+    place : int
+        In the campaign, from 0.
+    name : str
+        Of the shot; the archive's begin with ``shot``, and a place beside them would mislead.
+
+    Returns
+    -------
+    str
+        For the middle of a sentence.
+    """
+    return name if name.startswith("shot ") else f"shot {place} ({name})"
+
+
 @dataclass(frozen=True)
 class Rejected:
     """A recording that was refused, and why."""

@@ -34,6 +34,7 @@ from analysis.quiet_spectrum import (
     drift_degree,
     pooled_spectrum,
     without_drift,
+    without_long_drift,
 )
 
 MAX_ORDER = 8
@@ -83,6 +84,8 @@ class NoiseModel:
         What the noise itself would leave there. [unit of the signal]
     coarse : Coarse or None
         What a converter's step hides; None where rounding is as good as white noise.
+    calm_share : float
+        Of the quiet stretches, from their beginning: what follows is a precursor, no noise.
     """
 
     coefficients: NDArray[np.float64]
@@ -97,6 +100,7 @@ class NoiseModel:
     drift_rms: float | None = None
     drift_expected_rms: float = 0.0
     coarse: Coarse | None = None
+    calm_share: float = 1.0
 
     @property
     def order(self) -> int:
@@ -204,6 +208,8 @@ def estimate_noise(
     1/f, in ``tests/analysis/test_noise.py`` and ``test_noise_slow.py``.
     """
     usable = [s for s in segments if s.size > 4 * MAX_ORDER]
+    if sample_rate_hz is not None:
+        usable = [without_long_drift(s, sample_rate_hz) for s in usable]
     samples = sum(s.size for s in usable)
     if samples < MIN_QUIET_SAMPLES:
         return None

@@ -31,6 +31,8 @@ LONGEST = 4096
 """Quiet stretches are looked at in pieces of at most so many samples."""
 SHORTEST = 256
 """In pieces shorter than this, drift and 1/f cannot be told apart."""
+MOST_DEGREE = LONGEST // 16
+"""A polynomial of a higher degree over a long stretch takes gigabytes; a piece tells as much."""
 LOWEST = 2.0**-16
 """Cycles per sample below which a density of 1/f stays flat; no window is long enough to see it."""
 SINGLE, STEP = 64, 0.03
@@ -95,6 +97,26 @@ def drift_degree(samples: int, sample_rate_hz: float) -> int:
     radians = 2.0 * math.pi * DRIFT_HZ * samples / sample_rate_hz
     wanted = math.ceil(DEGREE_PER_RADIAN * radians) + LEAST_DEGREE
     return min(wanted, samples // 16)
+
+
+def without_long_drift(stretch: Array, sample_rate_hz: float) -> Array:
+    """Return a stretch, or its last `LONGEST` samples where its drift is of too many degrees.
+
+    Parameters
+    ----------
+    stretch : ndarray, shape (n,)
+        Samples.
+    sample_rate_hz : float
+        Its rate.
+
+    Returns
+    -------
+    ndarray, shape (m,)
+        Of a drift that a polynomial of at most `MOST_DEGREE` follows.
+    """
+    if drift_degree(stretch.size, sample_rate_hz) <= MOST_DEGREE:
+        return stretch
+    return stretch[-LONGEST:]
 
 
 @lru_cache(maxsize=16)

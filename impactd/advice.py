@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 
 Advice = Literal["use", "check", "repeat"]
 
+UNLIKE = "unlike_repetitions"
+"""Reason whose words are the comparison's own where there are any."""
 SENTENCES = {
+    UNLIKE: "it is unlike its repetitions.",
     "clipped": "the record is clipped: it sits on a limit of the converter or amplifier. "
     "Lower the height, or use a lighter sphere.",
     "inverted_polarity": "the signal is upside down: check how the load cell is wired.",
@@ -59,7 +62,9 @@ def best_fit(fits: Sequence[Fit]) -> Fit | None:
     return fits[0] if fits else None
 
 
-def advice(shot: Shot, fits: Sequence[Fit]) -> tuple[Advice | None, list[str]]:
+def advice(
+    shot: Shot, fits: Sequence[Fit], *, unlike: bool = False
+) -> tuple[Advice | None, list[str]]:
     """Return what to do with a shot, and why.
 
     Parameters
@@ -68,6 +73,8 @@ def advice(shot: Shot, fits: Sequence[Fit]) -> tuple[Advice | None, list[str]]:
         The shot.
     fits : sequence of Fit
         Its latest fits; may be empty.
+    unlike : bool
+        Whether it was unlike its repetitions right after the drop.
 
     Returns
     -------
@@ -76,9 +83,11 @@ def advice(shot: Shot, fits: Sequence[Fit]) -> tuple[Advice | None, list[str]]:
         short words for programs, see `in_words`.
     """
     reasons = ["clipped"] if shot.clipped else []
+    if unlike:
+        reasons.append(UNLIKE)
     best = best_fit(fits)
     if best is None:
-        return ("repeat" if reasons else None), reasons
+        return ("repeat" if shot.clipped else "check" if unlike else None), reasons
     reasons += [str(flag) for flag in best.result.get("flags") or [] if flag not in reasons]
     if shot.clipped:
         return "repeat", reasons

@@ -19,6 +19,7 @@ from impactd.console import (
     analysis_commands,
     archive_commands,
     daemon_commands,
+    new_command,
     paper_command,
     plot_commands,
     rig_commands,
@@ -55,6 +56,7 @@ def _root(
 
 daemon_commands.add_to(app)
 rig_commands.add_to(app)
+new_command.add_to(app)
 analysis_commands.add_to(app)
 archive_commands.add_to(app)
 plot_commands.add_to(app)

@@ -61,8 +61,8 @@ class Structure:
     """Of a campaign's shots, that may be set aside as not belonging, and one always: what more
     have is a property of the rig. Rate."""
     odd_part: float = 0.5
-    """Of a k-th of all the difference, that the worst of k odd shots makes at least. Derived: of
-    equal ones each makes a k-th, and the fit of all takes up at most half of what few shots ask."""
+    """Least part of its equal share, a k-th of all excess squares, that the worst of k odd shots
+    has. Derived: the worst has a k-th or more, and a fit of all takes up at most half of it."""
     form_error: float = 0.01
     """Standard uncertainty of a law, as a share of its effect's own signal along each column of its
     discrepancy. Measured: a tape whose damping is a loss factor, fitted with one damping constant,

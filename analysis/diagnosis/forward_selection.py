@@ -53,6 +53,8 @@ class Step:
     """Why other effects could not be tried."""
     without: list[WithoutMaterial] = field(default_factory=list)
     """The same model without each material's shots, where that was asked."""
+    compared: bool = False
+    """What can be tried was compared, as far as the time went."""
     unfinished: bool = False
     """The time was over before all that can be tried was compared."""
 
@@ -136,6 +138,7 @@ def try_effects(
         step.unfinished = True
         raise
     finally:
+        step.compared = True
         step.refits += one_form_each(sorted(found, key=rank))
 
 
@@ -191,7 +194,8 @@ def select(
     left where the time is over before the end.
     """
     found: list[Selection] = [] if reached is None else reached
-    try_effects(start.last, usual, progress)
+    if not start.last.compared:
+        try_effects(start.last, usual, progress)
     firsts = useful(start.last)
     for first in firsts[:1]:
         progress(MethodStep.COMPARE.told(f"forms and groupings of {first.effect_id}"), 0.9)

@@ -18,15 +18,15 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty
+from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot
 from analysis.fit.fit_shot import FitShot
-from analysis.fit.freed_inputs import widened_by
-from analysis.fit.inputs import Input, stated_numbers
+from analysis.fit.freed_inputs import numbers_of_shots, widened_by
+from analysis.fit.inputs import Input
 from analysis.fit.problem import JointProblem
 
 Array = NDArray[np.float64]
@@ -37,9 +37,10 @@ WIDE = 0.3
 """Standard uncertainty of the logarithm of a number that may be written down wrong: next to
 nothing is known of it then, and its first digit is still right."""
 FEWEST = 3
-"""Shots on either side of a change, so that no odd one is taken for it."""
+"""Shots on either side of a change. A choice: one or two are odd shots before they are a change."""
 LEAST_SEEN = 1e-6
-"""Share of a number's information that must be its own: below it is rounding."""
+"""Share of a number's information that must be its own. Derived: below it is the rounding of the
+differences that its slope is made of, good to 1e-6."""
 GAIN = "sensor.ln_S"
 
 
@@ -54,8 +55,6 @@ class Mistake:
     parameters: dict[str, tuple[float, float | None, str]]
     """Value, standard uncertainty and unit, by name."""
     sentence: str
-    promised: float
-    """Fall of the squares in the linearised problem, its numbers paid."""
     restated: Campaign
     """The campaign as it would be stated without the mistake."""
     cost: float = math.inf
@@ -114,12 +113,12 @@ def _likeliest(step: Step, least: float) -> list[Mistake]:
             break
         mistake = make()
         if mistake is not None:
-            found.append(dataclasses.replace(mistake, promised=promised))
+            found.append(mistake)
     return found
 
 
-Way = tuple[float, Callable[[], Mistake | None]]
-"""What a mistake promises, and how to make it."""
+Promise = tuple[float, Callable[[], Mistake | None]]
+"""By how many squares a mistake promises to lower the misfit, and how to work it out."""
 
 
 @dataclass(frozen=True)
@@ -131,11 +130,11 @@ class _Known:
     """Stated numbers are exact in these two."""
     stated: tuple[Input, ...]
     """Those with an uncertainty."""
-    asked: tuple[Input, ...]
+    doubted: tuple[Input, ...]
     """Masses, radii and heights, as if next to nothing were known of each."""
     matrix: Array
     vector: Array
-    """Globals, then ``stated``, then ``asked``; these last ones have no prior."""
+    """Globals, then ``stated``, then ``doubted``; these last ones have no prior."""
     parts: list[tuple[Array, Array]]
     """The same of each shot."""
 
@@ -145,13 +144,10 @@ class _Known:
         problem, fitted = step.problem, step.fitted
         if problem.inputs or problem.by_pair or not fitted.blocks:
             return None
-        by_ratio = problem.model.coupon_share_at is not None
-        stated, _ = stated_numbers(problem.campaign, problem.shots, by_ratio=by_ratio)
-        # the converter's gain is the cell's to all shots alike
-        stated = tuple(one for one in stated if one.kind != "converter_gain")
+        stated = numbers_of_shots(problem)
         known = widened_by(problem, stated, problem.prior_precision)
-        asked = tuple(_asked(problem))
-        wide = widened_by(known, asked, known.prior_precision)
+        doubted = tuple(_doubted(problem))
+        wide = widened_by(known, doubted, known.prior_precision)
         theta = np.concatenate([fitted.theta, wide.start[fitted.theta.size :]])
         blocks = []
         for item, own in zip(wide.shots, fitted.nuisances, strict=True):
@@ -161,24 +157,24 @@ class _Known:
             blocks.append(block)
         there = dataclasses.replace(fitted, theta=theta, blocks=blocks)
         matrix, vector, parts = joint.normal_equations(wide, there)
-        last = range(len(wide.names) - len(asked), len(wide.names))
+        last = range(len(wide.names) - len(doubted), len(wide.names))
         matrix[last, last] -= WIDE**-2
         own_parts = [(part.matrix, part.vector) for part in parts]
-        return cls(problem, fitted, stated, asked, matrix, vector, own_parts)
+        return cls(problem, fitted, stated, doubted, matrix, vector, own_parts)
 
     @property
     def size(self) -> int:
         """Return how many numbers are known: globals and stated ones."""
-        return self.vector.size - len(self.asked)
+        return self.vector.size - len(self.doubted)
 
     def place_of(self, one: Input) -> int | None:
-        """Return where a number that is asked for is among the stated ones."""
+        """Return where a doubted number is among the stated ones."""
         own = [(i.kind, i.owner) for i in self.stated]
         at = (one.kind, one.owner)
         return self.fitted.theta.size + own.index(at) if at in own else None
 
     def fall(self, cross: Array, own: float, load: float, but: int | None = None) -> float:
-        """Return by how much the squares fall with one more number, less its price.
+        """Return by how much the squares fall with one more number.
 
         ``cross`` is its row, ``but`` a known number that says the same and is left out.
         """
@@ -193,17 +189,22 @@ class _Known:
     def value(self, one: Input) -> tuple[float, float] | None:
         """Return the coordinate at which a number fits best, and its standard uncertainty."""
         others = tuple(i for i in self.stated if (i.kind, i.owner) != (one.kind, one.owner))
-        wide = widened_by(self.problem, (*others, one), self.problem.prior_precision)
-        theta = np.concatenate([self.fitted.theta, wide.start[self.fitted.theta.size :]])
-        rough = joint.ROUGH_TOLERANCE
-        found = joint.fit(wide, self.fitted.nuisances, theta=theta, tolerance=rough)
+        found = self.refitted(
+            widened_by(self.problem, (*others, one), self.problem.prior_precision)
+        )
         if not found.blocks:
             return None
         return float(found.theta[-1]), math.sqrt(float(found.covariance[-1, -1]))
 
+    def refitted(self, wide: JointProblem) -> joint.Fitted:
+        """Return the fit with more numbers free, from where they are stated."""
+        theta = np.concatenate([self.fitted.theta, wide.start[self.fitted.theta.size :]])
+        rough = joint.ROUGH_TOLERANCE
+        return joint.fit(wide, self.fitted.nuisances, theta=theta, tolerance=rough)
+
 
 # -- numbers ---------------------------------------------------------------------------------------
-def _asked(problem: JointProblem) -> Iterator[Input]:
+def _doubted(problem: JointProblem) -> Iterator[Input]:
     spheres = {i.shot.sphere for i in problem.shots if i.shot.sphere is not None}
     for name in sorted(spheres & set(problem.campaign.spheres)):
         ball = problem.campaign.spheres[name]
@@ -216,8 +217,8 @@ def _asked(problem: JointProblem) -> Iterator[Input]:
             yield Input("height", f"{height:.6g}", height, "m", Uncertainty(WIDE * height), "")
 
 
-def _numbers(known: _Known) -> Iterator[Way]:
-    for j, one in enumerate(known.asked, start=known.size):
+def _numbers(known: _Known) -> Iterator[Promise]:
+    for j, one in enumerate(known.doubted, start=known.size):
         fall = known.fall(known.matrix[j], known.matrix[j, j], known.vector[j], known.place_of(one))
         yield fall - CRITERIA.comparison.price_of_number, partial(_number, known, one)
 
@@ -245,7 +246,6 @@ def _number(known: _Known, one: Input) -> Mistake | None:
             one.value,
             {"drop_height_m": (value, u, "m")},
             f"the height of a series is written down wrong: {said}",
-            0.0,
             dataclasses.replace(campaign, shots=shots),
         )
     ball = campaign.spheres[owner]
@@ -259,12 +259,11 @@ def _number(known: _Known, one: Input) -> Mistake | None:
         owner,
         {f"{one.kind}_{one.unit}": (value, u, one.unit)},
         f"the {one.kind} of {owner} is written down wrong: {said}",
-        0.0,
         dataclasses.replace(campaign, spheres={**campaign.spheres, owner: ball}),
     )
 
 
-def _moduli(known: _Known) -> Iterator[Way]:
+def _moduli(known: _Known) -> Iterator[Promise]:
     """Yield the stated moduli, each against all the rest, as Baarda's data snooping has it."""
     problem, campaign = known.problem, known.problem.campaign
     sides: tuple[tuple[str, Mapping[str, Sphere | Surface]], ...] = (
@@ -284,13 +283,11 @@ def _moduli(known: _Known) -> Iterator[Way]:
 
 
 def _modulus(known: _Known, side: str, name: str) -> Mistake | None:
-    problem, fitted, campaign = known.problem, known.fitted, known.problem.campaign
+    problem, campaign = known.problem, known.problem.campaign
     j = problem.names.index(f"{side}.{name}")
     precision = problem.prior_precision.copy()
     precision[j, j] = WIDE**-2
-    wide = widened_by(problem, known.stated, precision)
-    theta = np.concatenate([fitted.theta, wide.start[fitted.theta.size :]])
-    found = joint.fit(wide, fitted.nuisances, theta=theta, tolerance=joint.ROUGH_TOLERANCE)
+    found = known.refitted(widened_by(problem, known.stated, precision))
     if side == "sphere":
         stated = campaign.spheres[name].youngs_modulus_pa
         ball = dataclasses.replace(campaign.spheres[name], youngs_modulus_pa=None)
@@ -310,13 +307,12 @@ def _modulus(known: _Known, side: str, name: str) -> Mistake | None:
         name,
         {"youngs_modulus_Pa": (value, u, "Pa")},
         f"the modulus of {name} is written down wrong: {said}",
-        0.0,
         campaign,
     )
 
 
 # -- changes in the course of the campaign ---------------------------------------------------------
-def _changes(known: _Known) -> Iterator[Way]:
+def _changes(known: _Known) -> Iterator[Promise]:
     """Yield changes of the gain and of each coupon, from every shot on, and a drift of the gain."""
     problem = known.problem
     places = np.array([item.frame.place for item in problem.shots])
@@ -393,7 +389,7 @@ def _change(known: _Known, surface: str | None, first: FitShot) -> Mistake | Non
     campaign = known.problem.campaign
     at = [id(shot) for shot in campaign.shots].index(id(first.shot))
     parameters: dict[str, tuple[float, float | None, str]] = {"first_shot": (float(at), None, "1")}
-    begins = f"from shot {at} ({first.shot.name}) on"
+    begins = f"from {shot_words(at, first.shot.name)} on"
     if surface is None:
         found = _amplified(known, first.frame.place)
         if found is None:
@@ -402,7 +398,7 @@ def _change(known: _Known, surface: str | None, first: FitShot) -> Mistake | Non
         parameters["factor"] = (factor, factor * found[1], "1")
         size = _figure(factor, "", factor * found[1])
         said = f"{begins} the signal is {size} of what it was: the gain changed"
-        return Mistake("change_point", "cell", "gain", parameters, said, 0.0, found[2])
+        return Mistake("change_point", "cell", "gain", parameters, said, found[2])
     later = f"{surface}, {begins}"
     shots = tuple(
         dataclasses.replace(shot, surface=later) if shot.surface == surface and i >= at else shot
@@ -413,7 +409,7 @@ def _change(known: _Known, surface: str | None, first: FitShot) -> Mistake | Non
         campaign, shots=shots, surfaces={**campaign.surfaces, later: other}
     )
     said = f"{begins} {surface} is another coupon, or was changed"
-    return Mistake("change_point", "surface", surface, parameters, said, 0.0, restated)
+    return Mistake("change_point", "surface", surface, parameters, said, restated)
 
 
 def _drift(known: _Known) -> Mistake | None:
@@ -424,7 +420,7 @@ def _drift(known: _Known) -> Mistake | None:
     size = _figure(100.0 * share, "%", 100.0 * u)
     said = f"the signal drifts by {size} from the first shot to the last"
     parameters: dict[str, tuple[float, float | None, str]] = {"share": (share, u, "1")}
-    return Mistake("drift_in_time", "cell", "gain", parameters, said, 0.0, restated)
+    return Mistake("drift_in_time", "cell", "gain", parameters, said, restated)
 
 
 # -- words -----------------------------------------------------------------------------------------

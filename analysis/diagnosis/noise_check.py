@@ -19,7 +19,7 @@ from scipy.stats import chi2, norm
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
-from analysis.quiet_spectrum import drift_basis, drift_degree, without_drift
+from analysis.quiet_spectrum import drift_basis, drift_degree, without_drift, without_long_drift
 
 Array = NDArray[np.float64]
 
@@ -131,6 +131,7 @@ def _quiet(item: FitShot) -> Array:
     What a step leaves of a smaller noise are rare single steps, which are no spikes.
     """
     quiet = quiet_part(item.shot)
+    quiet = quiet[: round(item.noise.calm_share * quiet.size)]
     if quiet.size < CRITERIA.noise.least_quiet_samples:
         return np.zeros(0)
     steps = np.diff(np.unique(quiet))
@@ -162,7 +163,8 @@ def _tone(kept: list[tuple[FitShot, Array]]) -> Tone | None:
     if len(rates) != 1:
         return None  # lines of records sampled otherwise lie elsewhere
     rate_hz = rates.pop()
-    size = min(quiet.size for _, quiet in kept)
+    shortest = min((quiet for _, quiet in kept), key=np.size)
+    size = without_long_drift(shortest, rate_hz).size
     degree = drift_degree(size, rate_hz)
     calm = [without_drift(quiet[-size:], degree) for _, quiet in kept]
     white = [_whitened(item, samples) for (item, _), samples in zip(kept, calm, strict=True)]

@@ -1,8 +1,8 @@
 """Shots that do not belong: without a few of them the rest is noise, and their repetitions agree.
 
-No effect of a rig tells one shot from its repetitions: the same sphere on the same surface from
-the same height. So a shot that differs from them is set aside before any effect is looked for. What
-it is like is said: a drop of another sphere or coupon, from another height, with another gain.
+No effect of a rig acts on one shot and spares its repetitions: the same sphere on the same surface
+from the same height. So a shot that differs from them is set aside before any effect is looked for.
+What it is like is said: a drop of another sphere or coupon, from another height, with another gain.
 Without a repetition an effect may be the reason, and the shot stays, unless a speed of its own
 explains it whole: then its height is wrong, whatever acts.
 """
@@ -39,14 +39,17 @@ SUBSETS, CONCENTRATIONS = 3, 3
 to the shots that it follows best. Of three sets one holds none of two odd shots; chosen by trial.
 """
 RANK = 1e-9
-"""Singular value, over the largest, of a direction of one shot's parameters that it shows."""
+"""Singular value, over the largest, of a direction of one shot's parameters that it shows. Derived:
+sums over its samples are good to 1e-12, and coordinates differ in scale by some hundreds."""
 SETTLINGS = 5
-"""Of one shot's own parameters, at most; ended where the squares fall no more."""
+"""Rounds in which one shot's own parameters settle, at most. A choice of time: it ends before where
+the squares fall by less than one, a likelihood ratio of 1.6."""
 DRAWN = 400
-"""Points of a picture."""
+"""Points of a picture: as many as a column of a page can show."""
 HEIGHT = "drop_height_m"
 GAIN_WITHIN = 0.7
-"""Largest change of the logarithm of one shot's gain: by a factor of two."""
+"""Largest change of the logarithm of one shot's gain, a factor of two. A choice: an amplifier's
+next range is farther off, and would be seen as such."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +77,12 @@ class Rest:
     set_aside: tuple[SetAside, ...]
 
 
-def without_odd_shots(step: Step, progress: Progress) -> Rest | None:
+def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Rest | None:
     """Return the present model without shots that do not belong; None where there are none.
 
     One shot after the other is left out, until none differs from the rest by more than noise. Where
-    they have drawn the fit far off, it begins without those that it follows least.
+    they have drawn the fit far off, it begins where a few shots lead, with the shots' own numbers
+    as ``usual`` has them: known before any record.
     """
     progress(MethodStep.STRUCTURE.told("does a shot not belong?"), 0.07)
     whole = len(step.problem.shots)
@@ -87,7 +91,10 @@ def without_odd_shots(step: Step, progress: Progress) -> Rest | None:
     most = max(1, int(CRITERIA.structure.odd_share * whole))
     part = _Part(list(range(whole)), step.problem, step.fitted)
     if joint.is_hopeless(step.problem, step.fitted.cost):
-        part = _trimmed(step, most)
+        near = _trimmed(step, usual.nuisances, most)
+        if near is None:
+            return None
+        part = near
     while part.fitted.blocks and len(part.kept) >= whole - most:
         falls, chance = _own_falls(part.problem, part.fitted)
         worst, to_go = int(np.argmax(falls)), most - (whole - len(part.kept))
@@ -127,8 +134,8 @@ def _fitted_to(step: Step, kept: list[int], nuisances: Array, begin: joint.Fitte
     return _Part(kept, problem, joint.fit(problem, nuisances, theta=begin.theta))
 
 
-def _trimmed(step: Step, most: int) -> _Part:
-    """Return the fit to the shots that it follows, at least all but ``most``.
+def _trimmed(step: Step, usual: Array, most: int) -> _Part | None:
+    """Return the fit to the shots that it follows, all but ``most`` at least; None without one.
 
     It begins where a few shots are followed that hold no odd one. Source: concentration steps from
     small subsets, P. J. Rousseeuw and K. Van Driessen, Data Min. Knowl. Disc. 12 (2006) 29.
@@ -137,11 +144,11 @@ def _trimmed(step: Step, most: int) -> _Part:
     least, found, kept = math.inf, step.fitted, list(range(len(whole.shots)))
     for some in _subsets(whole):
         begin = dataclasses.replace(step.fitted, theta=whole.start)
-        part = _fitted_to(step, some, step.fitted.nuisances[some], begin)
+        part = _fitted_to(step, some, usual[some], begin)
         for _ in range(CONCENTRATIONS):
             if not part.fitted.blocks:
                 break
-            nuisances = step.fitted.nuisances.copy()
+            nuisances = usual.copy()
             nuisances[part.kept] = part.fitted.nuisances
             nuisances = settle(whole, part.fitted.theta, nuisances)
             squares = np.array(
@@ -159,9 +166,9 @@ def _trimmed(step: Step, most: int) -> _Part:
             if trimmed > joint.HOPELESS * len(best):
                 break  # so few shots are far off too: a model that lacks something
             part = _fitted_to(step, best, nuisances[best], part.fitted)
-        if least <= joint.HOPELESS * len(kept):
-            break
-    return _fitted_to(step, kept, found.nuisances[kept], found)
+        if least <= joint.HOPELESS * (len(whole.shots) - most):
+            return _fitted_to(step, kept, found.nuisances[kept], found)
+    return None
 
 
 def _subsets(problem: JointProblem) -> list[list[int]]:
@@ -179,10 +186,10 @@ def _own_falls(problem: JointProblem, fitted: joint.Fitted) -> tuple[Array, Arra
     """Return how far the squares fall where one shot has a rig of its own, and its chance.
 
     Both of shape (n,), of the linearised problem: the shot's speed and all that it shares with
-    others are its own then, and what it leaves beyond noise even so is taken off, too.
+    others are its own then. What it leaves beyond noise even so counts as well.
     """
     matrix, _, parts = joint.normal_equations(problem, fitted)
-    ranks, owns, beyonds = np.ones((3, len(problem.shots)))
+    numbers, falls, left = np.ones((3, len(problem.shots)))
     for at, (item, block, part) in enumerate(zip(problem.shots, fitted.blocks, parts, strict=True)):
         others = np.linalg.lstsq(matrix - part.matrix, part.vector, rcond=None)[0]
         own, load = block.matrix.copy(), block.vector.copy()
@@ -195,21 +202,17 @@ def _own_falls(problem: JointProblem, fitted: joint.Fitted) -> tuple[Array, Arra
             load[speed] += away / prior.u
         moved, _, rank, _ = np.linalg.lstsq(own, load, rcond=RANK)
         alone = block.cost - promised - float(load @ moved)
-        beyond = alone - item.data - CRITERIA.structure.excess_deviations * math.sqrt(2 * item.data)
-        fall = float(part.vector @ others) + promised + float(load @ moved)
-        ranks[at], owns[at], beyonds[at] = max(int(rank), 1), fall, max(beyond, 0.0)
+        falls[at] = float(part.vector @ others) + promised + float(load @ moved)
+        numbers[at], left[at] = max(int(rank), 1), max(alone - _most_noise(item), 0.0)
     # noise of another colour than was estimated widens all shots' falls alike
-    usual = max(1.0, float(np.median(owns / chi2.median(ranks))))
-    chance = np.where(beyonds > 0.0, 0.0, chi2.sf(owns / usual, ranks))
-    return np.maximum(owns - usual * ranks, 0.0) + beyonds, chance
+    usual = max(1.0, float(np.median(falls / chi2.median(numbers))))
+    chance = np.where(left > 0.0, 0.0, chi2.sf(falls / usual, numbers))
+    return np.maximum(falls - usual * numbers, 0.0) + left, chance
 
 
-def _condition(item: FitShot) -> tuple[str | None, str | None, float | None]:
-    return item.shot.sphere, item.shot.surface, item.shot.drop_height_m
-
-
-def _left_out(problem: JointProblem, kept: list[int]) -> list[int]:
-    return sorted(set(range(len(problem.shots))) - set(kept))
+def _most_noise(item: FitShot) -> float:
+    """Return the squares that noise leaves of a shot at most."""
+    return item.data + CRITERIA.structure.excess_deviations * math.sqrt(2.0 * item.data)
 
 
 # -- what a shot is like ---------------------------------------------------------------------------
@@ -219,7 +222,7 @@ def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     alone = _Alone(rest.problem, rest.fitted.theta, item, whole.fitted.nuisances[at])
     found = alone.explanations()
     ratio = math.sqrt(alone.squares(item) / item.data)
-    peers = sum(_condition(other) == _condition(item) for other in rest.problem.shots)
+    peers = sum(other.condition == item.condition for other in rest.problem.shots)
     others = {0: "all other shots leave", 1: "its repetition leaves"}.get(
         peers, f"its {peers} repetitions leave"
     )
@@ -281,9 +284,8 @@ class _Alone:
     def explanations(self) -> list[tuple[str, dict[str, str | float]]]:
         """Return in words and numbers what leaves noise of the shot, the least squares first."""
         found = sorted((*self._labels(), *self._height(), *self._gain()), key=_first)
-        deviations = CRITERIA.structure.excess_deviations
         enough = min(
-            self.item.data + deviations * math.sqrt(2.0 * self.item.data),
+            _most_noise(self.item),
             found[0][0] + CRITERIA.stepwise.confusable_within if found else math.inf,
         )
         return [(said, like) for squares, said, like in found if squares <= enough]
@@ -292,7 +294,8 @@ class _Alone:
         shot, campaign, model = self.item.shot, self.rest.campaign, self.rest.model
         if shot.sphere is None or shot.surface is None:
             return
-        known = set(self.rest.names)
+        known, kv = set(self.rest.names), model.kind == solver.KV
+        known_gain = gain_is_observable(campaign, kv=kv)
         for sphere in sorted(campaign.spheres):
             for surface in sorted(campaign.surfaces):
                 same = (sphere, surface) == (shot.sphere, shot.surface)
@@ -302,8 +305,8 @@ class _Alone:
                     dataclasses.replace(shot, sphere=sphere, surface=surface),
                     campaign,
                     self.item.noise,
-                    known_gain=gain_is_observable(campaign, kv=model.kind == solver.KV),
-                    kv=model.kind == solver.KV,
+                    known_gain=known_gain,
+                    kv=kv,
                     closed=model.closed,
                     place=self.item.frame.place,
                 )

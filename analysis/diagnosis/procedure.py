@@ -76,7 +76,7 @@ class Diagnosis:
     """Shots that do not belong; the last steps rest on the others."""
     mistakes: tuple[Mistake, ...] = ()
     """A mistake of the record that explains all, then those that cannot be told from it."""
-    as_well: tuple[str, ...] = ()
+    effects_as_good: tuple[str, ...] = ()
     """Ids of effects that explain as much as that mistake."""
     watch: Watch = field(default_factory=Watch)
     """Knows whether the search ended early."""
@@ -161,14 +161,16 @@ def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
         # noise is left, but by a model that nothing real can be: the data cannot show it
         return Diagnosis("not_identifiable", selection.steps, selection.chosen, check_noise=seen)
     set_aside: tuple[SetAside, ...] = ()
+    rest, usual_of_rest = selection, usual
     if not selection.adequate:
         with contextlib.suppress(BudgetSpentError):
-            selection, usual, set_aside = _without_odd_shots(selection, usual, told)
-    if not selection.adequate:
+            rest, usual_of_rest, set_aside = _without_odd_shots(selection, usual, told)
+    if not rest.adequate or len(set_aside) > 1:  # one mistake is less than several odd shots
         with contextlib.suppress(BudgetSpentError):
             mistaken = _mistaken(selection, usual, told)
             if mistaken is not None:
                 return _beside(seen, mistaken)
+    selection, usual = rest, usual_of_rest
     if not selection.adequate:
         selection = searched(selection, usual, told)
     return dataclasses.replace(_beside(seen, _judge(selection, told)), set_aside=set_aside)
@@ -180,7 +182,7 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
     named = named_mistake(selection.last, lambda restated: _base(restated, name, told), told)
     if named is None:
         return None
-    as_well = []
+    as_good = []
     if not named.best.in_time or not _repeated_in_time(selection.last.problem):
         try_effects(selection.last, usual, told)
     for one in useful(selection.last)[:1]:
@@ -189,15 +191,15 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
         if effect.adequate and ahead > CRITERIA.comparison.least_lead:
             return None
         if effect.adequate and ahead > -CRITERIA.comparison.least_lead:
-            as_well.append(one.effect_id)
-    verdict = "family" if as_well or named.near else "identified"
+            as_good.append(one.effect_id)
+    verdict = "family" if as_good or named.near else "identified"
     return Diagnosis(
         verdict,
         [*selection.steps, named.step],
         selection.chosen,
         slot=RECORD,
         mistakes=(named.best, *named.near),
-        as_well=tuple(as_well),
+        effects_as_good=tuple(as_good),
     )
 
 
@@ -205,10 +207,7 @@ def _repeated_in_time(problem: JointProblem) -> bool:
     """Tell whether early and late shots share a condition: no effect tells these apart."""
     half = len(problem.shots) // 2
     ordered = sorted(problem.shots, key=lambda item: item.frame.place)
-    early, late = (
-        {(i.shot.sphere, i.shot.surface, i.shot.drop_height_m) for i in part}
-        for part in (ordered[:half], ordered[half:])
-    )
+    early, late = ({item.condition for item in part} for part in (ordered[:half], ordered[half:]))
     return bool(early & late)
 
 
@@ -216,7 +215,7 @@ def _without_odd_shots(
     selection: Selection, usual: joint.Fitted, told: Watch
 ) -> tuple[Selection, joint.Fitted, tuple[SetAside, ...]]:
     """Return the selection and its usual place without shots that do not belong, and those."""
-    rest = without_odd_shots(selection.last, told)
+    rest = without_odd_shots(selection.last, usual, told)
     if rest is None:
         return selection, usual, ()
     usual = dataclasses.replace(usual, nuisances=usual.nuisances[rest.kept])

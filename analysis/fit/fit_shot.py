@@ -48,6 +48,8 @@ class FitShot:
         On ln v0.
     in_air : bool
         Whether it is the speed of a fall through air (``kv2``) or through nothing.
+    mass_is_stated : bool
+        Else the sphere counts as 1 kg.
     """
 
     shot: Shot
@@ -59,11 +61,28 @@ class FitShot:
     radius_m: float | None
     speed_prior: Prior | None
     in_air: bool = False
+    mass_is_stated: bool = True
+
+    @property
+    def in_si(self) -> bool:
+        """Return whether its speed, depth and stiffness over mass are such, and no reduced units.
+
+        A force says m v, an acceleration v itself, volts without a gain neither.
+        """
+        if self.shot.quantity == "acceleration_m_per_s2":
+            return True
+        by_gain = self.shot.quantity == "force_N" or self.fixed_gain is None
+        return by_gain and self.mass_is_stated
 
     @property
     def pair(self) -> str:
         """Return the pair's key."""
         return f"{self.shot.sphere or '?'}/{self.shot.surface or '?'}"
+
+    @property
+    def condition(self) -> tuple[str | None, str | None, float | None]:
+        """Return what a repetition has in common with this shot: materials and height."""
+        return self.shot.sphere, self.shot.surface, self.shot.drop_height_m
 
     @property
     def data(self) -> int:
@@ -190,8 +209,11 @@ def fit_shot(
     physical = sphere is not None and sphere.mass_kg and sphere.radius_m and shot.surface
     gain = _gain_of(shot, frame, known_gain=known_gain and bool(physical))
     speed, in_air = None, False
-    if gain is not None and shot.quantity == "voltage":
-        pass  # the speed is in the volts' units, and no height promises one
+    mass_is_stated = sphere is not None and bool(sphere.mass_kg)
+    if gain is not None and (
+        shot.quantity == "voltage" or (shot.quantity == "force_N" and not mass_is_stated)
+    ):
+        pass  # the speed is in reduced units, and no height promises one
     elif shot.impact_speed_m_per_s is not None:
         measured = shot.impact_speed_m_per_s
         speed = Prior(math.log(measured.value), max(measured.u / measured.value, 1e-6))
@@ -219,6 +241,7 @@ def fit_shot(
         sphere.radius_m if physical and scaled and sphere else None,
         speed,
         in_air,
+        mass_is_stated,
     )
 
 

@@ -78,6 +78,24 @@ def widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> 
     )
 
 
+def numbers_of_shots(problem: JointProblem) -> tuple[Input, ...]:
+    """Return the uncertain numbers that tell shots apart: all but the converter's gain.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        With a campaign that states them.
+
+    Returns
+    -------
+    tuple of Input
+        The converter's gain is missing: to all shots alike it is the cell's.
+    """
+    by_ratio = problem.model.coupon_share_at is not None
+    stated, _ = stated_numbers(problem.campaign, problem.shots, by_ratio=by_ratio)
+    return tuple(one for one in stated if one.kind != "converter_gain")
+
+
 def at_likeliest_inputs(
     problem: JointProblem, fitted: joint.Fitted
 ) -> tuple[JointProblem, joint.Fitted]:
@@ -95,11 +113,7 @@ def at_likeliest_inputs(
     fitted : Fitted
         Its solution. Both as given where no number has an uncertainty, or there is no solution.
     """
-    stated, _ = stated_numbers(
-        problem.campaign, problem.shots, by_ratio=problem.model.coupon_share_at is not None
-    )
-    # the converter's gain is the cell's to all shots alike
-    inputs = tuple(one for one in stated if one.kind != "converter_gain")
+    inputs = numbers_of_shots(problem)
     if not inputs or problem.inputs or not fitted.blocks:
         return problem, fitted
     wide = widened_by(problem, inputs, problem.prior_precision)

@@ -9,6 +9,7 @@ joint covariance, which is generalised least squares with the common errors as p
 ``input.radius.<sphere>``  ln of a sphere's radius [m]
 ``input.coupon_mass.<s>``  ln of a coupon's mass [kg]
 ``input.coupon_ratio.<s>`` ln of a coupon's Poisson's ratio, where a contact law asks for it [1]
+``input.height.<height>``  ln of the height of a series, where it may be written down wrong [m]
 ``input.height_offset``    offset that all drop heights share [mm]
 ``input.time_base``        ln of true over stated sample rate, of all shots [1]
 ``input.gravity``          ln of the acceleration of fall [m/s^2]

@@ -25,12 +25,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import norm
 
 from analysis.campaign import Sensor
 from analysis.effects import crystal_dynamics
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit.estimates import sensor_logs
-from analysis.fit.joint import Fitted
+from analysis.fit.joint import Fitted, nuisance_covariance
 from analysis.fit.measurand import Json
 from analysis.fit.priors import SENSOR_FIELDS
 from analysis.fit.problem import JointProblem
@@ -217,11 +218,7 @@ def effect_out_of_range(
     for parameter in effect.parameters:
         name = f"{effect.id}.{parameter.name}"
         if parameter.scope == "shot":
-            own = problem.model.nuisances.index(name)
-            felt = [effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots]
-            typical = parameter.value(float(np.median(fitted.nuisances[felt, own])))
-            if not parameter.low <= typical <= parameter.high:
-                yield _outside(name, typical, parameter)
+            yield from _of_shots(problem, fitted, effect, parameter)
             continue
         places = [j for j, n in enumerate(problem.names) if n.split("[", 1)[0] == name]
         largest = float(np.abs(fitted.theta[places]).max(initial=0.0))
@@ -232,6 +229,42 @@ def effect_out_of_range(
             width = 0.0 if parameter.resolved else _width(fitted, j)
             if not _is_within_reach(parameter, at, width):
                 yield _outside(problem.names[j], _value(parameter, at), parameter)
+
+
+def _of_shots(
+    problem: JointProblem, fitted: Fitted, effect: Effect, parameter: EffectParameter
+) -> Iterator[OutOfRange]:
+    """Yield the number that is farthest outside, of those that each shot has by itself.
+
+    One of n is outside as often by chance as a single number is beyond `SLACK_U`.
+    """
+    name = f"{effect.id}.{parameter.name}"
+    own = problem.model.nuisances.index(name)
+    felt = [
+        row
+        for row, item in enumerate(problem.shots)
+        if effect.acts_on(item.shot.sphere, item.shot.surface)
+    ]
+    if not felt:
+        return
+    slack = float(norm.isf(norm.sf(SLACK_U) / len(felt)))
+    neutral = HARDLY * float(np.abs(fitted.nuisances[felt, own]).max())
+    worst: tuple[float, OutOfRange] | None = None
+    for row in felt:
+        at = float(fitted.nuisances[row, own])
+        value = _value(parameter, at)
+        if parameter.low <= value <= parameter.high or (
+            parameter.form != "log" and abs(at) < neutral
+        ):
+            continue
+        width = slack * math.sqrt(
+            max(float(nuisance_covariance(problem, fitted, row)[own, own]), 0)
+        )
+        beyond = max(parameter.low - value, value - parameter.high)
+        if not _is_within_reach(parameter, at, width) and (worst is None or beyond > worst[0]):
+            worst = beyond, _outside(name, value, parameter)
+    if worst is not None:
+        yield worst[1]
 
 
 def _is_within_reach(parameter: EffectParameter, at: float, width: float) -> bool:

@@ -48,6 +48,7 @@ from analysis.fit.priors import (
     sensor_transform,
 )
 from analysis.fit.stated_effects import effect_prior, stated_effects
+from analysis.fit.thinning import thinned
 from analysis.model import solver
 from analysis.model.free_fall import AIR_ASSUMED
 from analysis.model.impact_model import COUPON_SHARE, SHARED, ImpactModel
@@ -357,6 +358,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     """
     kv = model.kind == solver.KV
     campaign, temperature_told = at_temperature_of_shots(campaign)
+    campaign, thinning_told = thinned(campaign)
     usable, rejected = usable_shots(campaign)
     if not usable:
         reasons = "; ".join(f"{r.name}: {r.reason}" for r in rejected[:3])
@@ -398,17 +400,32 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     _set_priors(problem, priors)
     if model.closed:
         problem.assumptions.extend(_closed_assumptions(problem))
+    problem.assumptions.extend(_reduced_units(shots))
     if any(s.speed_prior for s in shots) and campaign.speed_repeatability is None:
         problem.assumptions.append(
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."
         )
-    problem.assumptions.extend(temperature_told)
+    problem.assumptions.extend((*temperature_told, *thinning_told))
     by_ratio = model.coupon_share_at is not None
     _, exact = stated_numbers(campaign, shots, by_ratio=by_ratio)
     exact += tuple(s.path for _, s in stated_effects(problem) if s.uncertainty is None)
     if exact:
         problem.assumptions.append(exact_sentence(exact))
     return problem
+
+
+def _reduced_units(shots: list[FitShot]) -> list[str]:
+    """Return what is not in SI because no mass, or no gain, is stated, in words."""
+    found = []
+    massless = sorted({s.shot.sphere or "?" for s in shots if not s.mass_is_stated})
+    if massless:
+        found.append(f"No mass given for {', '.join(massless)}: 1 kg taken. Stiffness is per mass.")
+    if not all(s.in_si for s in shots):
+        found.append(
+            "Without the sphere's mass, and of volts without the cell's gain, speeds, depths and "
+            "stiffness are in reduced units: no speed in m/s is stated."
+        )
+    return found
 
 
 def _closed_assumptions(problem: JointProblem) -> list[str]:

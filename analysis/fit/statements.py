@@ -196,6 +196,9 @@ def rests(moduli: Json) -> list[str]:
     return [f"Of the moduli that were to be found, {'; '.join(parts)}."] if parts else []
 
 
+_STIFFNESS, _STIFFNESS_OVER_MASS = "N m^-1.5", "N m^-1.5 kg^-1"
+
+
 def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
     """Return each pair's reduced modulus, or its stiffness in reduced units.
 
@@ -236,9 +239,13 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
             }
         else:
             values, chain = problem.shared_local(item, fitted.theta)
-            k = math.exp(values[0]) / item.frame.mass_kg
+            k = math.exp(values[0])
             u = math.sqrt(float(chain[0] @ fitted.covariance @ chain[0]))
-            entry["stiffness_over_mass"] = measurand(k, k * u, "N m^-1.5 kg^-1")
+            if item.in_si and item.mass_is_stated:
+                entry["stiffness"] = measurand(k, k * u, _STIFFNESS)
+            else:
+                k /= item.frame.mass_kg
+                entry["stiffness_over_mass"] = measurand(k, k * u, _STIFFNESS_OVER_MASS)
         found[item.pair] = entry
     return found
 
@@ -273,7 +280,10 @@ def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
         if name.startswith(("pair.", "sphere.", "surface.")):
             log, u = log_of(problem, fitted, name)
             value = math.exp(log)
-            unit = "N m^-1.5" if name.startswith("pair.") else "Pa"
+            unit = "Pa"
+            if name.startswith("pair."):
+                own = next(s for s in problem.shots if f"pair.{s.pair}" == name)
+                unit = _STIFFNESS if own.mass_is_stated else _STIFFNESS_OVER_MASS
             found[name] = measurand(value, value * u, unit)
         elif name == SEEN:
             value, u = log_of(problem, fitted, name)

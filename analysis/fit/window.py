@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from analysis.errors import ShotRejectedError
 from analysis.hidden_noise import CODES_OF_COARSE
 from analysis.noise import NoiseModel, estimate_noise, noise_from_differences
 from analysis.quantisation import step_of
-from analysis.quiet_spectrum import LONGEST
+from analysis.quiet_spectrum import LONGEST, without_drift
 
 PRE_PULSES = 4.0
 POST_PULSES = 12.0
@@ -26,9 +27,21 @@ FULL_SCALE = (-32768, 32767)
 """First and last code of the converter."""
 
 _EDGE = 0.05
+_QUIET_SAMPLES = 8
+"""A median of fewer says nothing of where the line is at rest."""
 _NOISE_SAMPLES = 200
+_FEWEST_QUIET = 32
+"""A median of so few is within a third of the noise, and `_NOISE_MULTIPLE` has room for that."""
 _NOISE_MULTIPLE = 8.0
 """Thousands of samples of noise alone reach 4.5 times their standard deviation, never this."""
+_PIECES = 8
+_PRECURSOR = 4.0
+"""Times as loud as the loudest of the first half that the last piece must be. Derived: slow hum is
+a parabola over the stretch, whose last eighth is at most 3.7 times as steep."""
+_BEGUN = 1.2
+"""Times as loud, from which it has begun where it is there at all: rather too early than late."""
+_REPEATED = 3
+"""Records in which it must be: in the median of fewer, chance is not told from a precursor."""
 _SWING, _SWING_NOISE, _REACH = 0.25, 5.0, 2
 """A swing counts from this share of the largest and this multiple of the noise; it is looked for
 so many of its follower's widths before that."""
@@ -83,6 +96,8 @@ class _Pulse:
     baseline: float
     height: float
     polarity: int
+    whole: bool
+    """Whether its end was seen, or is the record's."""
 
 
 def _edges(above: NDArray[np.bool_], at: int) -> tuple[int, int]:
@@ -111,14 +126,14 @@ def _first_swing(x: NDArray[np.float64], largest: int, noise: float) -> int:
         at = low + int(earlier[-1])
 
 
-def _first_pulse(shot: Shot) -> _Pulse:
-    """Return the pulse nearest after the trigger."""
+def _first_pulse(shot: Shot, *, strict: bool = False) -> _Pulse:
+    """Return the pulse nearest after the trigger; ``strict`` as `pulse_samples` has it."""
     x = shot.signal
     search = max(64, int(5e-3 * shot.sample_rate_hz))
     low = max(0, shot.trigger_index - search // 4)
     high = min(x.size, shot.trigger_index + search)
     quiet = x[max(0, low - 2000) : max(1, shot.trigger_index - 8)]
-    baseline = float(np.median(quiet)) if quiet.size >= 8 else float(np.median(x))
+    baseline = float(np.median(quiet)) if quiet.size >= _QUIET_SAMPLES else float(np.median(x))
     # a record can hold seconds, a swing milliseconds
     begin = max(0, low - _FAR * search)
     rest = x[begin : high + _FAR * search] - baseline
@@ -129,8 +144,13 @@ def _first_pulse(shot: Shot) -> _Pulse:
             f"{shot.name}: nothing leaves the baseline within {search} samples of the trigger; "
             f"the trigger index {shot.trigger_index} may be wrong."
         )
+    if strict and quiet.size < _FEWEST_QUIET:
+        raise ShotRejectedError(f"{shot.name}: {quiet.size} quiet samples tell nothing of noise.")
     noise = float(np.median(np.abs(quiet - baseline))) / 0.6745 if quiet.size else 0.0
-    if quiet.size >= _NOISE_SAMPLES and height < _NOISE_MULTIPLE * noise:
+    if (
+        quiet.size >= (_FEWEST_QUIET if strict else _NOISE_SAMPLES)
+        and height < _NOISE_MULTIPLE * noise
+    ):
         raise ShotRejectedError(
             f"{shot.name}: the largest excursion within {search} samples of the trigger is "
             f"{height:.3g}, no more than noise of {noise:.3g} does by itself; the sphere may not "
@@ -143,7 +163,37 @@ def _first_pulse(shot: Shot) -> _Pulse:
     top = whole[0] + int(np.argmax(pushed[whole[0] : whole[1] + 1]))
     rise, fall = _edges(pushed > _EDGE * pushed[top], top)
     tallest = float(pushed[min(low - begin, top) : max(high - begin, top + 1)].max())
-    return _Pulse(begin + rise, begin + top, begin + fall, polarity * baseline, tallest, polarity)
+    return _Pulse(
+        begin + rise,
+        begin + top,
+        begin + fall,
+        polarity * baseline,
+        tallest,
+        polarity,
+        whole=fall < rest.size - 1 or begin + rest.size == x.size,
+    )
+
+
+def pulse_samples(shot: Shot, *, strict: bool = False) -> int | None:
+    """Return how many samples the pulse near the trigger has above 5 % of its top.
+
+    Parameters
+    ----------
+    shot : Shot
+        The recording.
+    strict : bool
+        Take nothing for a pulse that is not held against noise, be it that of few samples.
+
+    Returns
+    -------
+    int or None
+        None where there is no pulse, or its end is not in the part that is looked at.
+    """
+    try:
+        pulse = _first_pulse(shot, strict=strict)
+    except ShotRejectedError:
+        return None
+    return pulse.fall - pulse.rise + 1 if pulse.whole else None
 
 
 def cut(shot: Shot) -> Window:
@@ -263,9 +313,46 @@ def campaign_noise(shots: list[Shot]) -> NoiseModel:
         From the pre-trigger parts, else from differences (and then it says so).
     """
     quiet = [quiet_part(s) for s in shots]
+    calm = calm_share(quiet)
+    seen = quiet
+    if calm < 1.0:  # a precursor begins slowly: a parabola takes off what of it is left
+        begun = [q[: round(calm * q.size)] for q in quiet]
+        seen = [without_drift(q, 2) for q in begun if q.size > _QUIET_SAMPLES]
     found = estimate_noise(
-        quiet,
+        seen,
         quantum=_step(shots, quiet),
         sample_rate_hz=shots[0].sample_rate_hz,
     )
-    return found or noise_from_differences([s.signal for s in shots])
+    if found is None:
+        return noise_from_differences([s.signal for s in shots])
+    return replace(found, calm_share=calm)
+
+
+def calm_share(quiet: Sequence[NDArray[np.float64]]) -> float:
+    """Return the share of quiet stretches, from their beginning, before a precursor sets in.
+
+    Parameters
+    ----------
+    quiet : sequence of ndarray, shape (n_i,)
+        Samples before the pulses of one instrument. [unit of the signal]
+
+    Returns
+    -------
+    float
+        In eighths; 1 where the end is no louder than noise makes it, or there are few stretches.
+
+    Notes
+    -----
+    What falls touches something else first, or a filter looks ahead, and the records leave the line
+    before the pulse. Hum and slow noise are as loud at the end as before. Validation: the quiet
+    start of recordings with a precursor, in ``tests/analysis/fit/test_window.py``.
+    """
+    pieces = [np.array_split(q, _PIECES) for q in quiet if q.size >= _QUIET_SAMPLES * _PIECES]
+    if len(pieces) < _REPEATED:
+        return 1.0
+    loud = [float(np.median([np.std(p[k]) for p in pieces])) for k in range(_PIECES)]
+    usual = max(loud[: _PIECES // 2])
+    if usual == 0.0 or loud[-1] <= _PRECURSOR * usual:
+        return 1.0
+    begun = _BEGUN * usual
+    return next(k for k in range(_PIECES) if loud[k] > begun) / _PIECES

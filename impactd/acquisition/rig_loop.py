@@ -343,7 +343,9 @@ class RigLoop:
         stored_ns = time.monotonic_ns()
         fault = failure_of(run.hold_error) if run.hold_error is not None else None
         try:
-            self._archive.jobs.enqueue("fit_shot", {"shot": shot.number}, f"shot {shot.number}")
+            with self._archive.transaction():  # one sync for both: the next drop may wait
+                for kind in ("compare_shot", "fit_shot"):
+                    self._archive.jobs.enqueue(kind, {"shot": shot.number}, f"shot {shot.number}")
         except ArchiveError as error:
             # The shot is safe; `POST /fits` fits it later.
             _log.exception("the fit could not be queued", shot=shot.number)

@@ -7,7 +7,7 @@ from dataclasses import asdict, is_dataclass
 from typing import Any
 from urllib.parse import urlencode
 
-from impactd.advice import advice, best_fit, in_words
+from impactd.advice import UNLIKE, advice, best_fit, in_words
 from impactd.api.client_keys import own_part
 from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
@@ -27,6 +27,8 @@ from impactd.storage.materials_json import environment_to_json
 from impactd.storage.moment import as_utc
 from impactd.storage.problem import Problem
 from impactd.storage.shots import Shot
+
+Json = dict[str, Any]
 
 
 def problem_member(problem: Problem | None) -> ProblemMember | None:
@@ -65,7 +67,9 @@ def drop_answer(drop: Drop) -> DropAnswer:
     )
 
 
-def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
+def shot_answer(
+    shot: Shot, fits: list[Fit] | None = None, comparison: Json | None = None
+) -> ShotAnswer:
     """Return a shot for the wire, with its fits and what to do with it when they are given."""
     members = asdict(shot)
     del members["file"]  # where the daemon keeps it is nobody's business
@@ -73,6 +77,7 @@ def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
     at = f"/v1/shots/{shot.number}"
     answer = ShotAnswer(
         **without_nan(members),
+        repetitions=without_nan(comparison),
         links={"self": at, "file": f"{at}.h5", "trace": f"{at}/trace"},
     )
     if fits is not None:
@@ -81,9 +86,9 @@ def shot_answer(shot: Shot, fits: list[Fit] | None = None) -> ShotAnswer:
     return answer
 
 
-def shot_summary(shot: Shot, fits: list[Fit]) -> ShotAnswer:
+def shot_summary(shot: Shot, fits: list[Fit], comparison: Json | None = None) -> ShotAnswer:
     """Return a shot for a list: with what to do with it and its modulus, without its fits."""
-    answer = shot_answer(shot)
+    answer = shot_answer(shot, comparison=comparison)
     _advise(answer, shot, fits)
     best = best_fit(fits)
     answer.reduced_modulus_Pa = None if best is None else best.result.get("reduced_modulus_Pa")
@@ -92,8 +97,13 @@ def shot_summary(shot: Shot, fits: list[Fit]) -> ShotAnswer:
 
 
 def _advise(answer: ShotAnswer, shot: Shot, fits: list[Fit]) -> None:
-    answer.advice, answer.reasons = advice(shot, fits)
-    answer.because = [in_words(reason) for reason in answer.reasons]
+    found = answer.repetitions
+    unlike = found is not None and found.unlike
+    answer.advice, answer.reasons = advice(shot, fits, unlike=unlike)
+    answer.because = [
+        found.sentence if found is not None and reason == UNLIKE else in_words(reason)
+        for reason in answer.reasons
+    ]
 
 
 def fit_answer(fit: Fit) -> FitAnswer:

@@ -172,6 +172,37 @@ class FitAnswer(Answer):
     result: dict[str, Any]
 
 
+class RepetitionsAnswer(Answer):
+    """A shot beside earlier shots of the same sphere, surface and height, right after the drop."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "example": {
+                "shots": [13, 14, 15, 16],
+                "unlike": True,
+                "sentence": "it is unlike its 4 repetitions. It is like hdpe on aluminium, not "
+                "acetal on aluminium: look at the label.",
+                "likely": [{"sphere": "hdpe"}],
+                "size": 0.72,
+                "duration": 1.31,
+                "shape": 0.021,
+            }
+        }
+    )
+    shots: list[int] = Field(description="The repetitions; fewer than two are none.")
+    unlike: bool = Field(description="Whether it differs from them by more than they scatter.")
+    sentence: str = Field(description="What to look at, in words; empty for nothing.")
+    likely: list[dict[str, str | float]] = Field(
+        description="What it is like, the likeliest first: sphere and surface, drop_height_m [m], "
+        "or gain [1]."
+    )
+    size: float | None = Field(None, description="Of its signal over theirs. [1]")
+    duration: float | None = Field(None, description="The same of its length in time. [1]")
+    shape: float | None = Field(
+        None, description="What their mean leaves of it, rms over its peak. [1]"
+    )
+
+
 class ShotAnswer(Answer):
     """A stored shot; the raw samples are in its file."""
 
@@ -197,6 +228,9 @@ class ShotAnswer(Answer):
     advice: Literal["use", "check", "repeat"] | None = None
     reasons: list[str] | None = Field(None, description="Why not `use`, for programs.")
     because: list[str] | None = Field(None, description="The same reasons in words, for people.")
+    repetitions: RepetitionsAnswer | None = Field(
+        None, description="Null until they were looked at, for an import, and in plain lists."
+    )
     reduced_modulus_Pa: dict[str, Any] | None = Field(  # noqa: N815 - the unit's own capital
         None, description="Of the fit that speaks for the shot; in lists with `summary`."
     )

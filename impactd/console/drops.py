@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -14,6 +15,10 @@ from impactd.console.progress_bar import progress
 from impactd.console.rig_commands import DROP_ENDED
 from impactd.console.shots import advice_words
 from impactd.console.tables import measured, print_json
+
+_COMPARED_WITHIN_S = 5.0
+"""It takes a fraction of a second, and of the first shot of a daemon's life a few."""
+_LOOK_EVERY_S = 0.1
 
 
 def login_name() -> str:
@@ -92,6 +97,8 @@ def run(
         if wait:
             drop = _watch(client, number)
         shot = client.get(f"/v1/shots/{drop['shot']}") if drop["shot"] else None
+        if wait and shot is not None:
+            shot = _compared(client, shot)
     if as_json:
         print_json({**drop, "result": shot})
     elif not wait:
@@ -119,6 +126,15 @@ def _watch(client: Client, number: int) -> dict[str, Any]:
     finally:
         progress("", last=True)
     return drop
+
+
+def _compared(client: Client, shot: dict[str, Any]) -> dict[str, Any]:
+    """Return a shot once it was held against its repetitions, or as it is after a while."""
+    ends_s = time.monotonic() + _COMPARED_WITHIN_S
+    while shot.get("repetitions", ...) is None and time.monotonic() < ends_s:
+        time.sleep(_LOOK_EVERY_S)
+        shot = client.get(f"/v1/shots/{shot['number']}")
+    return shot
 
 
 def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:

@@ -198,6 +198,8 @@ def _pairs(document: dict[str, Any]) -> str:
     for name, pair in document["pairs"].items():
         if "reduced_modulus_Pa" in pair:
             value, unit = measured(pair["reduced_modulus_Pa"], scale=1e-9), "GPa (E*)"
+        elif "stiffness" in pair:
+            value, unit = measured(pair["stiffness"]), "N m^-1.5 (K)"
         else:
             value, unit = measured(pair.get("stiffness_over_mass")), "N m^-1.5 kg^-1 (K/m)"
         rows.append(

@@ -53,7 +53,7 @@ def _rows(block: Json) -> Iterator[tuple[Any, ...]]:
                 modulus["status"],
             )
     for name, pair in (block.get("pairs") or {}).items():
-        for key in ("reduced_modulus_Pa", "stiffness_over_mass"):
+        for key in ("reduced_modulus_Pa", "stiffness", "stiffness_over_mass"):
             if key in pair:
                 yield (
                     model,

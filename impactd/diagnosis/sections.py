@@ -81,8 +81,8 @@ def set_aside_shots(document: Json) -> str:
         return ""
     return (
         '<h2>Shots set aside</h2><p class="soft">A wrong label, height or gain, or a hit '
-        "beside the middle: no effect of the rig tells one shot from its repetitions. All else on "
-        "this page rests on the other shots. Look at the label, or repeat the drop.</p>"
+        "beside the middle: no effect of the rig acts on one shot and spares its repetitions. "
+        "All else on this page rests on the other shots. Look at the label, or repeat the drop.</p>"
         + bullets(lines)
     )
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from analysis import campaign
+
 Json = dict[str, Any]
 
 
@@ -13,10 +15,8 @@ def set_aside(document: Json) -> list[Json]:
 
 
 def shot_words(one: Json) -> str:
-    """Return how people know a shot: ``shot 17 (a.npy)``, or its number in the archive alone."""
-    name = str(one["name"])
-    # a stored shot is named after its number, beside which its place in the campaign misleads
-    return name if name.startswith("shot ") else f"shot {one['shot']} ({name})"
+    """Return how people know a shot that was set aside."""
+    return campaign.shot_words(one["shot"], one["name"])
 
 
 def likely_words(one: Json) -> str:

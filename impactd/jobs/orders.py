@@ -17,8 +17,9 @@ from impactd.materials import Materials
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Shot
 from impactd.storage.errors import NotFoundError
-from impactd.storage.jobs import DIAGNOSE, Job
+from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surface_to_json
+from impactd.storage.moment import utc_after
 
 FIT_SHOT = "fit_shot"
 FIT_CAMPAIGN = "fit_campaign"
@@ -26,6 +27,11 @@ CALIBRATE = "calibrate"
 SHOT_MODELS = tuple(BASE_MODELS)
 """All three are fitted to every shot: what a rigid cell and the paper's ringing one make of it, and
 the closed model that moduli are stated with."""
+
+SESSION_DAYS = 0.5
+"""What is older is of another session: a cell set up anew, a room of another temperature."""
+SESSION_SHOTS, REPETITIONS = 120, 8
+"""The newest that a shot is held against, in all and of one condition: more tell little more."""
 
 Json = dict[str, Any]
 
@@ -144,6 +150,8 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
     ArchiveError
         If a shot is not there, or there is nothing to fit.
     """
+    if job.kind == COMPARE:
+        return _comparison_order(archive.shot(job.payload["shot"]), archive, settings)
     numbers = _numbers(job, archive)
     if not numbers:
         raise ArchiveError(f"{job.subject}: there is no stored shot to fit.")
@@ -163,6 +171,38 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
         # For drawing. A re-fit of a whole archive keeps none: they would double its size.
         "with_curves": True,
     }
+
+
+def _comparison_order(shot: Shot, archive: Archive, settings: Settings) -> Json:
+    """Return a new shot and what it is held against, without what is known of materials."""
+    since = utc_after(-SESSION_DAYS)
+    session = archive.shots(since=since, before=shot.number, limit=SESSION_SHOTS)
+    by_condition: dict[Any, list[Shot]] = {}
+    for one in session:
+        if one.source == shot.source:
+            condition = one.sphere, one.surface, one.drop_height_m
+            by_condition.setdefault(condition, []).append(one)
+    earlier = [one for group in by_condition.values() for one in _alike(archive, group)]
+    return {
+        "shot": _compared(archive, shot),
+        "earlier": [_compared(archive, one) for one in sorted(earlier, key=lambda one: one.number)],
+        "speed_repeatability": settings.release.speed_repeatability,
+    }
+
+
+def _alike(archive: Archive, group: Sequence[Shot]) -> list[Shot]:
+    """Return the newest of one condition without the odd ones; with them where they are many."""
+    unlike = {
+        one.number for one in group if (archive.comparisons.get(one.number) or {}).get("unlike")
+    }
+    few = 2 * len(unlike) < len(group)
+    return [one for one in group if not few or one.number not in unlike][:REPETITIONS]
+
+
+def _compared(archive: Archive, shot: Shot) -> Json:
+    path = (archive.directory / shot.file).resolve()
+    place = {"number": shot.number, "path": str(path), "sha256": shot.sha256}
+    return {**place, "drop_height_m": shot.drop_height_m}
 
 
 def shot_models(archive: Archive) -> tuple[str, ...]:

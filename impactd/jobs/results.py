@@ -16,7 +16,7 @@ from impactd.settings import Settings
 from impactd.storage.archive import Archive, Problem
 from impactd.storage.drops import Drop
 from impactd.storage.errors import NotFoundError
-from impactd.storage.jobs import DIAGNOSE, Job
+from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 from impactd.storage.moment import utc_after
 
 CANCELLED = "It was cancelled."
@@ -46,6 +46,8 @@ class ResultWriter:
             return self._finish_calibration(job, result["calibration"])
         if job.kind == DIAGNOSE:
             return self._finish_diagnosis(job, result)
+        if job.kind == COMPARE:
+            return self._finish_comparison(job, result["comparison"])
         shot = job.payload["shot"] if job.kind == FIT_SHOT else None
         results = result["fits"] if job.kind == FIT_SHOT else [result["fit"]]
         with self._archive.transaction():
@@ -125,6 +127,14 @@ class ResultWriter:
             self._archive.diagnoses.publish(done, named)
         told = {"id": job.id, "verdict": found["verdict"], "sentence": found["sentence"]}
         return [("diagnosis.done", {**told, "model": model})]
+
+    def _finish_comparison(self, job: Job, found: Json) -> list[Told]:
+        shot = job.payload["shot"]
+        with self._archive.transaction():
+            self._archive.comparisons.add(shot, found)
+            self._archive.jobs.finish(job.id, found)
+        told = {key: found[key] for key in ("shots", "sentence", "likely")}
+        return [("shot.unlike", {"number": shot, **told})] if found["unlike"] else []
 
     def cancel(self, job: Job) -> list[Told]:
         """Write that a running job was cancelled."""

@@ -1,4 +1,8 @@
-"""Takes jobs from the queue, has them done, writes what they bring. One thread, warm workers."""
+"""Takes jobs from the queue, has them done, writes what they bring: warm workers in two lanes.
+
+Comparisons of shots with their repetitions have a lane and a worker of their own: whoever stands at
+the rig does not wait for a diagnosis.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,8 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +26,7 @@ from impactd.jobs.write_queue import Write, WriteQueue, will_pass
 from impactd.materials import Materials, load_materials
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError
-from impactd.storage.jobs import DIAGNOSE, Job
+from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 
 _log = structlog.get_logger("impactd.jobs")
 POLL_S = 0.5
@@ -33,10 +39,31 @@ Task = Callable[[dict[str, Any]], dict[str, Any]] | str
 """A module-level function, or its name: this process need not load what only its workers run."""
 
 TASKS: dict[str, Task] = {
-    kind: f"impactd.jobs.tasks:{kind}"
-    for kind in ("fit_shot", "fit_campaign", "calibrate", DIAGNOSE)
+    COMPARE: f"impactd.jobs.comparison:{COMPARE}",
+    **{
+        kind: f"impactd.jobs.tasks:{kind}"
+        for kind in ("fit_shot", "fit_campaign", "calibrate", DIAGNOSE)
+    },
 }
 _WARM_UP = "impactd.jobs.tasks:warm_up"
+_WARM_UP_COMPARISON = "impactd.jobs.comparison:warm_up"
+
+
+@dataclass
+class _Lane:
+    """Jobs that wait for one another."""
+
+    prompt: bool
+    executor: WorkerExecutor
+    free: threading.Semaphore
+    last_turn_s: float
+    thread: threading.Thread | None = None
+
+    def alive(self) -> bool:
+        """Return whether its thread looked at the queue lately, and all of its workers' do."""
+        if self.thread is None or not self.thread.is_alive() or not self.executor.alive():
+            return False
+        return time.monotonic() - self.last_turn_s < ALIVE_S
 
 
 class JobRunner:
@@ -51,7 +78,7 @@ class JobRunner:
     on_event : callable
         Gets kind and data of each event: ``job.started``, ``job.progress``, ``job.retried``,
         ``job.failed``, ``job.cancelled``, ``fit.done``, ``drop.analysed``, ``calibration.done``,
-        ``calibration.failed``, ``diagnosis.done``.
+        ``calibration.failed``, ``diagnosis.done``, ``shot.unlike``.
     materials : Materials, optional
         Spheres and surfaces; read from the settings' file when absent.
     tasks : mapping, optional
@@ -79,32 +106,37 @@ class JobRunner:
         self._import_paths = import_paths
         self._results = ResultWriter(archive, settings)
         self._writes = WriteQueue()
-        self._executor: WorkerExecutor | None = None
-        self._thread: threading.Thread | None = None
+        self._lanes: dict[bool, _Lane] = {}
         self._stop = threading.Event()
-        self._free = threading.Semaphore(settings.jobs.workers)
         self._running: dict[Future[Any], Job] = {}
         self._unwanted: set[int] = set()
         self._progress: dict[int, tuple[str, float]] = {}
-        self._last_turn_s = 0.0
 
     def start(self) -> None:
         """Start the workers, which warm up in the background, and begin to take jobs."""
-        if self._thread is not None:
+        if self._lanes:
             return
-        jobs = self._settings.jobs
         self._stop.clear()
-        self._executor = WorkerExecutor(
+        self._lanes = {False: self._lane(prompt=False)}
+        if COMPARE in self._tasks:
+            self._lanes[True] = self._lane(prompt=True)
+        self._writes.start()
+        for lane in self._lanes.values():
+            name = "comparisons" if lane.prompt else "jobs"
+            lane.thread = threading.Thread(target=self._run, args=(lane,), name=name, daemon=True)
+            lane.thread.start()
+
+    def _lane(self, *, prompt: bool) -> _Lane:
+        jobs = self._settings.jobs
+        workers = 1 if prompt else jobs.workers
+        executor = WorkerExecutor(
             WorkerLimits(jobs.fit_time_limit_s, jobs.fit_memory_bytes),
-            workers=jobs.workers,
-            warm_up=self._warm_up,
+            workers=workers,
+            warm_up=_WARM_UP_COMPARISON if prompt and self._warm_up else self._warm_up,
             import_paths=self._import_paths,
             on_progress=self._on_progress,
         )
-        self._last_turn_s = time.monotonic()
-        self._writes.start()
-        self._thread = threading.Thread(target=self._run, name="jobs", daemon=True)
-        self._thread.start()
+        return _Lane(prompt, executor, threading.Semaphore(workers), time.monotonic())
 
     def stop(self) -> None:
         """End the workers; a job that runs waits again, as if it had not been started.
@@ -112,26 +144,22 @@ class JobRunner:
         What could not be written is tried once more. A job whose end is not written then waits
         again when the archive is next opened, as after a crash.
         """
-        if self._thread is None or self._executor is None:
+        if not self._lanes:
             return
         self._stop.set()
         self._archive.jobs.arrival.set()
-        self._free.release()
-        self._thread.join()
-        self._executor.shutdown()
+        for lane in self._lanes.values():
+            lane.free.release()
+            assert lane.thread is not None
+            lane.thread.join()
+            lane.executor.shutdown()
         self._writes.stop()
-        self._thread = None
-        self._executor = None
-        self._free = threading.Semaphore(self._settings.jobs.workers)
+        self._lanes = {}
 
     def alive(self) -> bool:
         """Return whether the queue was looked at lately; fits may take as long as they do."""
-        thread, executor = self._thread, self._executor
-        if thread is None or executor is None or not self._writes.alive():
-            return False
-        if not thread.is_alive() or not executor.alive():
-            return False
-        return time.monotonic() - self._last_turn_s < ALIVE_S
+        lanes = list(self._lanes.values())
+        return bool(lanes) and self._writes.alive() and all(lane.alive() for lane in lanes)
 
     def cancel(self, number: int) -> Job:
         """End a job that waits or runs; one that has ended stays as it is.
@@ -157,13 +185,17 @@ class JobRunner:
             self._announce("job.cancelled", told)
             return job
         job = self._archive.jobs.get(number)
-        if job.state == "running" and self._executor is not None:
+        lane = self._lane_of(job)
+        if job.state == "running" and lane is not None:
             # noted first: a job that is just being submitted looks here once it has its future
             self._unwanted.add(number)
             for future, running in list(self._running.items()):
                 if running.id == number:
-                    self._executor.cancel(future)
+                    lane.executor.cancel(future)
         return job
+
+    def _lane_of(self, job: Job) -> _Lane | None:
+        return self._lanes.get(job.kind == COMPARE)
 
     def progress(self, number: int) -> tuple[str, float] | None:
         """Return what a running job does and which share is done, None where it said nothing."""
@@ -182,58 +214,58 @@ class JobRunner:
         bool
             Whether one is.
         """
-        return self._executor is not None and self._executor.wait_warm(timeout_s)
+        lane = self._lanes.get(False)
+        return lane is not None and lane.executor.wait_warm(timeout_s)
 
-    def _run(self) -> None:
+    def _run(self, lane: _Lane) -> None:
         arrival = self._archive.jobs.arrival
         while not self._stop.is_set():
-            self._last_turn_s = time.monotonic()
-            if not self._free.acquire(timeout=POLL_S):
+            lane.last_turn_s = time.monotonic()
+            if not lane.free.acquire(timeout=POLL_S):
                 continue
             arrival.clear()
             job = None
             try:
                 # Results that cannot be written stay in memory: no more of them until they can.
                 wait = self._stop.is_set() or self._writes.stuck
-                job = None if wait else self._archive.jobs.claim()
+                job = None if wait else self._archive.jobs.claim(prompt=lane.prompt)
             except ArchiveError:
                 _log.exception("the queue does not answer")
                 self._stop.wait(POLL_S)
             if job is None:
-                self._free.release()
+                lane.free.release()
                 arrival.wait(POLL_S)
             else:
-                self._submit(job)
+                self._submit(lane, job)
 
-    def _submit(self, job: Job) -> None:
-        assert self._executor is not None
+    def _submit(self, lane: _Lane, job: Job) -> None:
         try:
             task = self._task(job.kind)
             order = order_for(job, self._archive, self._settings, self._materials)
         except Exception as error:  # whatever is wrong with one job must not stop the queue
-            self._end(job, error)
+            self._end(lane, job, error)
             return
         started = {"job": job.id, "kind": job.kind, "subject": job.subject}
         self._writes.put(self._telling(("job.started", started)))
         limit_s = self._settings.jobs.fit_time_limit_s
         time_s = DIAGNOSIS_TIMES * limit_s if job.kind == DIAGNOSE else None
-        future = self._executor.submit_within(time_s, task, order)
+        future = lane.executor.submit_within(time_s, task, order)
         self._running[future] = job
         if job.id in self._unwanted:
-            self._executor.cancel(future)
-        future.add_done_callback(self._done)
+            lane.executor.cancel(future)
+        future.add_done_callback(partial(self._done, lane))
 
     def _task(self, kind: str) -> Task:
         if kind not in self._tasks:
             raise ArchiveError(f"This version knows no job of the kind {kind!r}.")
         return self._tasks[kind]
 
-    def _done(self, future: Future[Any]) -> None:
+    def _done(self, lane: _Lane, future: Future[Any]) -> None:
         job = self._running.pop(future)
         self._progress.pop(job.id, None)
-        self._end(job, future.exception() or future.result())
+        self._end(lane, job, future.exception() or future.result())
 
-    def _end(self, job: Job, outcome: BaseException | dict[str, Any]) -> None:
+    def _end(self, lane: _Lane, job: Job, outcome: BaseException | dict[str, Any]) -> None:
         """Have the end of a job written; its place is free at once."""
         if isinstance(outcome, Exception) and not isinstance(outcome, TaskError | ArchiveError):
             _log.error("a job failed in the daemon", job=job.id, exc_info=outcome)
@@ -245,7 +277,7 @@ class JobRunner:
             return [self._telling(event) for event in events]
 
         self._writes.put(write)
-        self._free.release()
+        lane.free.release()
 
     def _write_end(self, job: Job, outcome: BaseException | dict[str, Any]) -> list[Told]:
         if isinstance(outcome, StoppedError):

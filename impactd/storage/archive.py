@@ -26,6 +26,7 @@ from drivers.digitizer import Record
 from impactd.storage import rescue
 from impactd.storage.alarms import AlarmTable
 from impactd.storage.calibrations import Calibration, CalibrationTable
+from impactd.storage.comparisons import ComparisonTable
 from impactd.storage.diagnoses import DIAGNOSES_NAME, DiagnosisStore
 from impactd.storage.drops import ACTIVE_STATES, FINAL_STATES, Drop, DropRequest, DropTable
 from impactd.storage.errors import (
@@ -113,7 +114,7 @@ class Archive:
 
     Attributes
     ----------
-    jobs, fits, calibrations, events, alarms, tokens, models : table
+    jobs, fits, calibrations, comparisons, events, alarms, tokens, models : table
         One table each; see their files.
     diagnoses : DiagnosisStore
         Finished diagnoses as files.
@@ -142,6 +143,7 @@ class Archive:
         self.calibrations = CalibrationTable(index, directory / CALIBRATIONS_NAME)
         self.events = EventTable(index)
         self.alarms = AlarmTable(index)
+        self.comparisons = ComparisonTable(index)
         self.tokens = TokenTable(index)
         self.models = ModelTable(index, directory)
         self.diagnoses = DiagnosisStore(index, directory / DIAGNOSES_NAME)

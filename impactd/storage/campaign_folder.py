@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -33,6 +35,7 @@ from impactd.storage.materials_json import (
     surface_to_json,
 )
 from impactd.storage.publish import publish
+from impactd.storage.recording_files import RECORDING_ENDINGS, find_recordings
 from impactd.storage.sample_file import write_samples
 from impactd.storage.shot_about import Recording
 
@@ -55,6 +58,7 @@ CAMPAIGN_KEYS = (
     "sensor",
     "spheres",
     "surfaces",
+    "assumptions",
     "shots",
 )
 
@@ -136,6 +140,7 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
         If the folder cannot be used as a whole, or none of its shots can.
     """
     file = path / JSON_NAME if path.is_dir() else path
+    _refuse_recordings(path, file)
     root = Fields(read_json(file), file=str(file), known=CAMPAIGN_KEYS)
     if root.text("format") != FORMAT:
         root.refuse("format", f"is {root.value('format')!r}; this program reads {FORMAT!r}.")
@@ -154,6 +159,33 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
         environment=environment_from_json(root.child("environment", known=ENVIRONMENT_KEYS)),
     )
     return _with_shots(root, header, file)
+
+
+def _refuse_recordings(path: Path, file: Path) -> None:
+    """Raise, with the command that helps, where somebody names recordings for a campaign."""
+    if path.is_dir() and not file.exists():
+        found = find_recordings(path)
+        if found:
+            endings = sorted({one.suffix for one in found})
+            files = " ".join(f"{shlex.quote(str(path))}/*{ending}" for ending in endings)
+            raise CampaignError(
+                str(path),
+                "$",
+                f"has no {JSON_NAME}, and {len(found)} recordings. Make a campaign of them first: "
+                f"impactd new {files} --out {shlex.quote(path.resolve().name)}-campaign",
+            )
+        raise CampaignError(
+            str(path),
+            "$",
+            f"has no {JSON_NAME}. Make a campaign of your recordings first: impactd new FILES...",
+        )
+    if path.suffix.lower() in RECORDING_ENDINGS:
+        raise CampaignError(
+            str(path),
+            "$",
+            "is a recording, not a campaign. Make one of it first: "
+            f"impactd new {shlex.quote(str(path))}",
+        )
 
 
 def _with_shots(root: Fields, header: Campaign, file: Path) -> CampaignFolder:
@@ -201,7 +233,12 @@ def _surfaces(root: Fields) -> dict[str, Surface]:
 
 
 def write_campaign(
-    folder: Path, campaign: Campaign, recordings: tuple[Recording, ...] = ()
+    folder: Path,
+    campaign: Campaign,
+    recordings: tuple[Recording, ...] = (),
+    *,
+    assumptions: Sequence[str] = (),
+    sources: Sequence[Mapping[str, object]] = (),
 ) -> Path:
     """Write a campaign as a folder that `read_campaign` reads back.
 
@@ -214,6 +251,10 @@ def write_campaign(
     recordings : tuple of Recording, optional
         The raw samples of its shots, in their order; without them the signals are written as
         floats in their unit.
+    assumptions : sequence of str, optional
+        Sentences on what was taken to be so.
+    sources : sequence of mapping, optional
+        For each shot more keys that say where it comes from.
 
     Returns
     -------
@@ -236,7 +277,8 @@ def write_campaign(
         recording = recordings[position] if recordings else None
         name = f"shot{position:03d}.npy"
         write_samples(folder / name, shot.signal if recording is None else recording.samples)
-        shots.append(shot_to_json(shot, name, recording))
+        source = sources[position] if sources else {}
+        shots.append({**shot_to_json(shot, name, recording), **source})
     time_base = campaign.u_sample_rate_relative
     root = {
         "format": FORMAT,
@@ -249,6 +291,7 @@ def write_campaign(
         "sensor": sensor_to_json(campaign.sensor),
         "spheres": {name: sphere_to_json(one) for name, one in campaign.spheres.items()},
         "surfaces": {name: surface_to_json(one) for name, one in campaign.surfaces.items()},
+        **({"assumptions": list(assumptions)} if assumptions else {}),
         "shots": shots,
     }
     path = folder / JSON_NAME

@@ -34,6 +34,7 @@ MIN_SAMPLES = 32
 RATE_TOLERANCE = 0.01
 SHOT_KEYS = (
     "file",
+    "name",
     "sample_rate_Hz",
     "sample_rate_u_Hz",
     "samples",
@@ -59,10 +60,13 @@ class CampaignShot:
         As the analysis sees it.
     recording : Recording
         As the archive keeps it.
+    file : str
+        Its file; the shot's own name may be another.
     """
 
     shot: Shot
     recording: Recording
+    file: str
 
 
 def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> CampaignShot:
@@ -122,7 +126,7 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
     )
     _refuse_extreme(fields, recording, name)
     shot = Shot(
-        name=name,
+        name=fields.text("name") or name,
         signal=recording.signal,
         sample_rate_hz=rate_hz,
         trigger_index=trigger,
@@ -139,7 +143,7 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         u_gain_relative=u_per_code.u / per_code if per_code and u_per_code else 0.0,
         environment=environment_from_json(fields.child("environment", known=ENVIRONMENT_KEYS)),
     )
-    return CampaignShot(shot, recording)
+    return CampaignShot(shot, recording, name)
 
 
 def _rate(fields: Fields, file_rate_hz: float | None) -> tuple[float, Uncertainty | None]:

@@ -29,10 +29,11 @@ COLUMNS: dict[str, str] = {
     "active_models": "id name since_utc version",
     "named_models": "name version definition provenance created_utc",
     "alarms": "id kind sentence remedy times first_utc last_utc acknowledged_utc acknowledged_by",
+    "comparisons": "shot result created_utc",
     "journal_position": "id journal n size_bytes",
 }
 """Tables and their columns."""
-_LATER = frozenset({"alarms", "journal_position"})
+_LATER = frozenset({"alarms", "journal_position", "comparisons"})
 """Tables that came after the checksums, each with `statements_of` in its own migration."""
 _ADDED = {"drops": {"environment"}, "shots": {"environment"}}
 """Columns that came after checksums and journal."""

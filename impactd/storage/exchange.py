@@ -115,7 +115,7 @@ def _about(one: CampaignShot, folder: CampaignFolder, place: str) -> ShotAbout:
         restitution=shot.restitution,
         environment=_around(shot, campaign),
         source="import",
-        origin=f"{place}/{shot.name} sha256:{content}",
+        origin=f"{place}/{one.file} sha256:{content}",
         software=software(),
         notes=("Imported; the start time is the time of the import.",),
     )

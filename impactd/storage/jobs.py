@@ -19,6 +19,8 @@ CALIBRATE = "calibrate"
 FIT_SHOT = "fit_shot"
 DIAGNOSE = "diagnose"
 """The kind of job whose result is kept as a file."""
+COMPARE = "compare_shot"
+"""The kind of job that waits for no fit and no diagnosis: somebody stands at the rig."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +32,7 @@ class Job:
     id : int
         [1]
     kind : str
-        ``fit_shot``, ``fit_campaign``, ``calibrate`` or ``diagnose``.
+        ``compare_shot``, ``fit_shot``, ``fit_campaign``, ``calibrate`` or ``diagnose``.
     payload : dict
         What the task needs, JSON.
     subject : str
@@ -119,13 +121,20 @@ class JobTable:
             "SELECT * FROM jobs WHERE key=? AND kind=? AND payload=?", (bare.key, kind, payload)
         )
 
-    def claim(self) -> Job | None:
-        """Take the oldest job that waits, ``None`` when none does."""
-        waiting = "SELECT id FROM jobs WHERE state='queued' ORDER BY id LIMIT 1"
-        if self._index.row(waiting) is None:  # asked often: without the write lock first
+    def claim(self, *, prompt: bool = False) -> Job | None:
+        """Take the oldest job that waits, ``None`` when none does.
+
+        Parameters
+        ----------
+        prompt : bool
+            Of those of the kind `COMPARE`, else of all others.
+        """
+        waiting = "SELECT id FROM jobs WHERE state='queued' AND (kind=?) = ? ORDER BY id LIMIT 1"
+        which = (COMPARE, int(prompt))
+        if self._index.row(waiting, which) is None:  # asked often: without the write lock first
             return None
         with self._index.transaction():
-            row = self._index.row(waiting)
+            row = self._index.row(waiting, which)
             if row is None:
                 return None
             self._index.write(

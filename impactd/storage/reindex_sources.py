@@ -16,8 +16,8 @@ from impactd.storage.journaling import position
 # ruff: noqa: S608 - nothing here but the names of our own tables
 
 _IN_NO_FILE = (
-    "fits, tokens, jobs, events, alarms, the drops that left no shot with their keys, and the "
-    "rebound heights"
+    "fits, tokens, jobs, events, alarms, comparisons, the drops that left no shot with their keys, "
+    "and the rebound heights"
 )
 
 

@@ -12,6 +12,7 @@ from typing import Any, BinaryIO, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from impactd.storage.even_times import UnevenTimesError, find_rate
 from impactd.storage.publish import publish
 from impactd.storage.regular_file import open_regular_file
 
@@ -24,14 +25,14 @@ _LINE_LIMIT = 200
 """Two numbers of 25 digits with blanks; a line without end would be read into memory whole."""
 _CSV_LIMIT_BYTES = 64 * MAX_SAMPLES
 """Two numbers of 25 digits, comma and line end, and some blanks. [B]"""
-UNEVEN_TOLERANCE = 0.05
 _TIME_LIMIT_S = 1e10
 """Seconds since 1970 are 2e9; differences of larger times overflow or lose the samples. [s]"""
 _COLUMNS = {
     "voltage": ("volts",),
-    "force_N": ("force_N", "newtons"),
-    "acceleration_m_per_s2": ("acceleration_m_per_s2",),
+    "force_N": ("force_N", "newtons", "volts"),
+    "acceleration_m_per_s2": ("acceleration_m_per_s2", "volts"),
 }
+"""Headers of the second column; ``volts`` was once the only one, whatever the quantity."""
 
 
 class SampleFileError(Exception):
@@ -158,17 +159,10 @@ def _rate_hz(times_s: NDArray[np.float64]) -> float:
     """Return the rate of times that rise evenly. [Hz]"""
     if not np.all(np.abs(times_s) <= _TIME_LIMIT_S):
         raise SampleFileError(f"has times beyond {_TIME_LIMIT_S:g} s, or no times at all.")
-    step_s = float(np.median(np.diff(times_s)))
-    span_s = float(times_s[-1] - times_s[0])
-    if not (step_s > 0.0 and span_s > 0.0):
-        raise SampleFileError("has a time column that does not rise.")
-    # Times are often printed with few digits: judge each against the line, not against the last.
-    line = times_s[0] + np.arange(times_s.size) * (span_s / (times_s.size - 1))
-    worst = int(np.argmax(np.abs(times_s - line)))
-    printed = abs(float(times_s[worst])) * 1e-6
-    if abs(times_s[worst] - line[worst]) > max(UNEVEN_TOLERANCE * step_s, printed):
-        raise SampleFileError(f"is not sampled evenly (row {worst + 1}, {times_s[worst]:g} s).")
-    return (times_s.size - 1) / span_s
+    try:
+        return find_rate(times_s).rate
+    except UnevenTimesError as error:
+        raise SampleFileError(f"{error.reason}.") from error
 
 
 def write_samples(path: Path, samples: NDArray[Any]) -> None:

@@ -121,6 +121,13 @@ MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
     journal_rows.migration(),
     # Temperature and humidity: as the technician read them, and as they were at the shot.
     (*added_column("drops", "environment"), *added_column("shots", "environment")),
+    # Each drop's shot beside its repetitions, as it was seen right after.
+    (
+        "CREATE TABLE comparisons (shot INTEGER PRIMARY KEY REFERENCES shots(number), "
+        "result TEXT NOT NULL, created_utc TEXT NOT NULL) STRICT",
+        *checksums.statements_of("comparisons"),
+        *journal_rows.statements_of("comparisons"),
+    ),
 )
 """One step per version of the index; a step is never changed once it was released."""
 

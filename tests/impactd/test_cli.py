@@ -16,7 +16,7 @@ from impactd.settings import find_config
 CONFIG = find_config("simulated.toml")
 COMMANDS = """
 serve make-safe demo bench doctor status drop abort calibrate shots moduli fit diagnose effects
-import export verify reindex refit token
+new import export verify reindex refit token
 """.strip().split()
 
 

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
@@ -122,11 +123,22 @@ def rig(desk: Desk) -> Iterator[Desk]:
 
 @pytest.mark.timeout(LIMIT_S)
 def test_the_notebook_of_the_front_page_runs(desk: Desk) -> None:
-    """Ten lines load a campaign, fit, diagnose and plot, without a daemon."""
-    (text,) = [text for language, text in blocks(ROOT / "README.md") if language == "python"]
+    """Ten lines take somebody's own csv, fit, diagnose and plot, without a daemon."""
+    text = (ROOT / "README.md").read_text()
+    section = text[text.index("## In a notebook") : text.index("## On a real rig")]
+    parts = re.findall(r"```(sh|python)\n(.*?)```", section, flags=re.S)
+    text = "\n".join(code for language, code in parts if language == "python")
     code = [line for line in text.splitlines() if line.strip() and "import" not in line]
     assert len(code) <= 10
-    said = desk.run(script_of([("python", text)]))
+    times_s = np.arange(40_000) / 50e3
+    force = np.random.default_rng(1).normal(0.0, 0.05, times_s.size)
+    for begin in (8000, 20_000, 32_000):
+        force[begin : begin + 60] += 50 * np.sin(np.pi * np.arange(60) / 60) ** 1.5
+    np.savetxt(
+        desk.folder / "my-hits.csv", np.column_stack((times_s, force)),
+        delimiter=",", header="time_s,force_N", comments="",
+    )  # fmt: skip
+    said = desk.run(script_of(parts))
     assert "coupler_highpass" in said
     for name in re.findall(r'savefig\("(.*?)"\)', text):
         assert (desk.folder / name).stat().st_size > 1000

@@ -36,6 +36,10 @@ TOUCH_DOWN, BASELINE = 2, 3
 CHANGE = 0.05
 """Relative change of a parameter that a coefficient of one stands for: of the order by which a gain
 or a stiffness is wrong, as the ridge on coefficients expects. The cell's four take twice that."""
+CONTACTS_S = (3e-5, 7.5e-4)
+"""Shortest and longest pulse for which the columns' knots, memories and frequencies are as written.
+They were chosen for pulses of 50 to 500 us; those of a shorter or longer one are as much shorter or
+longer as it is beyond these limits."""
 TUNED_BY = 3
 """One shot in so many is asked for a frequency or a width, which all share. A choice of time."""
 
@@ -50,6 +54,10 @@ class Scale:
     """Median of the largest, as of speed and Hertz's contact time."""
     speed_m_per_s: float
     contact_s: float
+    pace: float = 1.0
+    """Seconds that stand for a second of the columns' knots, memories and frequencies: 1 unless the
+    pulses are beyond `CONTACTS_S`. All times below, and those of a `View`, are so many times less,
+    rates and frequencies as many times more."""
     tuned_hz: dict[str, float] = field(default_factory=dict)
     """Frequency by family; this and all below is looked for in the records."""
     tuned_zeta: float = 0.0
@@ -78,18 +86,18 @@ class View:
 
     @property
     def rate(self) -> float:
-        """Return the sampling rate. [Hz]"""
-        return self.item.frame.sample_rate_hz
+        """Return the sampling rate in the columns' time, as all that follows. [Hz]"""
+        return self.item.frame.sample_rate_hz * self.scale.pace
 
     @property
     def touch_down_us(self) -> float:
         """Return when the contact begins, after the window. [us]"""
-        return float(self.local[len(self.model.shared) + TOUCH_DOWN])
+        return float(self.local[len(self.model.shared) + TOUCH_DOWN]) / self.scale.pace
 
     @property
     def contact_us(self) -> float:
         """Return how long the contact lasts by Hertz. [us]"""
-        return 1e6 * _hertz(self.item, self.local, len(self.model.shared))[1]
+        return 1e6 * _hertz(self.item, self.local, len(self.model.shared))[1] / self.scale.pace
 
     @property
     def residual(self) -> Array:
@@ -113,7 +121,7 @@ class View:
         if "ln_w" not in shared:
             return None
         frequency, zeta = shared.index("ln_w"), shared.index("ln_z")
-        return math.exp(self.local[frequency]), math.exp(self.local[zeta])
+        return math.exp(self.local[frequency]) * self.scale.pace, math.exp(self.local[zeta])
 
 
 def _hertz(item: FitShot, local: Array, speed_at: int) -> tuple[float, float]:
@@ -128,7 +136,7 @@ def _hertz(item: FitShot, local: Array, speed_at: int) -> tuple[float, float]:
 
 def _outline(view: View) -> Labelled:
     times = view.clean.size, view.rate, view.touch_down_us
-    usual_us = 1e6 * view.scale.contact_s
+    usual_us = 1e6 * view.scale.contact_s / view.scale.pace
     return time_course.outline_columns(times, view.item.window.peak, view.contact_us, usual_us)
 
 
@@ -155,7 +163,9 @@ def _late_impact(view: View) -> Labelled:
 def _tuned(view: View, family: str) -> Labelled:
     frequency = view.scale.tuned_hz[family]
     zeta = view.scale.tuned_zeta if family == DAMPED else MODE_ZETA
-    labels = [f"{family} {frequency:.0f} Hz {part}" for part in ("cos", "sin")]
+    seen_hz = frequency / view.scale.pace
+    told = f"{seen_hz:.0f}" if view.scale.pace == 1.0 else f"{seen_hz:.3g}"
+    labels = [f"{family} {told} Hz {part}" for part in ("cos", "sin")]
     return labels, linear_filter.tuned_columns(family, view.clean, view.rate, frequency, zeta)
 
 
@@ -197,6 +207,11 @@ _BY_NAME: dict[str, Callable[[View], Labelled]] = {
     "speed": lambda v: (["speed"], np.zeros((v.clean.size, 1))),
 }
 
+_LABELLED_BY_TIME = frozenset(
+    ("response", "creep", "slow", "impulse", "droop", "warmth", "locked", "outline", "wander")
+)
+"""Families whose labels tell times and frequencies of the columns, not of the records."""
+
 
 def family_columns(view: View, family: str) -> tuple[list[str], Array, Array]:
     """Return one family's labels, its columns of one shot and what they add to the promised ln v0.
@@ -204,6 +219,8 @@ def family_columns(view: View, family: str) -> tuple[list[str], Array, Array]:
     Of shape (n, q) [unit of the signal] and (q,).
     """
     labels, signal = _BY_NAME[family](view)
+    if view.scale.pace != 1.0 and family in _LABELLED_BY_TIME:
+        labels = [f"{label}, times {view.scale.pace:.3g}" for label in labels]
     return labels, signal, np.full(len(labels), 0.1 if family == "speed" else 0.0)
 
 
@@ -216,7 +233,10 @@ def scale_of(problem: JointProblem, fitted: Fitted) -> Scale:
         speeds.append(math.exp(nuisance[0]))
     indentation_m, contact_s = np.median(contacts, axis=0).tolist()
     top = max(s.window.peak for s in problem.shots)
-    return Scale(top, indentation_m, float(np.median(speeds)), contact_s)
+    # of the records, not of the fit: it must not change from one model to the next
+    width_s = float(np.median([s.window.width_s for s in problem.shots]))
+    pace = width_s / min(max(width_s, CONTACTS_S[0]), CONTACTS_S[1])
+    return Scale(top, indentation_m, float(np.median(speeds)), contact_s, pace)
 
 
 def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[str]) -> Scale:
@@ -226,7 +246,7 @@ def tuned(problem: JointProblem, fitted: Fitted, scale: Scale, wanted: Sequence[
     """
     if SLEW in wanted and not scale.steepest_per_s:
         records = [s.window.signal for s in problem.shots]
-        rates = [s.frame.sample_rate_hz for s in problem.shots]
+        rates = [s.frame.sample_rate_hz * scale.pace for s in problem.shots]
         scale = dataclasses.replace(scale, steepest_per_s=nonlinearity.steepest(records, rates))
     families = [f for f in wanted if f in (*TUNED, DAMPED) and f not in scale.tuned_hz]
     ripple = RIPPLE in wanted and not scale.ripples

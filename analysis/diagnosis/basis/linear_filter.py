@@ -178,8 +178,14 @@ def best_frequency(
     Noise is taken as white here: it only chooses.
     """
     shots = list(zip(signals, residuals, rates, strict=True))
-    grid = [f for f in TUNED[family] if f < LARGEST_SHARE * min(rates)]
+    grid = _resolved(TUNED[family], rates)
     return float(max(grid, key=lambda f: _power(family, shots, f, MODE_ZETA)))
+
+
+def _resolved(frequencies_hz: Sequence[float], rates: Sequence[float]) -> Sequence[float]:
+    """Return the frequencies that these rates resolve, the lowest where they resolve none."""
+    seen = [f for f in frequencies_hz if f < LARGEST_SHARE * min(rates)]
+    return seen or [min(*frequencies_hz, LARGEST_SHARE * min(rates))]
 
 
 def best_damped(
@@ -190,7 +196,7 @@ def best_damped(
     From the best of a grid on, also between its points.
     """
     shots = list(zip(signals, residuals, rates, strict=True))
-    grid = [(f, zeta) for f in MODES_HZ if f < LARGEST_SHARE * min(rates) for zeta in ZETAS]
+    grid = [(f, zeta) for f in _resolved(MODES_HZ, rates) for zeta in ZETAS]
     first = max(grid, key=lambda place: _power(DAMPED, shots, *place))
     size = max(_power(DAMPED, shots, *first), 1e-300)
 

@@ -31,6 +31,7 @@ from analysis.fit.campaign_fit import heldout_fits, heldout_folds, refit_nuisanc
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import Json
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.window import Window
 
 ON_TOP, IN_PLACE = "waveform", "mean_waveform"
 """Families of the discrepancy: of what the model leaves, or of the records themselves."""
@@ -74,11 +75,24 @@ class Hit:
     @classmethod
     def of(cls, item: FitShot, residual: Array | None = None) -> Hit:
         """Return the record of a shot, or what a model leaves of it."""
-        window, rate = item.window, item.frame.sample_rate_hz
-        signal = window.signal if residual is None else residual
-        size, offset = (window.peak, window.baseline) if residual is None else (1.0, 0.0)
-        first = -window.rise_index / rate
-        return cls(signal, _padded_spline(signal), first, rate, window.width_s, size, offset)
+        hit = cls.of_window(item.window, item.frame.sample_rate_hz)
+        if residual is None:
+            return hit
+        spline = _padded_spline(residual)
+        return dataclasses.replace(hit, signal=residual, spline=spline, size=1.0, offset=0.0)
+
+    @classmethod
+    def of_window(cls, window: Window, rate_hz: float) -> Hit:
+        """Return the part of a record that is fitted; the rate is that of its samples. [Hz]"""
+        return cls(
+            window.signal,
+            _padded_spline(window.signal),
+            -window.rise_index / rate_hz,
+            rate_hz,
+            window.width_s,
+            window.peak,
+            window.baseline,
+        )
 
 
 @dataclass(frozen=True)
@@ -266,7 +280,7 @@ def _predictions(
             if len(own) < FEWEST_TRAINING:
                 return []
             training = [hits[i] for i in own]
-            mean, placed = _aligned(training)
+            mean, placed = aligned_mean(training)
             for modes, one in enumerate(found):
                 wave = _with_modes(mean, training, placed, modes)
                 one |= {i: _predicted(wave, hits[i]) for i in fold if keys[i] == key}
@@ -280,7 +294,7 @@ def _predicted(wave: Waveform, hit: Hit) -> Predicted:
     return Predicted(placed.sizes, wave.stretch(hit, placed), wave.residual(hit, placed))
 
 
-def _aligned(hits: Sequence[Hit]) -> tuple[Waveform, list[Placed]]:
+def aligned_mean(hits: Sequence[Hit]) -> tuple[Waveform, list[Placed]]:
     """Return the mean of at least `FEWEST_TRAINING` hits, and where each hit lies on it."""
     width = math.exp(float(np.mean([math.log(hit.width_s) for hit in hits])))
     step = 1.0 / max(hit.rate_hz for hit in hits)

@@ -326,7 +326,7 @@ def _mistake(diagnosis: Diagnosis) -> list[Json]:
             },
             "confusable_with": [
                 *(other.id for other in diagnosis.mistakes[1:]),
-                *diagnosis.as_well,
+                *diagnosis.effects_as_good,
             ],
         }
         for one in diagnosis.mistakes[:1]

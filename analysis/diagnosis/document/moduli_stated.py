@@ -26,7 +26,7 @@ STRUCTURE_LEFT = "more than noise is left in these shots, and nobody knows how f
 """Why a modulus is withheld."""
 MODULUS_PREFIXES = ("sphere.", "surface.")
 """Beginnings of the parameters that are moduli."""
-KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness_over_mass")
+KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness", "stiffness_over_mass")
 """What is known of a pair whatever its reduced modulus is."""
 
 

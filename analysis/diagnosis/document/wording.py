@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import kruskal, norm, spearmanr
 
+from analysis.campaign import shot_words
 from analysis.diagnosis.basis.proposals import scopes_of
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
@@ -99,13 +100,8 @@ def two_digits(number: float) -> str:
 # -- the verdict ---------------------------------------------------------------------------------
 def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
     """Return which shots were set aside and why; nothing where there are none."""
-    # what an archive calls "shot 231" is known by that number alone
-    names = [
-        one.name.capitalize() if one.name.startswith("shot ") else f"Shot {one.shot} ({one.name})"
-        for one in set_aside
-    ]
     said = [
-        f"{name} does not belong. {one.because}" for name, one in zip(names, set_aside, strict=True)
+        f"S{shot_words(one.shot, one.name)[1:]} does not belong. {one.because}" for one in set_aside
     ]
     count = len(said)
     rest = "The rest is judged without " + ("it." if count == 1 else f"these {count}.")
@@ -127,8 +123,9 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     if diagnosis.mistakes:
         found, *near = (one.sentence for one in diagnosis.mistakes)
         said = f"A mistake, no effect: {found}; without it only noise is left ({floor} {unit})."
-        if near or diagnosis.as_well:
-            said += f" These data cannot tell it from: {'; '.join([*near, *diagnosis.as_well])}."
+        rivals = [*near, *diagnosis.effects_as_good]
+        if rivals:
+            said += f" These data cannot tell it from: {'; '.join(rivals)}."
     elif diagnosis.verdict == "adequate":
         said = f"The model {before.model} explains the data: its residual is {_noise_left(before)}."
     elif diagnosis.verdict == "identified":
@@ -308,6 +305,12 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
         said.append(
             f"Before the trigger the records also drift slowly, {times:.3g} times as far as noise "
             "makes them, as hum does. That is not taken for noise."
+        )
+    if noise.calm_share < 1.0:
+        said.append(
+            f"The last {1.0 - noise.calm_share:.0%} of what was recorded before the pulse are "
+            "louder than noise: a precursor, or a filter that looks ahead. The noise is that of "
+            "the quiet beginning alone."
         )
     return said
 

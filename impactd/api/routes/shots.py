@@ -76,10 +76,12 @@ def list_shots(  # noqa: PLR0917 - the framework fills them by name
     )
     query = {"sphere": sphere, "surface": surface, "since": since, "until": until}
     query |= {"search": search, "summary": "true" if summary else None}
-    fits = daemon.archive.fits
+    fits, compared = daemon.archive.fits, daemon.archive.comparisons
     return ShotPage(
         items=[
-            shot_summary(shot, fits.for_shot(shot.number)) if summary else shot_answer(shot)
+            shot_summary(shot, fits.for_shot(shot.number), compared.get(shot.number))
+            if summary
+            else shot_answer(shot)
             for shot in shots
         ],
         next=next_page("/v1/shots", [shot.number for shot in shots], limit, query),
@@ -142,7 +144,9 @@ def _if_none_match(request: Request) -> str:
 @router.get("/{number}")
 def show_shot(number: Number, daemon: TheDaemon) -> ShotAnswer:
     """Show a shot with its latest fits, and whether to use, check or repeat it."""
-    return shot_answer(daemon.archive.shot(number), daemon.archive.fits.for_shot(number))
+    archive = daemon.archive
+    shot = archive.shot(number)
+    return shot_answer(shot, archive.fits.for_shot(number), archive.comparisons.get(number))
 
 
 @router.get("/{number}/trace")

@@ -30,6 +30,7 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "linear_filter.LARGEST_SHARE": "the highest frequency that a basis has",
     "groupings.LEAST_INFORMATION": "rounding: the rank of a matrix",
     "mistakes.LEAST_SEEN": "rounding: the rank of a matrix",
+    "repetitions.FURTHEST": "the range that a search goes over",
     "residual.0.05": "where a phase of a record begins",
     "residual.RING_ENDS": "where a phase of a record ends",
     "residual.10.0": "the bins of a picture",

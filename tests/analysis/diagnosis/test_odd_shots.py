@@ -56,9 +56,9 @@ def scaled(whole: Campaign, at: int, by: float) -> Campaign:
 
 def rest_of(whole: Campaign) -> Rest | None:
     """Return what is left of a campaign without its odd shots."""
-    selection, _ = _base(whole, "kv2", Watch())
+    selection, usual = _base(whole, "kv2", Watch())
     assert not selection.adequate
-    return without_odd_shots(selection.last, Watch())
+    return without_odd_shots(selection.last, usual, Watch())
 
 
 def other(names: Any, own: str | None) -> str:
@@ -115,8 +115,9 @@ def test_another_gain_and_another_height_are_told_by_their_size(clean: Campaign)
 
 def test_a_label_that_draws_the_whole_fit_off(clean: Campaign) -> None:
     """Where every shot is far from the model that all of them share."""
-    selection, _ = _base(changed(clean, AT, signal=40.0 * clean.shots[AT].signal), "kv2", Watch())
-    rest = without_odd_shots(selection.last, Watch())
+    odd = changed(clean, AT, signal=40.0 * clean.shots[AT].signal)
+    selection, usual = _base(odd, "kv2", Watch())
+    rest = without_odd_shots(selection.last, usual, Watch())
     assert rest is not None
     assert [one.shot for one in rest.set_aside] == [AT]
 

@@ -14,13 +14,15 @@ import pytest
 
 from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
+from analysis.diagnosis.basis.proposals import rescoped
 from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.forward_selection import Selection, make_step
 from analysis.diagnosis.procedure import _crystal
 from analysis.diagnosis.progress import Watch
 from analysis.effects.library import effect_named
 from analysis.fit import joint
-from analysis.fit.physical_range import out_of_range
+from analysis.fit.blocks import linearise_shot
+from analysis.fit.physical_range import effect_out_of_range, out_of_range
 from analysis.fit.problem import build
 from analysis.fit.result import FitResult
 from analysis.fit.start import prepare
@@ -157,3 +159,28 @@ def test_a_tape_stiffer_than_any_is_no_tape(
     )
     names = [one.name for one in out_of_range(problem, fitted)]
     assert ("adhesive_layer.stiffness_n_per_m" in names) is outside
+
+
+@pytest.mark.parametrize(("shares", "outside"), [((0.03, 0.05), False), ((-0.03, 0.05), True)])
+def test_no_single_shot_has_a_mass_below_nothing(
+    fit: FitResult, shares: tuple[float, float], outside: bool
+) -> None:
+    """Masses that are nothing on the whole, less than nothing in some shots, are no masses."""
+    effect = rescoped(effect_named("coupon_mode"), "shot")
+    logs = {"coupon_mode.frequency_hz": math.log(2e4), "coupon_mode.damping_ratio": math.log(0.03)}
+    problem, theta, nuisances = extended(fit.problem, fit.fitted, effect, logs)
+    at = problem.model.nuisances.index("coupon_mode.mass_share")
+    nuisances[:, at] = [shares[row % 2] for row in range(len(nuisances))]
+    blocks = [
+        linearise_shot(problem, item, theta, own)
+        for item, own in zip(problem.shots, nuisances, strict=True)
+    ]
+    assert None not in blocks
+    fitted = dataclasses.replace(
+        fit.fitted,
+        theta=theta,
+        nuisances=nuisances,
+        blocks=[block for block in blocks if block is not None],
+        covariance=np.zeros((theta.size, theta.size)),
+    )
+    assert any(effect_out_of_range(problem, fitted, effect)) is outside

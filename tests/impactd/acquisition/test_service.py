@@ -43,6 +43,9 @@ def test_a_drop_becomes_a_stored_shot(laboratory: Laboratory) -> None:
     assert np.ptp(recording.signal) > 1.0
     assert about.configuration["simulated"] is True
     assert "simulation" not in about.configuration
+    compared = laboratory.archive.jobs.claim(prompt=True)
+    assert compared is not None
+    assert (compared.kind, compared.payload) == ("compare_shot", {"shot": drop.number})
     job = laboratory.archive.jobs.claim()
     assert job is not None
     assert (job.kind, job.payload) == ("fit_shot", {"shot": drop.number})

@@ -257,7 +257,7 @@ def test_what_is_no_json_is_refused(tmp_path: Path, text: str, reason: str) -> N
 
 def test_a_missing_campaign_is_refused(tmp_path: Path) -> None:
     """A folder without campaign.json says which file is missing."""
-    with pytest.raises(CampaignError, match=r"campaign\.json.*No such file"):
+    with pytest.raises(CampaignError, match=r"no campaign\.json.*impactd new"):
         read_campaign(tmp_path)
 
 
@@ -345,3 +345,19 @@ def test_shared_campaigns_read_whole(folder: str, shots: int, quantity: str) -> 
     assert not any(shot.clipped for shot in campaign.shots)
     listed = json.loads((path / "campaign.json").read_text())["shots"]
     assert [shot.name for shot in campaign.shots] == [one["file"] for one in listed]
+
+
+@pytest.mark.parametrize("header", ["volts", "acceleration_m_per_s2"])
+def test_both_headers_of_a_csv_are_read_where_quantity_says_so(tmp_path, header):
+    """`time_s,volts` is the general header; the quantity's own is accepted as well."""
+    times = np.arange(400) * 1e-5
+    signal = np.sin(times * 1e3) + 2.0
+    rows = "\n".join(f"{t:.6f},{x:.6f}" for t, x in zip(times, signal, strict=True))
+    (tmp_path / "a.csv").write_text(f"time_s,{header}\n{rows}\n")
+    shot = {"file": "a.csv", "name": "Monday 1", "trigger_index": 10}
+    shot["quantity"] = "acceleration_m_per_s2"
+    document = {"format": "impactd-campaign/1", "shots": [shot]}
+    (tmp_path / "campaign.json").write_text(json.dumps(document))
+    (read,) = read_campaign(tmp_path).shots
+    assert read.name == "Monday 1"
+    assert read.quantity == "acceleration_m_per_s2"

@@ -203,6 +203,8 @@ def _make_old(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
             connection.execute("PRAGMA foreign_keys=OFF")
             connection.execute("ATTACH ? AS present", (str(folder / INDEX),))
             for table in schema.journal_rows.TABLES:
+                if table == "comparisons":  # came after the journal
+                    continue
                 connection.execute(f"DELETE FROM main.{table}")
                 names = ", ".join(schema.checksums.first_columns(table))
                 connection.execute(f"INSERT INTO main.{table} SELECT {names} FROM present.{table}")

@@ -64,6 +64,7 @@ export function eventSentence({ kind, data }) {
   switch (kind) {
     case "request": return requestSentence(data);
     case "drop.stored": return `Drop ${data.number} of ${data.owner}: ${materials(data.sphere, data.surface)} is stored as shot ${data.shot}.`;
+    case "shot.unlike": return `Shot ${data.number}: ${data.sentence}`;
     case "drop.failed": return `Drop ${data.number} failed: ${data.detail}`;
     case "drop.aborted": return data.detail ?? `Drop ${data.number} was aborted.`;
     case "drop.interrupted": return `Drop ${data.number} was interrupted by a restart.`;

@@ -5,6 +5,7 @@ import { byId, fill, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
 import { clock, moment } from "../js/numbers.js";
 import { may } from "../js/session.js";
+import { eventSentence } from "../js/words.js";
 
 const PASSING_MS = 12000;
 
@@ -29,7 +30,11 @@ export function startNotices(signedIn) {
     else draw();
   });
   on("status", (status) => { standing = status.alarms ?? []; draw(); });
-  on("happened", ({ kind }) => { if (kind.startsWith("alarm.") && known()) showNotices(); });
+  on("happened", (data) => {
+    if (data.kind.startsWith("alarm.") && known()) showNotices();
+    // At once, on whatever view: the sphere may still be in the hand.
+    if (data.kind === "shot.unlike") tell("warn", eventSentence({ kind: data.kind, data }));
+  });
 }
 
 /** Ask for the alarms and show them. */

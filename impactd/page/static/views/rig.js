@@ -28,6 +28,7 @@ export async function showRig(place, { signal }) {
   let form = null;
   let watched = null;
   let shown = null;
+  let redraw = null;
 
   const allow = () => {
     const { status, lost } = live;
@@ -51,11 +52,14 @@ export async function showRig(place, { signal }) {
       h("div", { class: "row spread" }, h("h2", {}, `Shot ${drop.shot}`), h("a", { class: "button", href: `#/shots/${drop.shot}` }, "Everything about this shot")),
       h("p", { class: "soft" }, `${materials(sphere, surface)} from ${millimetres(drop_height_m)}, ${operator}`),
       inner, may("operate") && again);
-    try {
-      await showResult(inner, drop.shot, signal);
-    } catch (problem) {
-      fill(inner, h("p", { class: "wrong" }, problem.message));
-    }
+    redraw = async () => {
+      try {
+        await showResult(inner, drop.shot, signal);
+      } catch (problem) {
+        fill(inner, h("p", { class: "wrong" }, problem.message));
+      }
+    };
+    await redraw();
   };
 
   // Whoever asked for a drop, whenever: this view shows it to its end.
@@ -81,6 +85,8 @@ export async function showRig(place, { signal }) {
     showFault(faultPlace, status);
   }, signal);
   on("lost", allow, signal);
+  // It may be known only after the fit is shown.
+  on("happened", ({ kind, number }) => { if (kind === "shot.unlike" && number === shown) redraw?.(); }, signal);
   series.addEventListener("change", showSeries, { signal });
 
   try {

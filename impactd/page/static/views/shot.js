@@ -23,7 +23,9 @@ export async function showShot(place, { parameters: [number], signal }) {
       fill(result, h("p", { class: "wrong" }, problem.message), h("p", {}, h("a", { class: "button", href: "#/shots" }, "All shots")));
     }
   };
-  on("happened", ({ kind, shot }) => { if (kind === "fit.done" && String(shot) === number) show(); }, signal);
+  on("happened", ({ kind, shot, number: which }) => {
+    if (String(kind === "fit.done" ? shot : kind === "shot.unlike" ? which : "") === number) show();
+  }, signal);
   await show();
 }
 

@@ -1,0 +1,89 @@
+"""``impactd new``: its names and options."""
+
+# ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from impactd.console.options import Json
+
+
+class TimeUnit(StrEnum):
+    """What a column of times may be in."""
+
+    S = "s"
+    MS = "ms"
+    US = "us"
+    NS = "ns"
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add this command."""
+    app.command()(new)
+
+
+def new(  # noqa: PLR0917 - typer reads options from the parameters
+    files: Annotated[
+        list[str],
+        typer.Argument(
+            metavar="FILES...",
+            help="Recordings of any instrument: csv and other text, npy, npz, mat, wav, uff, tdms, "
+            "lvm, hdf5 (FILE.h5:/path).",
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            help="Folder to write into.",
+            show_default="NAME-campaign of the first file",
+        ),
+    ] = None,
+    rate: Annotated[
+        float | None, typer.Option("--rate", metavar="HZ", help="Samples a second.", min=0)
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option("--unit", help="What the numbers are: V, N, g, m/s2 or strain."),
+    ] = None,
+    column: Annotated[
+        list[str] | None,
+        typer.Option("--column", help="Name or number of the signal; repeatable; all takes each."),
+    ] = None,
+    scale: Annotated[
+        float, typer.Option("--scale", help="One of the file's numbers in --unit.")
+    ] = 1.0,
+    time: Annotated[
+        TimeUnit | None, typer.Option("--time", help="What the file's times are in.")
+    ] = None,
+    threshold: Annotated[
+        float | None,
+        typer.Option("--threshold", help="A hit is what exceeds this; in --unit.", min=0),
+    ] = None,
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Ask nothing; take what is proposed.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Make a campaign folder from recordings of any instrument.
+
+    Finds the hits, says what it assumed, and draws a picture to look at.
+    """
+    from impactd.console import new_campaign
+    from impactd.importing.choices import Choices
+
+    choices = Choices(
+        rate_hz=rate,
+        unit=unit,
+        columns=tuple(column or ()),
+        scale=scale,
+        time_unit=None if time is None else time.value,
+        threshold=threshold,
+    )
+    new_campaign.run(files, out, choices, yes=yes, as_json=as_json)

@@ -1,0 +1,1 @@
+"""From a recording of any instrument to a campaign folder."""

@@ -1,0 +1,171 @@
+"""From files to a campaign folder: read, find the hits, write, draw."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from analysis.campaign import Campaign, Shot, Uncertainty
+from impactd.importing.choices import Ask, Choices, propose
+from impactd.importing.cutting import Cut, cut_hits, names_of
+from impactd.importing.errors import RecordingError
+from impactd.importing.picture import save_picture
+from impactd.importing.readers import read_recording
+from impactd.storage.campaign_folder import JSON_NAME, write_campaign
+
+PICTURE_NAME = "recordings.png"
+_NAMED = 4
+"""Files in a sentence."""
+UNKNOWN = (
+    "Not known and left out are what fell or hit (radius, mass, modulus), on what (modulus, "
+    "thickness), the drop height, and the sensor. Write what you have measured into campaign.json."
+)
+
+
+@dataclass(frozen=True)
+class Made:
+    """What came of it.
+
+    Attributes
+    ----------
+    path : Path
+        The ``campaign.json``.
+    picture : Path
+        What was cut out, to look at.
+    shots : tuple of Cut
+        In their order.
+    said : tuple of str
+        What was assumed, a sentence each.
+    """
+
+    path: Path
+    picture: Path
+    shots: tuple[Cut, ...]
+    said: tuple[str, ...]
+
+
+def make_campaign(
+    files: Sequence[str], out: Path, choices: Choices | None = None, ask: Ask = propose
+) -> Made:
+    """Write the hits of recordings as a campaign folder.
+
+    Parameters
+    ----------
+    files : sequence of str
+        In order of time; ``FILE.h5:/path`` names a dataset.
+    out : Path
+        A folder that holds no campaign; made when absent.
+    choices : Choices, optional
+        What is known beforehand.
+    ask : Ask, optional
+        Asks a person; without it the proposals are taken.
+
+    Returns
+    -------
+    Made
+        The files, and what was assumed.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read, or none holds a hit.
+    ArchiveError
+        If the folder cannot be written.
+    """
+    choices = choices or Choices()
+    refuse_taken(out)
+    said: list[str] = []
+    cuts: list[Cut] = []
+    for name, stem in zip(files, names_of(files), strict=True):
+        cuts += cut_hits(read_recording(name), stem, choices, ask, said)
+    if not cuts:
+        raise RecordingError(
+            f"{files[0]}:" if len(files) == 1 else f"{len(files)} files:",
+            f"no hit was found. {' '.join(dict.fromkeys(said[-3:]))}",
+            "Choose another --column, or give a lower --threshold.",
+        )
+    refuse_taken(out, len(cuts))
+    said.append(_rule(cuts, choices.threshold))
+    said.append(UNKNOWN)
+    told = _together(said)
+    campaign = Campaign(shots=tuple(_shot(one) for one in cuts))
+    path = write_campaign(
+        out, campaign, assumptions=told, sources=tuple(_source(one) for one in cuts)
+    )
+    picture = out / PICTURE_NAME
+    save_picture(cuts, picture)
+    return Made(path, picture, tuple(cuts), told)
+
+
+def _together(said: Sequence[str]) -> tuple[str, ...]:
+    """Return each sentence once, with all the files that it is true of."""
+    files: dict[str, list[str]] = {}
+    for one in said:
+        file, colon, rest = one.partition(": ")
+        known = files.setdefault(rest if colon else one, [])
+        if colon and file not in known:
+            known.append(file)
+    return tuple(
+        f"{_few(names)}: {sentence}" if names else sentence for sentence, names in files.items()
+    )
+
+
+def _few(names: Sequence[str]) -> str:
+    shown = ", ".join(names[:_NAMED])
+    return shown if len(names) <= _NAMED else f"{shown} and {len(names) - _NAMED} more"
+
+
+def refuse_taken(out: Path, count: int = 0) -> None:
+    """Raise where a file that would be written is there already.
+
+    Parameters
+    ----------
+    out : Path
+        The folder.
+    count : int
+        How many shots go into it.
+
+    Raises
+    ------
+    RecordingError
+        If one of the names is taken.
+    """
+    names = [JSON_NAME, PICTURE_NAME, *(f"shot{at:03d}.npy" for at in range(count))]
+    taken = [name for name in names if (out / name).exists()]
+    if taken:
+        raise RecordingError(
+            str(out),
+            f"holds {taken[0]} already, and nothing is overwritten.",
+            "Give another --out.",
+        )
+
+
+def _rule(cuts: Sequence[Cut], threshold: float | None) -> str:
+    double = sum(one.hit.blows > 1 for one in cuts)
+    together = f" Of them {double} with more than one blow." if double else ""
+    by = "a twentieth of the largest excursion of its recording, and by more than noise does"
+    if threshold is not None:
+        by = f"{threshold:g}, as --threshold says"
+    return (
+        f"Shots: {len(cuts)}, where the signal leaves its zero line by more than {by}; blows "
+        f"without quiet between them stay in one shot.{together} trigger_index is where a contact "
+        "reaches a twentieth of its peak."
+    )
+
+
+def _source(one: Cut) -> dict[str, object]:
+    """Return where a shot comes from, as keys of its object."""
+    return {"source_file": one.file, "source_first_sample": one.hit.first}
+
+
+def _shot(one: Cut) -> Shot:
+    return Shot(
+        name=one.name,
+        signal=one.samples,
+        sample_rate_hz=one.rate_hz,
+        trigger_index=one.trigger_index,
+        quantity=one.unit.quantity,
+        quantum=one.step,
+        u_sample_rate_hz=Uncertainty(one.u_rate_hz) if one.u_rate_hz else None,
+    )
