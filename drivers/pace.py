@@ -87,12 +87,23 @@ class Pace:
         self._began_s: float | None = None
         self._floor_s = float("inf")
         self._doubt_s = float("inf")
+        self._lasted_s = 0.0
         self.late_s = 0.0
 
     @property
     def late_samples(self) -> int:
         """By how many samples the last transfer was late. [1]"""
         return round(self.late_s * self._rate_hz)
+
+    @property
+    def provable_s(self) -> float:
+        """So long a run can be proved whole: later the rate's error may pass for a packet. [s]"""
+        return self._packet_s / self._drift if self._drift else float("inf")
+
+    @property
+    def lasted_s(self) -> float:
+        """From the run's start to its last transfer. [s]"""
+        return self._lasted_s
 
     @property
     def on_time(self) -> bool:
@@ -132,7 +143,8 @@ class Pace:
         if self._began_s is None:
             self._began_s = now_s if self._start_s is None else self._start_s
         delay_s = now_s - samples / self._rate_hz
-        allowed_s = self._drift * (now_s - self._began_s)
+        self._lasted_s = now_s - self._began_s
+        allowed_s = self._drift * self._lasted_s
         if self._start_s is None:
             # Nobody knows when it began: the run's own earliest arrival must do.
             self._floor_s = min(self._floor_s, delay_s)
@@ -167,6 +179,16 @@ def check_pace(pace: Pace, record: Record) -> None:
     """
     if pace.on_time:
         return
+    if pace.lasted_s > pace.provable_s:
+        raise OverrunError(
+            f"Nothing can prove that this record is whole: it ended {pace.lasted_s:.2f} s after "
+            f"the start of the converter, and only {pace.provable_s:.2f} s can be proved.",
+            why="By then the error that sample_rate_u_hz allows the clock is as long as a lost "
+            f"packet of {PACKET_SAMPLES} samples.",
+            remedy="Measure the sample rate against a counter and write the smaller "
+            "sample_rate_u_hz into the configuration, or let the sphere fall sooner after arming.",
+            record=record,
+        )
     raise OverrunError(
         f"{pace.late_samples} samples fewer arrived than the clock says "
         f"({pace.late_s * 1e3:.2f} ms at {record.sample_rate_hz:.0f} Hz).",

@@ -58,7 +58,7 @@ def _settings() -> Daq3500Settings:
         product_id_unloaded=0x0470,
         product_id_loaded=0x2C01,
         sample_rate_hz=1.0e6,
-        sample_rate_u_hz=100.0,
+        sample_rate_u_hz=10.0,  # with 100 only half a second can be proved whole
     )
 
 

@@ -5,7 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from drivers.pace import BEGINNING_SAMPLES, PACKET_SAMPLES, Latency, Pace, repeated_at
+from drivers.digitizer import Record
+from drivers.errors import OverrunError
+from drivers.pace import (
+    BEGINNING_SAMPLES,
+    PACKET_SAMPLES,
+    Latency,
+    Pace,
+    check_pace,
+    repeated_at,
+)
 
 RATE_HZ = 1e6
 TRANSFER = 8192
@@ -104,6 +113,20 @@ def test_an_interrupted_start_is_worth_another() -> None:
     assert not pace.started(100.0, 100.002)
     assert pace.started(100.0, 100.00009)
     assert latency.start_s == pytest.approx(5e-5, rel=1e-6)
+
+
+def test_a_rate_known_too_poorly_is_told_as_the_reason() -> None:
+    """Behind half a second 100 ppm may be a packet: neither loss nor busy host is to blame."""
+    pace = Pace(RATE_HZ, 100.0)
+    pace.started(100.0, 100.00002)
+    for n in range(512, 700_000, 512):
+        pace.arrived(n, 100.0 + n / RATE_HZ + 2e-5)
+    assert not pace.on_time
+    codes = np.zeros(9, np.int16)
+    record = Record(codes, 1.0, 0.0, True, RATE_HZ, 100.0, 10.0, 4, 0, 0)
+    with pytest.raises(OverrunError, match=r"only 0\.51 s can be proved") as caught:
+        check_pace(pace, record)
+    assert "sample_rate_u_hz" in caught.value.remedy
 
 
 def test_a_rate_within_its_uncertainty_is_no_loss() -> None:
