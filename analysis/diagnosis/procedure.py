@@ -19,6 +19,7 @@ from analysis.diagnosis.forward_selection import Selection, Step, make_step, try
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.mistakes import Mistake, named_mistake
+from analysis.diagnosis.model_free import Shown, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
@@ -78,6 +79,8 @@ class Diagnosis:
     """A mistake of the record that explains all, then those that cannot be told from it."""
     effects_as_good: tuple[str, ...] = ()
     """Ids of effects that explain as much as that mistake."""
+    shown: tuple[Shown, ...] = ()
+    """What the records show of the effects that were named, where no fit could name them."""
     watch: Watch = field(default_factory=Watch)
     """Knows whether the search ended early."""
 
@@ -324,12 +327,31 @@ def _judge(selection: Selection, progress: Watch) -> Diagnosis:
         located = _located(steps[kept], progress)
         slot = rest[0].effect.slot
         return Diagnosis("partial", steps[: kept + 1], chosen[:kept], slot=slot, located=located)
+    seen, shown = _shown(Selection(steps[: len(crystal) + 1], crystal))
+    if shown:
+        located = _located(seen.last, progress)
+        slot = seen.chosen[len(crystal)].effect.slot
+        return Diagnosis(
+            "partial", seen.steps, seen.chosen, slot=slot, located=located, shown=tuple(shown)
+        )
     located = _located(steps[len(crystal)], progress)
     if crystal:
         slot, known = crystal[0].effect.slot, steps[: len(crystal) + 1]
         return Diagnosis("partial", known, crystal, slot=slot, located=located)
     where = None if located is None else located.slot
     return Diagnosis("unknown", steps[:1], [], slot=where, located=located)
+
+
+def _shown(selection: Selection) -> tuple[Selection, list[Shown]]:
+    """Return a selection with the effects that records show without any model, and these."""
+    shown = []
+    for one in shown_by_records(selection.last.problem.shots):
+        found = one.on_top_of(selection.last.problem, selection.last.fitted)
+        if found.fitted.blocks and found.gain > 0.0:
+            step = make_step(found.problem, found.fitted)
+            selection = Selection([*selection.steps, step], [*selection.chosen, found])
+            shown.append(one)
+    return selection, shown
 
 
 def _located(step: Step, progress: Watch) -> Located | None:

@@ -21,6 +21,10 @@ AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
 
 
+RUN_AWAY = 1e100
+"""Signal of a motion that ran away, whose squares would overflow. [unit of the signal]"""
+
+
 @dataclass(frozen=True)
 class Proposal:
     """One effect from one start: what it would add to each shot, to first order."""
@@ -145,7 +149,7 @@ def column(
     moved = np.concatenate([local[:at], coordinates, share, local[at:]])
     signal = tried.predict(moved, item.frame).signal
     shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
-    if not np.isfinite(signal).all():
+    if not np.abs(signal).max() < RUN_AWAY:  # nor is a NaN
         signal = base
     return ((signal - base) / step)[:, None], np.array([shift / step])
 

@@ -298,6 +298,12 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
         for name, value in found.items()
         if name.startswith(prefix)
     }
+    shown = next((one for one in diagnosis.shown if one.form == refit.effect.id), None)
+    if shown is not None:  # nobody knows how far what is missing moves what the records say
+        parameters = {
+            one.name: {"value": float(f"{shown.values[one.name]:.2g}"), "u": None, "unit": one.unit}
+            for one in refit.effect.parameters
+        }
     return {
         "id": refit.effect_id,
         "form": refit.effect.id,

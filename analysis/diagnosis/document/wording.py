@@ -97,6 +97,11 @@ def two_digits(number: float) -> str:
     return f"{float(f'{number:.2g}'):.12g}"
 
 
+def three_digits(number: float) -> str:
+    """Return a number to three digits as it is said: 1050, never 1.05e+03."""
+    return f"{float(f'{number:.3g}'):.12g}"
+
+
 # -- the verdict ---------------------------------------------------------------------------------
 def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
     """Return which shots were set aside and why; nothing where there are none."""
@@ -114,9 +119,8 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     ``before`` and ``after`` are the model without and with what was found.
     """
     names = " and ".join(_named(refit) for refit in diagnosis.chosen)
-    in_volts = before.problem.shots[0].shot.quantity == "voltage"
-    unit = "mV" if in_volts else "e-3 of the signal's unit"
-    had, left, floor = (f"{1e3 * v:.3g}" for v in (before.rms, after.rms, before.noise_rms))
+    unit, factor = UNITS[before.problem.shots[0].shot.quantity]
+    had, left, floor = (three_digits(factor * v) for v in (before.rms, after.rms, before.noise_rms))
     fall = f"the residual falls from {had} to {left} {unit} rms"
     noise = f"the noise is {floor} {unit}"
     structured = diagnosis.steps[-1].score_test.structured
@@ -151,7 +155,8 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
         ends = f", but structure remains ({noise})"
         if diagnosis.disturbed and not structured:
             ends = f" ({noise}), but beside it {background_words(diagnosis.check_noise)}"
-        said = f"Found in part: {names}; {fall}{ends}."
+        why = "".join(f" The records show it: {one.sentence}." for one in diagnosis.shown)
+        said = f"Found in part: {names}; {fall}{ends}.{why}"
     elif diagnosis.verdict == "unknown":
         said = _unknown(diagnosis, before)
     elif after.undetermined and not after.out_of_range:
@@ -167,7 +172,8 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
 def _named(found: Refit) -> str:
     """Return an effect's title and id, and where it acts unless it acts on everything."""
     where = where_it_acts(found)
-    said = f"{library()[found.effect_id].title} ({found.effect_id})"
+    title = found.effect.title or library()[found.effect_id].title
+    said = f"{title} ({found.effect_id})"
     return f"{said} {where}" if where else said
 
 

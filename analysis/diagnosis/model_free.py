@@ -1,0 +1,283 @@
+r"""Effects that the records show by themselves, whatever the contact and the mounting are.
+
+Where no model of the impact comes near, as on a rig built otherwise, a fit names nothing. Three
+things show without one:
+
+Clipping. The top of a pulse is a parabola, of which the part within a share e of its height is
+:math:`\sqrt{e}` wide. A top that is cut is as wide at every e, and of the same height in hits
+that differ in everything else.
+
+High-pass. The coupler's output y obeys :math:`\dot x = \dot y + y/\tau`, and the input x is at rest
+after the contact: so the impulse :math:`Y = \int y\,dt` dies away as :math:`e^{-t/\tau}`, to
+nothing. Without a high-pass Y stays what it is, and an offset of the baseline adds the same
+straight line to either.
+
+Hum. The mean waveform of all hits, of free size, shift, stretch and offset, holds what an impact
+causes. Hum has another phase in every record and is left over; of all frequencies a multiple of
+none but the mains' own explains most.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
+
+from analysis.diagnosis.candidate import Refit, extended, refitted
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.discrepancy.mean_waveform import Hit, aligned_mean
+from analysis.effects.library import effect_named
+from analysis.fit import joint
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.settle import settle
+from analysis.fit.window import MAX_SAMPLES, quiet_part, rail
+
+Array = NDArray[np.float64]
+
+NARROW, WIDER = 0.005, 20.0
+"""Share of a pulse's height within which its top is, at least, and how many times more tells what
+is about it."""
+TOP_DEVIATIONS = 6.0
+"""Of the noise, that a top holds: from the highest sample of a flat one to the lowest."""
+DEEPEST = 0.5
+"""Share of a pulse's height within which there is but one top."""
+FEWEST_HITS = 3
+"""That must agree: of two, chance is not told from a law."""
+CONTACT_ENDS = 0.02
+"""Share of the height at which a pulse is over."""
+MOST_POINTS = 500
+"""Of an impulse's course: it is smooth."""
+HELD = 1e-5
+"""Share by which a number may move from what the records say of it: a model that is far from them
+has millions of squares to win."""
+MAINS_HZ = (50.0, 60.0)
+HUM_HZ = np.concatenate([np.arange(20.0, 100.0, 2.5), np.geomspace(100.0, 1000.0, 30)])
+"""Frequencies that are held against the mains'. [Hz]"""
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An effect that records show without a model."""
+
+    effect_id: str
+    form: str  # id of the effect's form
+    values: dict[str, float]  # its numbers, as the records say; empty for a free signal
+    sentence: str  # what was seen
+
+    def on_top_of(self, problem: JointProblem, fitted: joint.Fitted) -> Refit:
+        """Return a model with this effect, held at what the records say of it.
+
+        Where the model is far from the records, the best fit would bend the effect after them.
+        """
+        effect = effect_named(self.form)
+        starts = {
+            f"{effect.id}.{one.name}": one.coordinate(self.values[one.name])
+            for one in effect.parameters
+        }
+        larger, theta, nuisances = extended(problem, fitted, effect, starts)
+        for name, coordinate in starts.items():
+            at = larger.names.index(name)
+            larger.prior_mean[at] = coordinate
+            larger.prior_precision[at, at] = (HELD * coordinate) ** -2
+        nuisances = settle(larger, theta, nuisances)
+        result = joint.fit(larger, nuisances, theta=theta)
+        bare = Refit(effect, self.effect_id, "rig", larger, result, 0.0, 0, False, 0.0)
+        return refitted(bare, problem, fitted)
+
+
+def shown_by_records(shots: Sequence[FitShot]) -> list[Shown]:
+    """Return the effects that records of one quantity show by themselves."""
+    if len({item.shot.quantity for item in shots}) != 1 or len(shots) < FEWEST_HITS:
+        return []
+    found = (_clipping(shots), _highpass(shots), _hum(shots))
+    return [one for one in found if one is not None]
+
+
+def _level(item: FitShot) -> Array:
+    """Return a whole record, compression positive and its baseline taken off."""
+    return item.window.polarity * item.shot.signal - item.window.baseline
+
+
+def _top(item: FitShot) -> int:
+    return item.window.first + item.window.peak_index
+
+
+def _clipping(shots: Sequence[FitShot]) -> Shown | None:
+    """Return a ceiling that several hits end at although their flanks differ."""
+    levels, slopes = [], []
+    for item in shots:
+        if rail(item.shot, item.window) is not None:
+            continue  # the converter's own limit, which the fit knows
+        x, top = _level(item), _top(item)
+        share = _share_of_top(item, x[top])
+        if item.shot.clipped or _flat(x, top, share):
+            levels.append(float(np.median(x[_around(x, top, share)])))
+            rise = np.diff(x[max(0, item.window.first + item.window.rise_index - 1) : top + 1])
+            slopes.append(float(rise.max()) if rise.size else math.nan)
+    if len(levels) < FEWEST_HITS or not np.all(np.isfinite(slopes)):
+        return None
+    agree = float(np.std(np.log(levels)))
+    differ = float(np.std(np.log(slopes)))
+    if agree > CRITERIA.model_free.same_level * differ:
+        return None
+    ceiling = float(np.median(levels))
+    return Shown(
+        "clipping",
+        "clipping",
+        {"ceiling_v": ceiling},
+        f"{len(levels)} of {len(shots)} pulses have flat tops at one height, "
+        f"{ceiling:.4g} above the baseline, within {100.0 * agree:.1g} %, though the steepness of "
+        f"their flanks differs by {100.0 * differ:.2g} %",
+    )
+
+
+def _share_of_top(item: FitShot, height: float) -> float:
+    quiet = quiet_part(item.shot)
+    noise = float(np.std(quiet)) if quiet.size else 0.0
+    return max(NARROW, TOP_DEVIATIONS * noise / height)
+
+
+def _flat(x: Array, top: int, share: float) -> bool:
+    """Tell whether a top is as wide close below its height as far below."""
+    if WIDER * share > DEEPEST:
+        return False  # noise hides it
+    near, far = _width(x, top, share), _width(x, top, WIDER * share)
+    return near > CRITERIA.model_free.flat_width * far
+
+
+def _around(x: Array, top: int, share: float) -> slice:
+    """Return the samples around a top that are within a share of its height."""
+    above = x > (1.0 - share) * x[top]
+    before, after = np.flatnonzero(~above[:top]), np.flatnonzero(~above[top:])
+    first = int(before[-1]) + 1 if before.size else 0
+    return slice(first, top + int(after[0]) if after.size else x.size)
+
+
+def _width(x: Array, top: int, share: float) -> float:
+    """Return how wide a pulse is at a share below its top, between samples. [sample]"""
+    run, level = _around(x, top, share), (1.0 - share) * x[top]
+    first, last = run.start, run.stop - 1
+    before = (x[first] - level) / (x[first] - x[first - 1]) if first > 0 else 0.0
+    after = (x[last] - level) / (x[last] - x[last + 1]) if last + 1 < x.size else 0.0
+    return float(last - first + before + after)
+
+
+def _highpass(shots: Sequence[FitShot]) -> Shown | None:
+    """Return a time constant with which the impulse of every pulse dies away to nothing."""
+    courses = [course for item in shots if (course := _impulse(item)) is not None]
+    if len(courses) < max(FEWEST_HITS, len(shots) / 2):
+        return None
+    constant = sum(_left(t, impulse, [np.ones_like(t)]) for t, impulse in courses)
+
+    def dying(ln_tau: float) -> float:
+        return sum(_left(t, y, [_decay(t, math.exp(ln_tau))]) for t, y in courses)
+
+    longest = float(np.median([t[-1] - t[0] for t, _ in courses]))
+    step = float(np.median([np.diff(t).mean() for t, _ in courses]))
+    grid = np.log(np.geomspace(4.0 * step, longest, 24))
+    best = int(np.argmin([dying(float(at)) for at in grid]))
+    bounds = (grid[max(0, best - 1)], grid[min(grid.size - 1, best + 1)])
+    ln_tau = float(minimize_scalar(dying, bounds=bounds, method="bounded").x)
+    tau = math.exp(ln_tau)
+    rest = []
+    for t, y in courses:
+        columns = np.column_stack([_decay(t, tau), np.ones_like(t), t])
+        dies, stays, _ = np.linalg.lstsq(columns, y, rcond=None)[0]
+        rest.append(stays / dies if dies != 0.0 else math.inf)
+    stays = abs(float(np.median(rest)))
+    left = dying(ln_tau) / constant if constant > 0.0 else 1.0
+    if left > CRITERIA.model_free.unexplained_share or stays > CRITERIA.model_free.lasting_share:
+        return None
+    if not 0 < best < grid.size - 1:
+        return None
+    return Shown(
+        "coupler_highpass",
+        "coupler_highpass",
+        {"time_constant_s": tau},
+        f"after the pulse the impulse dies away to nothing with a time constant of about "
+        f"{1e3 * tau:.2g} ms in {len(courses)} of {len(shots)} records",
+    )
+
+
+def _impulse(item: FitShot) -> tuple[Array, Array] | None:
+    """Return times from the record's begin, and the impulse after the pulse, in its own size."""
+    x, top = _level(item), _top(item)
+    over = np.flatnonzero(x[top:] < CONTACT_ENDS * x[top])
+    if not over.size:
+        return None
+    end, total = top + int(over[0]), np.cumsum(x)
+    if x.size - end < 2 * (end - item.window.first - item.window.rise_index) or total[end] <= 0.0:
+        return None  # too short a tail
+    kept = np.unique(np.linspace(end, x.size - 1, MOST_POINTS).astype(int))
+    return kept / item.frame.sample_rate_hz, np.asarray(total[kept] / total[end])
+
+
+def _decay(t: Array, tau: float) -> Array:
+    return np.asarray(np.exp(-(t - t[0]) / tau))
+
+
+def _left(t: Array, y: Array, columns: list[Array]) -> float:
+    """Return the mean square that columns and the line of an offset leave."""
+    basis = np.column_stack([*columns, t])
+    left = y - basis @ np.linalg.lstsq(basis, y, rcond=None)[0]
+    return float(left @ left) / y.size
+
+
+def _hum(shots: Sequence[FitShot]) -> Shown | None:
+    """Return the mains, where nothing else explains as much of what the mean waveform leaves."""
+    rates = {item.frame.sample_rate_hz for item in shots}
+    length_s = min(item.shot.signal.size / item.frame.sample_rate_hz for item in shots)
+    longest = max(item.shot.signal.size for item in shots)
+    if len(rates) != 1 or longest > MAX_SAMPLES or length_s * min(MAINS_HZ) < 1.0:
+        return None  # less than a period is a slope like any other
+    residuals = _beside_mean(shots)
+    rate = rates.pop()
+    resolution_hz = 0.5 / length_s
+    shares = {float(f): _share(residuals, rate, float(f)) for f in (*HUM_HZ, *MAINS_HZ)}
+    highest = max(shares, key=lambda f: shares[f])
+    mains = min(MAINS_HZ, key=lambda f: abs(f - highest))
+    share = shares[mains]
+    if abs(highest - mains) > resolution_hz or share < CRITERIA.free_signal.quiet_power_share:
+        return None
+    return Shown(
+        "mains_hum",
+        "mains_hum" if mains == MAINS_HZ[0] else "mains_hum:60_hz",
+        {},
+        f"beside the mean waveform the records hold {mains:g} Hz, at a phase of its own in each: "
+        f"{100.0 * share:.0f} % of what a parabola leaves, more than any other frequency",
+    )
+
+
+def _beside_mean(shots: Sequence[FitShot]) -> list[Array]:
+    """Return what the mean waveform of all hits leaves of each whole record."""
+    hits = []
+    for item in shots:
+        window = item.window
+        whole = dataclasses.replace(
+            window,
+            signal=window.polarity * item.shot.signal,
+            rise_index=window.first + window.rise_index,
+        )
+        hits.append(Hit.of_window(whole, item.frame.sample_rate_hz))
+    wave, placed = aligned_mean(hits)
+    return [wave.residual(hit, one) for hit, one in zip(hits, placed, strict=True)]
+
+
+def _share(residuals: list[Array], rate_hz: float, frequency_hz: float) -> float:
+    """Return the share of what parabolas leave that a tone of free size and phase explains."""
+    explained = total = 0.0
+    for left in residuals:
+        phase = 2.0 * np.pi * frequency_hz * np.arange(left.size) / rate_hz
+        u = np.linspace(-1.0, 1.0, left.size)
+        slow = np.column_stack([np.ones_like(u), u, u * u])
+        basis = np.linalg.qr(np.column_stack([slow, np.cos(phase), np.sin(phase)]))[0]
+        products = basis.T @ left
+        tone = float(products[3:] @ products[3:])
+        explained += tone
+        total += float(left @ left - products[:3] @ products[:3])
+    return explained / total if total > 0.0 else 0.0
