@@ -28,9 +28,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from analysis.diagnosis.candidate import Refit, extended, refitted
+from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.mean_waveform import Hit, aligned_mean
+from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import FitShot, JointProblem
@@ -69,25 +70,54 @@ class Shown:
     values: dict[str, float]  # its numbers, as the records say; empty for a free signal
     sentence: str  # what was seen
 
-    def on_top_of(self, problem: JointProblem, fitted: joint.Fitted) -> Refit:
+    def on_top_of(self, problem: JointProblem, fitted: joint.Fitted, usual: joint.Fitted) -> Refit:
         """Return a model with this effect, held at what the records say of it.
 
-        Where the model is far from the records, the best fit would bend the effect after them.
+        Where the model is far from the records, the best fit would bend the effect after them. It
+        begins from the fit without the effect and from the usual place, and the better one counts.
         """
-        effect = effect_named(self.form)
-        starts = {
-            f"{effect.id}.{one.name}": one.coordinate(self.values[one.name])
-            for one in effect.parameters
-        }
-        larger, theta, nuisances = extended(problem, fitted, effect, starts)
+        tries = [
+            self._held(problem, fitted, form, begin)
+            for form in self._forms
+            for begin in (fitted, usual)
+        ]
+        return min(tries, key=lambda one: one.fitted.cost)
+
+    def freed(self, held: Refit, problem: JointProblem, fitted: joint.Fitted) -> Refit:
+        """Return that model with nothing held, fitted on from there."""
+        larger, _, _ = extended(problem, fitted, held.effect, self._starts(held.effect))
+        result = joint.fit(larger, held.fitted.nuisances, theta=held.fitted.theta)
+        return refitted(dataclasses.replace(held, problem=larger, fitted=result), problem, fitted)
+
+    def _held(
+        self, problem: JointProblem, fitted: joint.Fitted, effect: Effect, begin: joint.Fitted
+    ) -> Refit:
+        starts = self._starts(effect)
+        larger, theta, nuisances = extended(problem, begin, effect, starts)
         for name, coordinate in starts.items():
             at = larger.names.index(name)
             larger.prior_mean[at] = coordinate
             larger.prior_precision[at, at] = (HELD * coordinate) ** -2
-        nuisances = settle(larger, theta, nuisances)
+        kept = () if begin is fitted else KNOWN_BEFORE
+        nuisances = settle(larger, theta, nuisances, kept=kept)
         result = joint.fit(larger, nuisances, theta=theta)
         bare = Refit(effect, self.effect_id, "rig", larger, result, 0.0, 0, False, 0.0)
         return refitted(bare, problem, fitted)
+
+    @property
+    def _forms(self) -> list[Effect]:
+        """Return the form that was seen and those that the same numbers describe."""
+        seen = effect_named(self.form)
+        if not self.values:
+            return [seen]
+        every = (seen, *effect_named(self.effect_id).variants)
+        return [one for one in every if {p.name for p in one.parameters} == set(self.values)]
+
+    def _starts(self, effect: Effect) -> dict[str, float]:
+        return {
+            f"{effect.id}.{one.name}": one.coordinate(self.values[one.name])
+            for one in effect.parameters
+        }
 
 
 def shown_by_records(shots: Sequence[FitShot]) -> list[Shown]:

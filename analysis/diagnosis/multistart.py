@@ -286,7 +286,7 @@ def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
         frame = dataclasses.replace(item.frame, rail=rail)
         shots.append(dataclasses.replace(item, window=window, frame=frame))
     cut = dataclasses.replace(problem, shots=shots)
-    nuisances = settle(cut, begin.theta, begin.nuisances)
+    nuisances = settle(cut, begin.theta, begin.nuisances, kept=KNOWN_BEFORE)
     found = joint.fit(cut, nuisances, theta=begin.theta)
     return found if found.blocks else begin
 

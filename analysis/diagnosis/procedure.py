@@ -10,6 +10,7 @@ from analysis.base_models import DEFAULT_BASE, RINGING_BASES
 from analysis.campaign import Campaign
 from analysis.diagnosis.backward_elimination import (
     each_held_against_others,
+    held_against_others,
     not_held_against,
     searched,
 )
@@ -164,6 +165,8 @@ def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
         # noise is left, but by a model that nothing real can be: the data cannot show it
         return Diagnosis("not_identifiable", selection.steps, selection.chosen, check_noise=seen)
     set_aside: tuple[SetAside, ...] = ()
+    if not selection.adequate:
+        selection = _with_what_shows(selection, usual)
     rest, usual_of_rest = selection, usual
     if not selection.adequate:
         with contextlib.suppress(BudgetSpentError):
@@ -176,7 +179,7 @@ def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
     selection, usual = rest, usual_of_rest
     if not selection.adequate:
         selection = searched(selection, usual, told)
-    return dataclasses.replace(_beside(seen, _judge(selection, told)), set_aside=set_aside)
+    return dataclasses.replace(_beside(seen, _judge(selection, usual, told)), set_aside=set_aside)
 
 
 def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnosis | None:
@@ -299,7 +302,7 @@ def _crystal(
     return selection, place
 
 
-def _judge(selection: Selection, progress: Watch) -> Diagnosis:
+def _judge(selection: Selection, usual: joint.Fitted, progress: Watch) -> Diagnosis:
     """Return the verdict that a selection allows.
 
     A chain of effects earns its names only if it ends in noise. Where it does not, what was piled
@@ -327,7 +330,7 @@ def _judge(selection: Selection, progress: Watch) -> Diagnosis:
         located = _located(steps[kept], progress)
         slot = rest[0].effect.slot
         return Diagnosis("partial", steps[: kept + 1], chosen[:kept], slot=slot, located=located)
-    seen, shown = _shown(Selection(steps[: len(crystal) + 1], crystal))
+    seen, shown = _shown(Selection(steps[: len(crystal) + 1], crystal), usual)
     if shown:
         located = _located(seen.last, progress)
         slot = seen.chosen[len(crystal)].effect.slot
@@ -342,11 +345,28 @@ def _judge(selection: Selection, progress: Watch) -> Diagnosis:
     return Diagnosis("unknown", steps[:1], [], slot=where, located=located)
 
 
-def _shown(selection: Selection) -> tuple[Selection, list[Shown]]:
+def _with_what_shows(selection: Selection, usual: joint.Fitted) -> Selection:
+    """Return a selection with the one effect that records show by themselves, if noise is left.
+
+    Its number is known from the records; a search has the longest way to it, from a model that
+    followed what was cut. It is held against every other effect of its slot.
+    """
+    seen, shown = _shown(selection, usual)
+    if len(shown) != 1 or joint.is_hopeless(seen.last.problem, seen.last.fitted.cost):
+        return selection
+    step = selection.last
+    found = shown[0].freed(seen.chosen[-1], step.problem, step.fitted)
+    if not found.usable:
+        return selection
+    ahead = selection.on(found)
+    return held_against_others(ahead) if ahead.adequate else selection
+
+
+def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[Shown]]:
     """Return a selection with the effects that records show without any model, and these."""
     shown = []
     for one in shown_by_records(selection.last.problem.shots):
-        found = one.on_top_of(selection.last.problem, selection.last.fitted)
+        found = one.on_top_of(selection.last.problem, selection.last.fitted, usual)
         if found.fitted.blocks and found.gain > 0.0:
             step = make_step(found.problem, found.fitted)
             selection = Selection([*selection.steps, step], [*selection.chosen, found])

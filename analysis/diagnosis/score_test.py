@@ -34,9 +34,10 @@ from analysis.diagnosis.linearised import (
     LinearisedShot,
     Projection,
     linearise,
+    p_of,
 )
 from analysis.fit import joint
-from analysis.fit.freed_inputs import at_likeliest_inputs
+from analysis.fit.freed_inputs import at_likeliest_inputs, with_free_inputs
 from analysis.fit.law_error import KIND as LAW
 from analysis.fit.problem import JointProblem
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
@@ -99,6 +100,16 @@ class ScoreTest:
         """Return the family with the smallest p-value, then the largest fall per number."""
         return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
 
+    def is_more_than(self, won: float) -> bool:
+        """Tell whether structure is left if other numbers take up this many squares.
+
+        What these and a family explain together is no less than the family alone: so the family
+        explains, on top of them, at most ``won`` squares less.
+        """
+        strongest = self.strongest
+        p = p_of(max(0.0, strongest.gain - won), strongest.dof) * len(self.answers)
+        return p < CRITERIA.structure.false_alarm_rate
+
 
 def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Linearised, ScoreTest]:
     """Return the residual of a fit, linearised, and whether it is more than noise.
@@ -111,9 +122,16 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
     found = run_score_test(linearised)
     if not found.structured or joint.is_hopeless(problem, fitted.cost):
         return linearised, found
-    settled, near = at_likeliest_inputs(problem, fitted)
-    if settled is problem:
+    free = with_free_inputs(problem, fitted)
+    if free is None:
         return linearised, found  # every number is exact
+    won = fitted.cost - free[1].cost
+    if free[1].converged and found.is_more_than(won):
+        return linearised, dataclasses.replace(found, beyond_labels=found.left - won)
+    moved = at_likeliest_inputs(problem, *free)
+    if moved is None:
+        return linearised, found
+    settled, near = moved
     again = linearise(settled, near, inexact=discrepancy(settled, near))
     freed = run_score_test(again)
     if freed.structured:

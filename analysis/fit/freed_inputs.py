@@ -96,10 +96,10 @@ def numbers_of_shots(problem: JointProblem) -> tuple[Input, ...]:
     return tuple(one for one in stated if one.kind != "converter_gain")
 
 
-def at_likeliest_inputs(
+def with_free_inputs(
     problem: JointProblem, fitted: joint.Fitted
-) -> tuple[JointProblem, joint.Fitted]:
-    """Return a fit with masses, heights and the like where the shots and their statements put them.
+) -> tuple[JointProblem, joint.Fitted] | None:
+    """Return a fit in which masses, heights and the like are free within what is stated of them.
 
     Parameters
     ----------
@@ -108,14 +108,13 @@ def at_likeliest_inputs(
 
     Returns
     -------
-    problem : JointProblem
-        Its shots moved within what their statements allow; no input is a parameter.
-    fitted : Fitted
-        Its solution. Both as given where no number has an uncertainty, or there is no solution.
+    tuple of JointProblem and Fitted, or None
+        Each number is one more global. None where no number has an uncertainty, or there is no
+        solution.
     """
     inputs = numbers_of_shots(problem)
     if not inputs or problem.inputs or not fitted.blocks:
-        return problem, fitted
+        return None
     wide = widened_by(problem, inputs, problem.prior_precision)
     more = wide.start[len(problem.names) :]
     freed = joint.fit(
@@ -126,11 +125,32 @@ def at_likeliest_inputs(
         damping=joint.LEAST_DAMPING,
         tolerance=joint.ROUGH_TOLERANCE,
     )
+    return (wide, freed) if freed.blocks else None
+
+
+def at_likeliest_inputs(
+    problem: JointProblem, wide: JointProblem, freed: joint.Fitted
+) -> tuple[JointProblem, joint.Fitted] | None:
+    """Return a fit with masses, heights and the like where the shots and their statements put them.
+
+    Parameters
+    ----------
+    problem : JointProblem
+        Where they are exactly as stated.
+    wide, freed : JointProblem, Fitted
+        Where they are free, see `with_free_inputs`.
+
+    Returns
+    -------
+    tuple of JointProblem and Fitted, or None
+        The shots are moved within what their statements allow; no input is a parameter. None where
+        there is no solution.
+    """
     moved = dataclasses.replace(
         problem, shots=[wide.item_at(item, freed.theta) for item in problem.shots]
     )
-    near = joint.fit(moved, freed.nuisances, theta=freed.theta[: fitted.theta.size])
-    return (moved, near) if freed.blocks and near.blocks else (problem, fitted)
+    near = joint.fit(moved, freed.nuisances, theta=freed.theta[: len(problem.names)])
+    return (moved, near) if near.blocks else None
 
 
 def _with_calibration(

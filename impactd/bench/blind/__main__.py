@@ -53,6 +53,7 @@ def _options(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--seed-from", type=int, help="seed of the first trial of each kind")
     parser.add_argument("--campaigns", type=int, help="trials of each kind")
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--budget", type=float, help="how long each diagnosis may search [s]")
     parser.add_argument("--out", type=Path, help="JSON lines; what it holds is not run again")
     parser.add_argument("--table", type=Path, nargs="+", help="only print the table of such files")
     parser.add_argument("--confusion", type=Path, help="with --table: write who was taken for whom")
@@ -67,7 +68,8 @@ def _run(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # else workers would be orphaned
     seeds = range(options.seed_from, options.seed_from + options.campaigns)
     tasks = [Task(kind, seed, options.rig) for seed in seeds for kind in options.kind]
-    for done, trial in enumerate(run_into(options.out, tasks, workers=options.workers), 1):
+    trials = run_into(options.out, tasks, workers=options.workers, budget_s=options.budget)
+    for done, trial in enumerate(trials, 1):
         print(f"{done}: {_line(trial)}", file=sys.stderr, flush=True)
     return _print(read([options.out]), options.confusion)
 

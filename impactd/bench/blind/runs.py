@@ -31,7 +31,9 @@ class Task(NamedTuple):
     rig: str = DEFAULT_RIG
 
 
-def run(tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
+def run(
+    tasks: Sequence[Task], *, workers: int = 1, budget_s: float | None = None
+) -> Iterator[Trial]:
     """Yield trials as they end.
 
     Parameters
@@ -40,6 +42,8 @@ def run(tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
         Which.
     workers : int
         Processes.
+    budget_s : float, optional
+        How long each diagnosis may search. [s]
 
     Yields
     ------
@@ -49,10 +53,10 @@ def run(tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
     blas_threads.keep_to_one()
     if workers == 1:
         for task in tasks:
-            yield run_trial(*task)
+            yield run_trial(*task, budget_s=budget_s)
         return
     with ProcessPoolExecutor(workers, initializer=_leave_stopping_to_parent) as pool:
-        waiting = {pool.submit(run_trial, *task) for task in tasks}
+        waiting = {pool.submit(run_trial, *task, budget_s=budget_s) for task in tasks}
         try:
             for done in as_completed(waiting):
                 yield done.result()
@@ -69,7 +73,9 @@ def _leave_stopping_to_parent() -> None:
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
-def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator[Trial]:
+def run_into(
+    path: Path, tasks: Sequence[Task], *, workers: int = 1, budget_s: float | None = None
+) -> Iterator[Trial]:
     """Run what a file does not hold yet, and append each trial as it ends.
 
     Parameters
@@ -80,6 +86,8 @@ def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator
         Which.
     workers : int
         Processes.
+    budget_s : float, optional
+        How long each diagnosis may search. [s]
 
     Yields
     ------
@@ -92,8 +100,9 @@ def run_into(path: Path, tasks: Sequence[Task], *, workers: int = 1) -> Iterator
         If a line of the file is no trial.
     """
     done = {(t.kind, t.seed, t.rig) for t in _resume(path)}
+    waiting = [t for t in tasks if tuple(t) not in done]
     with path.open("a") as out:
-        for trial in run([t for t in tasks if tuple(t) not in done], workers=workers):
+        for trial in run(waiting, workers=workers, budget_s=budget_s):
             out.write(json.dumps(trial.to_json(), allow_nan=False) + "\n")
             out.flush()
             yield trial

@@ -78,6 +78,8 @@ class Trial:
         What people did wrong: id, scope, numbers, label.
     set_aside : list of int
         Places of the shots that the diagnosis set aside.
+    ended_early : bool
+        Whether the budget was spent before the end.
     """
 
     kind: str
@@ -112,6 +114,7 @@ class Trial:
     rig: str = "paper"  # of lines that were written before there was another
     mistake: Json | None = None
     set_aside: list[int] = field(default_factory=list)
+    ended_early: bool = False
 
     @property
     def truth(self) -> list[str]:
@@ -161,7 +164,9 @@ class _Clock:
             self.judged = time.perf_counter(), time.process_time()
 
 
-def run_trial(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Trial:
+def run_trial(
+    kind: str, seed: int, rig: str = DEFAULT_RIG, *, budget_s: float | None = None
+) -> Trial:
     """Draw, simulate, diagnose and lay both sides down.
 
     Parameters
@@ -172,6 +177,8 @@ def run_trial(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Trial:
         Of everything drawn.
     rig : str
         Which physics the rig obeys.
+    budget_s : float, optional
+        How long the diagnosis may search. [s]
 
     Returns
     -------
@@ -200,17 +207,17 @@ def run_trial(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Trial:
         "plane_true": solid["plane_strain_modulus_Pa"],
     }
     try:
-        known |= _diagnosed(plan, simulated)
+        known |= _diagnosed(plan, simulated, budget_s)
     except Exception as error:  # a trial that fails is a result, and must not stop a night's run
         known["error"] = f"{type(error).__name__}: {error}"
     return Trial(**known)
 
 
-def _diagnosed(plan: Plan, simulated: Json) -> Json:
+def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
     campaign = through_a_folder(simulated)
     seen = visibility(plan, campaign)
     clock = _Clock()
-    stated = diagnose(campaign, plan.base, progress=clock)
+    stated = diagnose(campaign, plan.base, budget_s=budget_s, progress=clock)
     ended = time.perf_counter()
     before, after = stated["before"], stated["after"]
     evidence: list[Json] = next(
@@ -242,6 +249,7 @@ def _diagnosed(plan: Plan, simulated: Json) -> Json:
         "seconds": clock.judged[0] - clock.started[0],
         "cpu_seconds": clock.judged[1] - clock.started[1],
         "statement_seconds": ended - clock.judged[0],
+        "ended_early": stated.get("ended_early") is not None,
     }
 
 

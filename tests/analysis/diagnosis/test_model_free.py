@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 from analysis.campaign import Campaign, Shot
 from analysis.diagnosis.forward_selection import Selection, make_step
 from analysis.diagnosis.model_free import Shown, shown_by_records
+from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.procedure import _shown
 from analysis.fit import joint
 from analysis.fit.problem import build
@@ -117,7 +118,9 @@ def test_what_is_shown_is_held_where_the_model_is_wrong() -> None:
     """The contact's law does not fit; the coupler's time constant is the records' all the same."""
     problem = build(_campaign(5, high_passed(1e-3)), model_named("hsd"))
     fitted = joint.fit(problem, prepare(problem))
-    selection, shown = _shown(Selection([make_step(problem, fitted)], []))
+    selection, shown = _shown(
+        Selection([make_step(problem, fitted)], []), usual_place(problem, fitted.nuisances)
+    )
     assert [one.effect_id for one in selection.chosen] == ["coupler_highpass"]
     assert len(shown) == 1
     found = selection.chosen[0]
