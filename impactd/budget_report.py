@@ -29,7 +29,8 @@ _PAGE = Template("""<!doctype html>
 <p class="soft">$about</p>
 $budgets
 <h2>How to read it</h2>
-<p class="soft">u is a standard uncertainty, ± too. A contribution is the relative uncertainty of
+<p class="soft">u is a standard uncertainty; ± is the expanded one, U = 1.96 u
+(95 %). A contribution is the relative uncertainty of
 the modulus that the input alone would leave; the squares of all contributions add up to u squared,
 and a share is that square over the whole (JCGM 100, 5.1). The sensitivity is the change of ln E for
 a change of the input's logarithm, or of the input where a unit stands behind it.</p>

@@ -1,4 +1,4 @@
-"""Does one material make the difference? Then the rest knows the cell, and its shots the effect.
+"""One material's shots apart: the other shots fix the cell, its own shots fix the effect.
 
 Where the shots of every other coupon, or of every other sphere, are plain noise under the present
 model, they tell the cell and the materials that are shared as if nothing were the matter. What is

@@ -220,7 +220,7 @@ def budget_table(title: str, one: Json) -> str:
         Rows of less than a thousandth of the variance are left out.
     """
     value = {"value": one["value"], "u": one["u"], "unit": "Pa"}
-    said = f"{title} = {measured(value, scale=1e-9)} GPa, u = {one['relative_u']:.2%}"
+    said = f"{title} = {measured(value, scale=1e-9)} GPa (95 %), u = {one['relative_u']:.2%}"
     parts = (
         f"{one['relative_u_common']:.2%} common to all shots, "
         f"{one['relative_u_averaged']:.2%} that more shots lessen"

@@ -70,7 +70,7 @@ def history_table(series: list[dict[str, Any]]) -> str:
             ]
         )
     headings = ["no.", "finished (UTC)", "f0/Hz", "damping ratio", "S/(N/V)", "moved/u", "drift"]
-    lines = [table(headings, rows)]
+    lines = [table(headings, rows), "+- is the expanded uncertainty (95 %)."]
     if series and series[-1]["since_previous"] is not None:
         lines += ["", f"Since the one before: {series[-1]['since_previous']['sentence']}"]
         if len(series) > 2:

@@ -94,7 +94,7 @@ def weights(
         return
     result = calibration["result"]
     gain = measured(result["as_read"]["gain_N_per_V"])
-    print(f"Calibration {calibration['number']}, weights: S = {gain} N/V as read.")
+    print(f"Calibration {calibration['number']}, weights: S = {gain} N/V as read (95 %).")
     for line in (*result["warnings"], (result.get("against") or {}).get("sentence")):
         if line:
             print(line)
@@ -138,10 +138,13 @@ def readings_of(path: Path) -> list[dict[str, float]]:
 
 def _told(calibration: dict[str, Any]) -> str:
     count = len(calibration["drops"])
-    told = f"Calibration {calibration['number']} is {calibration['state']}, {count} drops so far."
+    drops = f"{count} drop{'' if count == 1 else 's'}"
+    told = f"Calibration {calibration['number']} is {calibration['state']}, {drops} so far."
+    if calibration["state"] == "failed":
+        told = f"Calibration {calibration['number']} ended after {drops}."
     if calibration["state"] == "done":
         told = (
-            f"Calibration {calibration['number']} is done after {count} drops, valid until "
+            f"Calibration {calibration['number']} is done after {drops}, valid until "
             f"{calibration['valid_until_utc'][:10]}."
         )
     return told

@@ -181,7 +181,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
             for name, value in effect["parameters"].items()
         ]
         if rows:
-            parts.append(table(("effect", "parameter", "value +- u", "unit"), rows))
+            parts.append(table(("effect", "parameter", "value +- U (95 %)", "unit"), rows))
     blocks = [document["before"]]
     if is_repaired(document):
         blocks.append(document["after"])

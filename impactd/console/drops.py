@@ -142,9 +142,13 @@ def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
         f"Shot {shot['number']}: {shot['sphere']} on {shot['surface']} from "
         f"{shot['drop_height_m']:g} m, peak {shot['peak']:.3g} V."
     ]
-    for fit in shot["fits"] or []:
+    if shot["advice"] == "repeat":
+        lines.append(
+            f"  No modulus: it is not to be used. What fits say: impactd shots {shot['number']}"
+        )
+    for fit in (shot["fits"] or []) if shot["advice"] != "repeat" else []:
         modulus = measured(fit["result"].get("reduced_modulus_Pa"), scale=1e-9)
-        lines.append(f"  {fit['model']}: reduced modulus {modulus} GPa")
+        lines.append(f"  {fit['model']}: reduced modulus {modulus} GPa (95 %)")
     if drop["problem"]:
         lines.append(f"Not analysed: {drop['problem']['detail']}")
     if shot["advice"]:

@@ -205,7 +205,7 @@ def _pairs(document: dict[str, Any]) -> str:
         rows.append(
             (name, document["model"], value, unit, pair["shots"], _worst_r2(document, name))
         )
-    return table(("pair", "model", "value +- u", "unit", "shots", "lowest R2"), rows)
+    return table(("pair", "model", "value +- U (95 %)", "unit", "shots", "lowest R2"), rows)
 
 
 def _worst_r2(document: dict[str, Any], pair: str) -> float | None:
@@ -249,7 +249,8 @@ def moduli_table(moduli: dict[str, Any]) -> str:
             )
         )
     return table(
-        ("material", "status", "E/GPa", "95 % interval/GPa", "E/(1-nu^2)/GPa", "note"), rows
+        ("material", "status", "E +- U (95 %)/GPa", "95 % interval/GPa", "E/(1-nu^2)/GPa", "note"),
+        rows,
     )
 
 

@@ -61,7 +61,7 @@ def show(number: int, *, url: str | None, as_json: bool) -> None:
         print()
         print(
             table(
-                ("fit", "model", "reduced modulus/GPa", "R2", "flags"),
+                ("fit", "model", "E* +- U (95 %)/GPa", "R2", "flags"),
                 [_fit_row(fit) for fit in fits],
             )
         )

@@ -64,7 +64,8 @@ the bottom, on its own scale: what the closed KV leaves of this sphere, coupon a
 the repeats, and what is left with what was found.</figcaption></figure>
 
 <h2>Reduced modulus E* of each pair / GPa</h2>
-<p>The one number that a contact knows. ± is the standard uncertainty. All pairs share the error of
+<p>A drop measures E* of a pair, not the modulus of either material.
+± is the expanded uncertainty U (95 %). All pairs share the error of
 one load cell: they are inside or outside together more often than not.</p>
 <div class="wide">$pairs</div>
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from impactd import __version__
+from impactd.console.tables import K_95
 from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import CLOSED, Outcome, Row
 from impactd.demo.page import PAGE
@@ -85,7 +86,7 @@ def _ladder(outcome: Outcome) -> str:
         rows.append(f"<tr><td>{MEAN_WAVEFORM}</td><td>{1e3 * mean:.4g}</td>{empty}</tr>")
     head = (
         "<tr><th>model</th><th>error on held-out drops / mV</th>"
-        "<th>specimen E/(1-ν²) ± u / GPa</th><th>truth / GPa</th><th>off by</th>"
+        "<th>specimen E/(1-ν²) ± U (95 %) / GPa</th><th>truth / GPa</th><th>off by</th>"
         "<th>in its 95 %?</th><th>pairs whose 95 % hold the truth</th></tr>"
     )
     return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
@@ -151,7 +152,7 @@ def _of_sensor(parameters: dict[str, Any], name: str) -> Any:
 def _quantity(found: Any) -> str:
     if not found or found.get("value") is None:
         return "-"
-    return f"{found['value']:.5g} ± {found['u']:.2g}"
+    return f"{found['value']:.5g} ± {K_95 * found['u']:.2g}"
 
 
 def _true_sensor(sealed: dict[str, Any]) -> dict[str, float]:

@@ -53,7 +53,9 @@ def say_what_was_found(console: Console, found: Json) -> None:
     for effect in found["effects"]:
         for name, value in effect["parameters"].items():
             said = measured(value).replace("+-", "±")
-            console.print(f"  {effect['id']}: {name} = {said} {value['unit']}", highlight=False)
+            console.print(
+                f"  {effect['id']}: {name} = {said} {value['unit']} (95 %)", highlight=False
+            )
         if effect["confusable_with"]:
             others = ", ".join(effect["confusable_with"])
             console.print(f"  These drops cannot tell it from: {others}.", highlight=False)
@@ -118,7 +120,7 @@ def show(console: Console, outcome: Outcome) -> None:
 
 
 def _show_pairs(console: Console, outcome: Outcome) -> None:
-    table = _table("Reduced modulus E* of each pair / GPa (± standard uncertainty)", "pair")
+    table = _table("Reduced modulus E* of each pair / GPa (± U, 95 %)", "pair")
     shown = [rung for rung in outcome.rungs if rung.key != "kv"]  # as many as a terminal holds
     for rung in shown:
         table.add_column(_short(rung.key), justify="right", no_wrap=True)
@@ -139,7 +141,7 @@ def _show_ladder(console: Console, outcome: Outcome) -> None:
     noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
     title = f"The ladder: error on held-out drops (noise: {noise_mv:.3g} mV) and specimen"
     table = _table(title, "model")
-    for name in ("error / mV", "E/(1-ν²) / GPa", "truth", "off by"):
+    for name in ("error / mV", "E/(1-ν²) ± U / GPa", "truth", "off by"):
         table.add_column(name, justify="right", no_wrap=True)
     table.add_column("in 95 %?", no_wrap=True)
     table.add_column("pairs", no_wrap=True)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from impactd.console.tables import K_95
 from impactd.demo.outcome import Estimate, Row
 
 
 def gigapascals(estimate: Estimate | None) -> str:
-    """Return an estimate with its standard uncertainty, to two digits of it.
+    """Return an estimate with its expanded uncertainty U (95 %), to two digits of it.
 
     Parameters
     ----------
@@ -16,12 +17,12 @@ def gigapascals(estimate: Estimate | None) -> str:
     Returns
     -------
     str
-        E.g. ``2.35 ± 0.04``, in GPa.
+        E.g. ``2.35 ± 0.08``, in GPa.
     """
     if estimate is None:
         return "withheld"
     digits = _digits(estimate)
-    return f"{estimate.value_pa / 1e9:.{digits}f} ± {estimate.u_pa / 1e9:.{digits}f}"
+    return f"{estimate.value_pa / 1e9:.{digits}f} ± {K_95 * estimate.u_pa / 1e9:.{digits}f}"
 
 
 def true_gigapascals(row: Row) -> str:
@@ -84,4 +85,4 @@ def off_by(estimate: Estimate | None, truth_pa: float) -> str:
 
 def _digits(estimate: Estimate) -> int:
     """Return how many decimals of a value in GPa its uncertainty supports."""
-    return next((n for n in range(5) if estimate.u_pa / 1e9 >= 0.95 * 10.0 ** (1 - n)), 5)
+    return next((n for n in range(5) if K_95 * estimate.u_pa / 1e9 >= 0.95 * 10.0 ** (1 - n)), 5)

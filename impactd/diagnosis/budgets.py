@@ -62,7 +62,7 @@ def one(title: str, budget: Json) -> str:
         ``impactd-budget/1`` of one modulus.
     """
     value = measured({"value": budget["value"], "u": budget["u"]}, scale=1e-9)
-    said = html.escape(f"{title} = {value} GPa").replace("+-", "±")
+    said = html.escape(f"{title} = {value} GPa (95 %)").replace("+-", "±")
     parts = [
         f'<h3 class="budget">{said}</h3>',
         f'<p class="soft">u = {_percent(budget["relative_u"])}: '

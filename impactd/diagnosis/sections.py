@@ -147,7 +147,7 @@ def found(document: Json) -> str:
         parts.append(
             f"<h3><code>{html.escape(effect['id'])}</code>: {html.escape(effect['title'])}</h3>"
             f'<p class="soft">{_lives(effect, listed)}</p>'
-            + (table(("number", "value ± u", "unit"), rows) if rows else "")
+            + (table(("number", "value ± U (95 %)", "unit"), rows) if rows else "")
         )
         if effect["confusable_with"]:
             names = ", ".join(effect["confusable_with"])
@@ -219,7 +219,14 @@ def moduli(document: Json) -> str:
                 f'<td class="words">{html.escape(new.get("reason") or "")}</td>',
             )
         )
-    head = ("material", "status", "E before / GPa", "E after / GPa", "change", "")
+    head = (
+        "material",
+        "status",
+        "E before ± U (95 %) / GPa",
+        "E after ± U (95 %) / GPa",
+        "change",
+        "",
+    )
     return f'<div class="wide">{table(head, rows)}</div>'
 
 

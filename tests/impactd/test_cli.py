@@ -144,7 +144,8 @@ def test_a_table_aligns_words_left_and_numbers_right():
 @pytest.mark.parametrize(
     ("quantity", "said"),
     [
-        ({"value": 3.1415e9, "u": 2.0e7}, "3.142 +- 0.020"),
+        ({"value": 3.1415e9, "u": 2.0e7}, "3.142 +- 0.039"),
+        ({"value": 3.0, "u": 0.1, "expanded": {"U": 0.21}}, "3.00 +- 0.21"),
         ({"value": 5.0, "u": 0.0}, "5"),
         ({"value": None, "u": 1.0}, "-"),
         (None, "-"),

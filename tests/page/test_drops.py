@@ -74,6 +74,11 @@ def test_a_clipped_record_says_repeat_and_why(visitor):
     advice.wait_for()
     assert "Repeat this drop, because" in advice.inner_text()
     assert "Lower the height" in advice.inner_text()
+    # a number that is not to be used is behind a click
+    assert "±" not in page.locator(".modulus").inner_text()
+    assert not page.get_by_text("Reduced modulus E* of the pair").is_visible()
+    page.get_by_text("What the fit says all the same").click()
+    page.get_by_text("Reduced modulus E* of the pair").wait_for()
     visitor.go("Shots")
     page.get_by_label("Advice").select_option("repeat")
     row = page.get_by_role("row").filter(has=page.get_by_role("link", name=str(number), exact=True))

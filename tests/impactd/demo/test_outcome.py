@@ -100,9 +100,9 @@ def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
 @pytest.mark.parametrize(
     ("value_pa", "u_pa", "text"),
     [
-        (2.3456e9, 0.0412e9, "2.346 ± 0.041"),
-        (69e9, 1.38e9, "69.0 ± 1.4"),
-        (194e9, 12e9, "194 ± 12"),
+        (2.3456e9, 0.0412e9, "2.346 ± 0.081"),
+        (69e9, 1.38e9, "69.0 ± 2.7"),
+        (194e9, 12e9, "194 ± 24"),
     ],
 )
 def test_moduli_are_printed_to_two_digits_of_their_uncertainty(

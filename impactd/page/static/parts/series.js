@@ -4,7 +4,7 @@
 import { get, post } from "../js/api.js";
 import { freshKey, h, say } from "../js/dom.js";
 import { live } from "../js/live.js";
-import { duration } from "../js/numbers.js";
+import { duration, millimetres } from "../js/numbers.js";
 import { material } from "../js/words.js";
 import { aborted } from "./abort.js";
 import { followDrop } from "./steps.js";
@@ -74,6 +74,15 @@ export function runningCard() {
     load: made && made < count ? `Load the next sphere: ${material(request.sphere)}.` : "",
     end: h("button", { class: "button", type: "button", on: { click: () => series.end() } }, "End after this drop"),
   });
+}
+
+const HANDS_FREE = ["ARMING", "ARMED", "RELEASED", "CAPTURING", "STORING"];
+
+/** Return what to hang next, and nothing while a drop is under way: a hand has no business there. */
+export function nextOf(told, status) {
+  if (HANDS_FREE.includes(status?.state)) return "";
+  const { sphere, surface, drop_height_m: height } = told.next;
+  return `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(height)}.`;
 }
 
 /** Return how far a series is; a calibration's looks the same. */

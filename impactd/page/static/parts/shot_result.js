@@ -31,14 +31,21 @@ function verdict(shot) {
     return h("p", { class: "modulus" }, h("small", {}, `No modulus. ${why}`));
   }
   const [scale, unit] = modulusUnit(found.value);
+  const number = `${measured(found, scale)} ${unit}`;
+  const what = `Reduced modulus E* of the pair, ± U (95 %), ${modelName(fit.model)}`;
+  if (shot.advice === "repeat") {
+    return h("div", { class: "stack" },
+      h("p", { class: "modulus" }, h("small", {}, "No modulus: this shot is not to be used.")),
+      h("details", {}, h("summary", {}, "What the fit says all the same"), h("p", { class: "soft" }, `${what}: ${number}`)));
+  }
   return h("div", { class: "verdict" },
-    h("p", { class: "modulus" }, h("span", { class: "unseen" }, "Reduced modulus "), `${measured(found, scale)} ${unit}`),
-    h("p", { class: "soft" }, `Reduced modulus E* of the pair, ± U (95 %), ${modelName(fit.model)}`));
+    h("p", { class: "modulus" }, h("span", { class: "unseen" }, "Reduced modulus "), number),
+    h("p", { class: "soft" }, what));
 }
 
 /** Say what all shots together tell of the surface: that is what the drops are made for. */
 async function showMaterial(place, shot) {
-  if (!shot.surface || !bestFit(shot.fits)?.result.reduced_modulus_Pa) return;
+  if (!shot.surface || shot.advice === "repeat" || !bestFit(shot.fits)?.result.reduced_modulus_Pa) return;
   const found = await get(withQuery("/v1/moduli", { specimen: shot.surface })).catch(() => null);
   const one = found?.moduli[shot.surface];
   const young = one && modulus(one.youngs_modulus_Pa);
@@ -52,7 +59,8 @@ function advice(shot) {
   const { word, sign, sentence } = ADVICE[shot.advice];
   const reasons = shot.because ?? [];
   return h("div", { class: `advice ${shot.advice === "check" ? "check-it" : shot.advice}`, data: { advice: shot.advice } },
-    h("p", {}, h("strong", {}, h("span", { "aria-hidden": "true" }, `${sign} `), reasons.length ? sentence : `${word}: nothing speaks against this shot.`)),
+    h("p", {}, h("strong", {}, h("span", { "aria-hidden": "true" }, `${sign} `), reasons.length ? sentence : `${word}: nothing in this record speaks against it.`)),
+    !reasons.length && bestFit(shot.fits)?.calibration === null && h("p", {}, "The load cell was not calibrated: the modulus rests on its certificate."),
     reasons.length ? h("ul", {}, reasons.map((reason) => h("li", {}, reason))) : null);
 }
 
@@ -76,7 +84,7 @@ async function chart(shot, signal) {
   return h("figure", { class: "stack" },
     place,
     models.length > 1 && h("div", { class: "row", role: "group", "aria-label": "Whose residual is shown" }, h("span", { class: "label" }, "Left over by"), buttons),
-    fitFacts(shot.fits),
+    fitFacts(shot),
     curves.missing.length > 0 && h("p", { class: "soft" }, `No curve was kept for ${curves.missing.map(modelName).join(", ")}: a fit of the whole archive keeps numbers only. Fit the shot again to see it.`));
 }
 
@@ -92,18 +100,19 @@ function span({ items }, shot) {
   return [from, Math.min(to, from + (POINTS - 1) / shot.sample_rate_hz)];
 }
 
-function fitFacts(fits) {
+function fitFacts(shot) {
+  const { fits } = shot;
   if (!fits?.length) return null;
   return h("div", { class: "table-frame" }, h("table", {},
     h("caption", { class: "unseen" }, "The fits of this shot"),
-    h("thead", {}, h("tr", {}, ["Model", "Reduced modulus E*", "Left over", "R²", "χ² per degree of freedom"].map((name, index) => h("th", { scope: "col", class: index ? "number" : null }, name)))),
+    h("thead", {}, h("tr", {}, ["Model", "Reduced modulus E* ± U (95 %)", "Left over", "R²", "χ² per degree of freedom"].map((name, index) => h("th", { scope: "col", class: index ? "number" : null }, name)))),
     h("tbody", {}, fits.map((fit) => {
       const { result } = fit;
       const found = result.reduced_modulus_Pa;
       const [scale, unit] = modulusUnit(found?.value ?? 0);
       return h("tr", {},
         h("th", { scope: "row" }, modelName(fit.model)),
-        h("td", { class: "number" }, found ? `${measured(found, scale)} ${unit}` : "–"),
+        h("td", { class: "number" }, found && shot.advice !== "repeat" ? `${measured(found, scale)} ${unit}` : "–"),
         h("td", { class: "number" }, Number.isFinite(result.rms) ? `${significant(result.rms * 1e3)} mV rms` : "–"),
         h("td", { class: "number" }, significant(result.r2, 6)),
         h("td", { class: "number" }, significant(result.chi2_per_dof, 3)));

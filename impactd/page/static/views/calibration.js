@@ -5,10 +5,10 @@ import { fill, freshKey, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
 import { day, duration, inDays, measured, millimetres, moment } from "../js/numbers.js";
 import { may } from "../js/session.js";
-import { material, materials, stateBadge } from "../js/words.js";
+import { materials, stateBadge } from "../js/words.js";
 import { QUANTITIES, drawDrift } from "../charts/drift.js";
 import { tell } from "../parts/notices.js";
-import { seriesCard } from "../parts/series.js";
+import { nextOf, seriesCard } from "../parts/series.js";
 
 export async function showCalibration(place, { signal }) {
   const progress = h("div", { class: "stack" });
@@ -44,10 +44,9 @@ export async function showCalibration(place, { signal }) {
 
 function showProgress(place, series) {
   if (!series) { fill(place); return; }
-  const { sphere, surface, drop_height_m: height } = series.next;
   fill(place, seriesCard({
     title: `Calibration ${series.number}`, done: series.done, of: series.of, remaining: duration(series.remaining_s),
-    load: `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(height)}.`,
+    load: nextOf(series, live.status),
   }));
 }
 
@@ -112,6 +111,13 @@ function moved({ since_previous: before, since_first: first }) {
   return h("p", { class: before.drifted ? "wrong" : null }, `Since the calibration before: ${plain(before.sentence)} Since the first: ${plain(first.sentence)}`);
 }
 
+/** Say how a calibration is made; of one under way, how many drops are behind it. */
+function kindOf(one) {
+  if (one.kind !== "drops") return "weights";
+  const count = `${one.drops.length} ${one.drops.length === 1 ? "drop" : "drops"}`;
+  return one.finished_utc ? count : `${count} so far`;
+}
+
 function showHistory(place, items) {
   fill(place, h("h2", { id: "history-title" }, "All calibrations"),
     items.length ? h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of calibrations" }, h("table", {},
@@ -119,7 +125,7 @@ function showHistory(place, items) {
       h("tbody", {}, items.map((one) => h("tr", {},
         h("th", { scope: "row" }, String(one.number)),
         h("td", {}, h("span", { class: `badge ${stateBadge(one.state)}` }, one.state), one.problem && h("p", { class: "soft" }, one.problem.detail)),
-        h("td", {}, one.kind === "drops" ? `${one.drops.length} drops` : "weights"),
+        h("td", {}, kindOf(one)),
         h("td", {}, one.owner),
         h("td", {}, moment(one.requested_utc)),
         h("td", {}, day(one.valid_until_utc))))))) : h("p", { class: "empty" }, "None yet."));

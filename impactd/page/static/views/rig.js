@@ -5,9 +5,9 @@ import { fill, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
 import { duration, millimetres } from "../js/numbers.js";
 import { may } from "../js/session.js";
-import { material, materials } from "../js/words.js";
+import { materials } from "../js/words.js";
 import { dropForm } from "../parts/drop_form.js";
-import { runningCard, series, seriesCard } from "../parts/series.js";
+import { nextOf, runningCard, series, seriesCard } from "../parts/series.js";
 import { hasEnded, watchDrop } from "../parts/steps.js";
 import { showResult } from "../parts/shot_result.js";
 import { tell } from "../parts/notices.js";
@@ -108,14 +108,14 @@ export async function showRig(place, { signal }) {
 }
 
 function showCalibration(place, told) {
-  const text = JSON.stringify(told ?? null);
+  const load = told ? nextOf(told, live.status) : "";
+  const text = JSON.stringify([told ?? null, load]);
   if (text === place.dataset.drawn) return;
   place.dataset.drawn = text;
   if (!told) { fill(place); return; }
-  const { sphere, surface, drop_height_m } = told.next;
   fill(place, seriesCard({
     title: `Calibration ${told.number}`, done: told.done, of: told.of, remaining: duration(told.remaining_s),
-    load: `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(drop_height_m)}.`,
+    load,
   }));
 }
 
