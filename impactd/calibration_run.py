@@ -27,7 +27,7 @@ from impactd.acquisition.errors import (
     RequestRefusedError,
 )
 from impactd.acquisition.failures import failure_of
-from impactd.acquisition.hands import Reservation
+from impactd.acquisition.reservation import Reservation
 from impactd.acquisition.service import AcquisitionService
 from impactd.jobs.orders import request_calibration_fit
 from impactd.materials import Materials, UnknownMaterialError

@@ -9,7 +9,7 @@ from analysis.static_calibration import Reading, compare, static_calibration
 from impactd.settings import Settings
 from impactd.storage.archive import Archive, Calibration
 from impactd.storage.calibrations import STATIC_WEIGHTS
-from impactd.storage.moment import utc_after
+from impactd.storage.timestamp import utc_after
 from impactd.storage.version import software
 
 

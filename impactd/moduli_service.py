@@ -22,7 +22,7 @@ from impactd.materials import Materials
 from impactd.moduli_adjustment import adjusted, at_temperature, calibrations_of_other_bases
 from impactd.moduli_observations import Observations, ShotUse
 from impactd.storage.archive import Archive, Calibration
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 from impactd.storage.version import software
 
 if TYPE_CHECKING:

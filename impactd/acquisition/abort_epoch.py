@@ -16,7 +16,7 @@ from __future__ import annotations
 import threading
 
 from impactd.acquisition.errors import RequestAbortedError
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 
 
 class AbortEpoch:

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 from impactd.acquisition.errors import BusyError, DropHeightError, NotReadyError
-from impactd.acquisition.hands import Reservation
 from impactd.acquisition.preflight import (
     CalibrationState,
     Check,
@@ -15,6 +14,7 @@ from impactd.acquisition.preflight import (
     check_calibration,
     check_disk,
 )
+from impactd.acquisition.reservation import Reservation
 from impactd.acquisition.rig_loop import RigLoop
 from impactd.acquisition.transitions import State
 from impactd.settings import Settings

@@ -23,6 +23,7 @@ from impactd.acquisition.devices import hold
 from impactd.acquisition.environment_reading import EnvironmentReading
 from impactd.acquisition.events import Event
 from impactd.acquisition.failures import RescuedError, StepFailedError
+from impactd.acquisition.observation import Observation, metadata_of, trigger_settings
 from impactd.acquisition.preflight import (
     Baseline,
     Check,
@@ -33,7 +34,6 @@ from impactd.acquisition.preflight import (
 )
 from impactd.acquisition.transitions import IllegalTransitionError, Machine, State
 from impactd.acquisition.valve_guard import ValveGuard
-from impactd.acquisition.witness import Witness, circumstances, trigger_settings
 from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
@@ -44,7 +44,7 @@ from impactd.storage.archive import (
     DropStateError,
     NotFoundError,
     Shot,
-    ShotAbout,
+    ShotMetadata,
 )
 
 _LOOK_EVERY_S = 0.01
@@ -83,7 +83,7 @@ class DropRun:
     ----------
     doing : str
         What happens now, in words for the status sentence.
-    seen : Witness
+    seen : Observation
         What was seen so far.
     aborting : threading.Event
         Set by whoever wants the end.
@@ -113,7 +113,7 @@ class DropRun:
     ) -> None:
         self.drop = drop
         self.doing = "is being prepared"
-        self.seen = Witness()
+        self.seen = Observation()
         self.aborting = threading.Event()
         self.aborted_by = ""
         self.finished = threading.Event()
@@ -162,9 +162,9 @@ class DropRun:
         record = self._capture()
         return self._store(record)
 
-    def about(self) -> ShotAbout:
+    def metadata(self) -> ShotMetadata:
         """Return the circumstances as far as they are known by now."""
-        return circumstances(
+        return metadata_of(
             self.seen,
             self.drop.request,
             rig=self._rig,
@@ -330,7 +330,7 @@ class DropRun:
             )
         while True:
             try:
-                return self._archive.store_shot(self.drop.number, record, self.about())
+                return self._archive.store_shot(self.drop.number, record, self.metadata())
             except (DropStateError, NotFoundError):
                 raise
             except ArchiveError as error:
@@ -341,7 +341,7 @@ class DropRun:
     def _rescued(self, record: Record, error: ArchiveError) -> RescuedError | ArchiveError:
         """Put a record where there is room, because memory ends with this process."""
         try:
-            path = self._archive.rescue_shot(self.drop.number, record, self.about())
+            path = self._archive.rescue_shot(self.drop.number, record, self.metadata())
         except ArchiveError as nowhere:
             return ArchiveError(
                 f"The daemon was told to end while a record could not be stored, and it is lost. "

@@ -92,7 +92,7 @@ def keep_evidence(archive: Archive, run: DropRun, failure: Failure, reason: str)
     if failure.record is None:
         return None
     try:
-        return archive.keep_partial(run.drop.number, failure.record, run.about(), reason).name
+        return archive.keep_partial(run.drop.number, failure.record, run.metadata(), reason).name
     except Exception:  # evidence is a courtesy: it must not keep a failed drop from ending
         _log.exception("the partial record could not be kept", drop=run.drop.number)
         return None

@@ -28,8 +28,8 @@ from analysis.campaign import Environment
 from impactd.storage.errors import CampaignError
 from impactd.storage.json_fields import Fields, parse_json
 from impactd.storage.materials_json import ENVIRONMENT_KEYS, environment_from_json
-from impactd.storage.moment import utc_at
 from impactd.storage.regular_file import open_regular_file
+from impactd.storage.timestamp import utc_at
 
 if TYPE_CHECKING:
     from impactd.settings_sections import EnvironmentSection

@@ -24,8 +24,8 @@ from impactd.acquisition.devices import make_safe
 from impactd.acquisition.endings import about_drop
 from impactd.acquisition.errors import NotReadyError
 from impactd.acquisition.events import Event
-from impactd.acquisition.hands import AbortReport, Reservation, report_of
 from impactd.acquisition.progress_writer import ProgressWriter
+from impactd.acquisition.reservation import AbortReport, Reservation, report_of
 from impactd.acquisition.rig_loop import Publish, RigLoop
 from impactd.acquisition.status import Facts, ServiceStatus, status_of
 from impactd.acquisition.transitions import DROP_UNDER_WAY, State

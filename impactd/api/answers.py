@@ -24,9 +24,9 @@ from impactd.storage.drops import Drop
 from impactd.storage.fits import Fit
 from impactd.storage.jobs import Job
 from impactd.storage.materials_json import environment_to_json
-from impactd.storage.moment import as_utc
 from impactd.storage.problem import Problem
 from impactd.storage.shots import Shot
+from impactd.storage.timestamp import as_utc
 
 Json = dict[str, Any]
 
@@ -180,7 +180,7 @@ def next_page(path: str, numbers: list[int], limit: int, query: Mapping[str, Any
     return f"{path}?{urlencode({**kept, 'limit': limit, 'before': numbers[-1]})}"
 
 
-def moment(name: str, text: str | None) -> str | None:
+def timestamp(name: str, text: str | None) -> str | None:
     """Return a moment in the archive's form.
 
     Raises

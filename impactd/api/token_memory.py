@@ -11,7 +11,7 @@ import threading
 
 import structlog
 
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 from impactd.storage.tokens import Token, TokenTable
 
 REFRESH_S = 2.0

@@ -26,9 +26,9 @@ from impactd.storage.archive import INDEX_NAME, Archive, DropRequest
 from impactd.storage.drops import Drop, DropTable
 from impactd.storage.fits import FitTable
 from impactd.storage.index import Index
-from impactd.storage.moment import as_utc
 from impactd.storage.numbers import NumberSequence
 from impactd.storage.shots import Shot, ShotTable
+from impactd.storage.timestamp import as_utc
 
 ROWS_A_TRANSACTION = 500
 """So that the write-ahead log stays small; a benchmark need not wait for every row."""

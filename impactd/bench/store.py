@@ -11,8 +11,8 @@ import numpy as np
 from analysis.campaign import Quantity, Sphere, Surface
 from drivers.digitizer import Record
 from impactd.bench.figure import Figure
-from impactd.storage.archive import Archive, DropRequest, ShotAbout
-from impactd.storage.moment import utc_now
+from impactd.storage.archive import Archive, DropRequest, ShotMetadata
+from impactd.storage.timestamp import utc_now
 from impactd.storage.version import software
 
 SHOTS = 100
@@ -71,9 +71,9 @@ def _store(directory: Path, shots: int) -> tuple[list[float], int]:
         for _ in range(shots):
             record = _record(generator)
             drop, _ = archive.begin_drop(request, owner="bench")
-            about = _about()
+            metadata = _metadata()
             started = time.perf_counter()
-            shot = archive.store_shot(drop.number, record, about)
+            shot = archive.store_shot(drop.number, record, metadata)
             times_s.append(time.perf_counter() - started)
             if not np.array_equal(archive.read_shot(shot.number).recording.samples, record.codes):
                 raise RuntimeError(f"Shot {shot.number} reads back differently.")
@@ -99,8 +99,8 @@ def _record(generator: np.random.Generator) -> Record:
     )
 
 
-def _about() -> ShotAbout:
-    return ShotAbout(
+def _metadata() -> ShotMetadata:
+    return ShotMetadata(
         started_utc=utc_now(),
         started_monotonic_ns=time.monotonic_ns(),
         gravity_m_per_s2=9.80665,

@@ -219,7 +219,7 @@ def tokens(settings: Settings) -> Iterator[Finding]:
     """
     from impactd.console.client import token_from_environment
     from impactd.storage.archive import Archive
-    from impactd.storage.moment import utc_now
+    from impactd.storage.timestamp import utc_now
 
     make = "impactd token create --scope operate --name YOU"
     storage = settings.storage

@@ -108,7 +108,7 @@ def campaign_of_files(files: Sequence[Path]) -> Campaign:
     stored.sort(key=lambda one: one.shot.number)
     campaign = archive_campaign(stored)
     bounced = [
-        with_restitution(shot, one.about, None)
+        with_restitution(shot, one.metadata, None)
         for shot, one in zip(campaign.shots, stored, strict=True)
     ]
     return replace(campaign, shots=tuple(bounced))

@@ -19,7 +19,7 @@ from impactd.storage.archive import Archive, ArchiveError, Shot
 from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surface_to_json
-from impactd.storage.moment import utc_after
+from impactd.storage.timestamp import utc_after
 
 FIT_SHOT = "fit_shot"
 FIT_CAMPAIGN = "fit_campaign"

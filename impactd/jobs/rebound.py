@@ -11,19 +11,19 @@ from analysis.bounce import restitution_from_rebound_height
 from analysis.campaign import Quantity, Shot
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import RESTITUTION_DISAGREES_ABOVE
-from impactd.storage.shot_about import ShotAbout
+from impactd.storage.shot_metadata import ShotMetadata
 
 Json = dict[str, Any]
 
 
-def with_restitution(shot: Shot, about: ShotAbout, rebound_height_m: Json | None) -> Shot:
+def with_restitution(shot: Shot, metadata: ShotMetadata, rebound_height_m: Json | None) -> Shot:
     """Return a shot with its restitution: as imported, from the flight, else from the height.
 
     Parameters
     ----------
     shot : Shot
         As assembled.
-    about : ShotAbout
+    metadata : ShotMetadata
         Height, gravity and repeatability of that day.
     rebound_height_m : dict or None
         ``value`` and ``u`` as somebody entered them. [m]
@@ -33,7 +33,7 @@ def with_restitution(shot: Shot, about: ShotAbout, rebound_height_m: Json | None
     Shot
         Unchanged where nothing is known.
     """
-    speed = about.impact_speed_m_per_s
+    speed = metadata.impact_speed_m_per_s
     if shot.restitution is not None or speed is None:
         return shot
     flight = restitution_from_bounce(
@@ -41,28 +41,28 @@ def with_restitution(shot: Shot, about: ShotAbout, rebound_height_m: Json | None
         shot.sample_rate_hz,
         shot.trigger_index,
         impact_speed_m_per_s=speed,
-        impact_speed_u_m_per_s=speed * (about.speed_repeatability or 0.0),
-        gravity_m_per_s2=about.gravity_m_per_s2,
+        impact_speed_u_m_per_s=speed * (metadata.speed_repeatability or 0.0),
+        gravity_m_per_s2=metadata.gravity_m_per_s2,
     )
-    return dataclasses.replace(shot, restitution=flight or _by_height(about, rebound_height_m))
+    return dataclasses.replace(shot, restitution=flight or _by_height(metadata, rebound_height_m))
 
 
-def _by_height(about: ShotAbout, rebound_height_m: Json | None) -> Quantity | None:
-    if rebound_height_m is None or about.drop_height_m is None:
+def _by_height(metadata: ShotMetadata, rebound_height_m: Json | None) -> Quantity | None:
+    if rebound_height_m is None or metadata.drop_height_m is None:
         return None
     return restitution_from_rebound_height(
         Quantity(**rebound_height_m),
-        about.drop_height_m,
-        speed_repeatability=about.speed_repeatability or 0.0,
+        metadata.drop_height_m,
+        speed_repeatability=metadata.speed_repeatability or 0.0,
     )
 
 
-def check_rebound(about: ShotAbout, rebound_height_m: Json | None, result: FitResult) -> Json:
+def check_rebound(metadata: ShotMetadata, rebound_height_m: Json | None, result: FitResult) -> Json:
     """Return how an entered rebound height lies to the fit of its shot.
 
     Parameters
     ----------
-    about : ShotAbout
+    metadata : ShotMetadata
         Circumstances of the shot.
     rebound_height_m : dict or None
         As entered. [m]
@@ -74,7 +74,7 @@ def check_rebound(about: ShotAbout, rebound_height_m: Json | None, result: FitRe
     dict
         ``rebound_height_check`` and ``flags``; empty where no height was entered.
     """
-    by_height = _by_height(about, rebound_height_m)
+    by_height = _by_height(metadata, rebound_height_m)
     if by_height is None or not result.shots:
         return {}
     shot = result.shots[0]

@@ -17,7 +17,7 @@ from impactd.storage.archive import Archive, Problem
 from impactd.storage.drops import Drop
 from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
-from impactd.storage.moment import utc_after
+from impactd.storage.timestamp import utc_after
 
 CANCELLED = "It was cancelled."
 Json = dict[str, Any]

@@ -32,7 +32,7 @@ from impactd.storage.materials_json import (
     sphere_from_json,
     surface_from_json,
 )
-from impactd.storage.shot_about import StoredShot
+from impactd.storage.shot_metadata import StoredShot
 from impactd.storage.shot_store import read_shot
 from impactd.storage.version import software
 
@@ -71,7 +71,9 @@ def fit_shot(order: Json) -> Json:
         try:
             result = _fit_one(campaign, model, _definition(order, model))
             found = _shot_result(result, stored)
-            checked = check_rebound(stored.about, order["shots"][0].get("rebound_height_m"), result)
+            checked = check_rebound(
+                stored.metadata, order["shots"][0].get("rebound_height_m"), result
+            )
             flags = sorted({*found["flags"], *checked.pop("flags", ())})
             found |= {**checked, "flags": flags}
             if order.get("with_curves") and result.shots:
@@ -228,15 +230,15 @@ def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
         {name: surface_from_json(name, _fields(one)) for name, one in order["surfaces"].items()},
     )
     sensor = sensor_from_json(Fields(order["sensor"], file="order", known=SENSOR_KEYS))
-    about = shots[0].about
-    if about.source == "import":
+    metadata = shots[0].metadata
+    if metadata.source == "import":
         # Recorded elsewhere: our load cell and our release have nothing to do with it.
         campaign = assemble_campaign(
             shots,
             known,
-            about.sensor or Sensor(),
-            about.gravity_m_per_s2,
-            about.speed_repeatability,
+            metadata.sensor or Sensor(),
+            metadata.gravity_m_per_s2,
+            metadata.speed_repeatability,
         )
     else:
         campaign = assemble_campaign(
@@ -248,7 +250,7 @@ def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
     rebounds = {one["number"]: one.get("rebound_height_m") for one in order["shots"]}
     by_number = sorted(shots, key=lambda one: one.shot.number)
     bounced = [
-        with_restitution(shot, stored.about, rebounds.get(stored.shot.number))
+        with_restitution(shot, stored.metadata, rebounds.get(stored.shot.number))
         for shot, stored in zip(campaign.shots, by_number, strict=True)
     ]
     return dataclasses.replace(campaign, shots=tuple(bounced))

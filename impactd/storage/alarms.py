@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from impactd.storage.errors import NotFoundError
 from impactd.storage.index import Index
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 
 
 @dataclass(frozen=True)

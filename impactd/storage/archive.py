@@ -47,16 +47,16 @@ from impactd.storage.jobs import Job, JobTable
 from impactd.storage.journal import JOURNAL_NAME
 from impactd.storage.lock import lock_archive
 from impactd.storage.models import ModelTable
-from impactd.storage.moment import utc_now
 from impactd.storage.numbers import LAST_NUMBER_NAME, NumberSequence
 from impactd.storage.problem import Problem
 from impactd.storage.publish import sync_directory
 from impactd.storage.recovery import end_interrupted
 from impactd.storage.reindex import ReindexReport, rebuild_index, remove_unfinished
-from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import build_shot_file, recording_of
+from impactd.storage.shot_metadata import Recording, ShotMetadata, StoredShot
 from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME, ShotStore
 from impactd.storage.shots import Shot, ShotTable
+from impactd.storage.timestamp import utc_now
 from impactd.storage.tokens import SCOPES, Token, TokenTable
 from impactd.storage.version import software
 
@@ -82,7 +82,7 @@ __all__ = [
     "Recording",
     "ReindexReport",
     "Shot",
-    "ShotAbout",
+    "ShotMetadata",
     "StorageFullError",
     "StoredShot",
     "Token",
@@ -337,7 +337,7 @@ class Archive:
 
     # Shots
 
-    def store_shot(self, number: int, record: Record, about: ShotAbout) -> Shot:
+    def store_shot(self, number: int, record: Record, metadata: ShotMetadata) -> Shot:
         """Store the record of a drop; return once it would survive a power cut.
 
         Parameters
@@ -346,7 +346,7 @@ class Archive:
             The drop; its shot gets the same number.
         record : Record
             As the digitizer gave it.
-        about : ShotAbout
+        metadata : ShotMetadata
             The circumstances.
 
         Returns
@@ -373,13 +373,13 @@ class Archive:
         else:
             # The file remembers its drop as it will be once the file is there.
             stored = replace(drop, state="stored", shot=number, updated_utc=utc_now())
-            shot = self._store.publish(number, recording_of(record), about, stored)
+            shot = self._store.publish(number, recording_of(record), metadata, stored)
         with self._index.transaction():
             self._shots.add(shot)
             self._drops.set_state(number, "stored")
         return shot
 
-    def rescue_shot(self, number: int, record: Record, about: ShotAbout) -> Path:
+    def rescue_shot(self, number: int, record: Record, metadata: ShotMetadata) -> Path:
         """Keep a record outside the archive that cannot be stored before the daemon ends.
 
         The drop stays under way: `interrupt_unfinished` of the next start takes its file back.
@@ -390,7 +390,7 @@ class Archive:
             The drop.
         record : Record
             As the digitizer gave it.
-        about : ShotAbout
+        metadata : ShotMetadata
             The circumstances.
 
         Returns
@@ -407,17 +407,19 @@ class Archive:
         if path.exists():  # only its row is missing
             return path
         drop = replace(self._drops.get(number), state="stored", shot=number, updated_utc=utc_now())
-        content = build_shot_file(number, recording_of(record), about, drop)
+        content = build_shot_file(number, recording_of(record), metadata, drop)
         return rescue.keep(self.directory, number, content, self.rescue_directory)
 
-    def store_import(self, recording: Recording, about: ShotAbout) -> Shot:
+    def store_import(self, recording: Recording, metadata: ShotMetadata) -> Shot:
         """Store a recording made elsewhere under the next number, durably."""
         number = self._numbers.draw()
-        shot = self._store.publish(number, recording, about, None)
+        shot = self._store.publish(number, recording, metadata, None)
         self._shots.add(shot)
         return shot
 
-    def keep_partial(self, number: int, record: Record, about: ShotAbout, reason: str) -> Path:
+    def keep_partial(
+        self, number: int, record: Record, metadata: ShotMetadata, reason: str
+    ) -> Path:
         """Keep a record that must not be used, as evidence beside the archive.
 
         Parameters
@@ -426,7 +428,7 @@ class Archive:
             The drop.
         record : Record
             What there is of it.
-        about : ShotAbout
+        metadata : ShotMetadata
             The circumstances.
         reason : str
             Why it must not be used.
@@ -436,7 +438,7 @@ class Archive:
         Path
             The file, below ``partial/``.
         """
-        noted = replace(about, notes=(*about.notes, f"NOT A SHOT: {reason}"))
+        noted = replace(metadata, notes=(*metadata.notes, f"NOT A SHOT: {reason}"))
         drop = self._drops.get(number)
         return self._store.publish_partial(number, recording_of(record), noted, drop)
 
@@ -481,7 +483,7 @@ class Archive:
         Returns
         -------
         StoredShot
-            Row, record and circumstances.
+            Row, record and metadata.
 
         Raises
         ------

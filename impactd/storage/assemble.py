@@ -7,7 +7,7 @@ from typing import Protocol, TypeVar
 
 from analysis.campaign import Campaign, Sensor, Shot, Sphere, Surface, Uncertainty
 from impactd.storage.errors import ArchiveError
-from impactd.storage.shot_about import StoredShot
+from impactd.storage.shot_metadata import StoredShot
 
 M = TypeVar("M", Sphere, Surface)
 
@@ -61,9 +61,9 @@ def assemble_campaign(
     spheres: dict[str, Sphere] = {}
     surfaces: dict[str, Surface] = {}
     for stored in shots:
-        ours = None if stored.about.source == "import" else materials
-        _take(spheres, stored.about.sphere, {} if ours is None else ours.spheres)
-        _take(surfaces, stored.about.surface, {} if ours is None else ours.surfaces)
+        ours = None if stored.metadata.source == "import" else materials
+        _take(spheres, stored.metadata.sphere, {} if ours is None else ours.spheres)
+        _take(surfaces, stored.metadata.surface, {} if ours is None else ours.surfaces)
     return Campaign(
         shots=tuple(
             campaign_shot(stored) for stored in sorted(shots, key=lambda one: one.shot.number)
@@ -101,21 +101,21 @@ def campaign_shot(stored: StoredShot) -> Shot:
     Shot
         Named ``shot 17``.
     """
-    recording, about = stored.recording, stored.about
+    recording, metadata = stored.recording, stored.metadata
     return Shot(
         name=f"shot {stored.shot.number}",
         signal=recording.signal,
         sample_rate_hz=recording.sample_rate_hz,
         trigger_index=recording.trigger_index,
         quantity=recording.quantity,
-        sphere=None if about.sphere is None else about.sphere.name,
-        surface=None if about.surface is None else about.surface.name,
-        drop_height_m=about.drop_height_m,
-        restitution=about.restitution,
+        sphere=None if metadata.sphere is None else metadata.sphere.name,
+        surface=None if metadata.surface is None else metadata.surface.name,
+        drop_height_m=metadata.drop_height_m,
+        restitution=metadata.restitution,
         quantum=recording.quantum,
         clipped=recording.clipped,
         code_zero=recording.offset,
-        environment=about.environment,
+        environment=metadata.environment,
         u_sample_rate_hz=Uncertainty(recording.sample_rate_u_hz)
         if recording.sample_rate_u_hz > 0
         else None,

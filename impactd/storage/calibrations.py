@@ -10,11 +10,11 @@ from typing import Any
 
 from impactd.storage.errors import ArchiveError, IdempotencyConflictError, NotFoundError
 from impactd.storage.index import Index, as_text, from_text
-from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
 from impactd.storage.publish import publish
 from impactd.storage.request_key import bare_key
 from impactd.storage.sealed import seal, unseal
+from impactd.storage.timestamp import utc_now
 
 DROPS = "drops"
 STATIC_WEIGHTS = "static_weights"

@@ -37,7 +37,7 @@ from impactd.storage.materials_json import (
 from impactd.storage.publish import publish
 from impactd.storage.recording_files import RECORDING_ENDINGS, find_recordings
 from impactd.storage.sample_file import write_samples
-from impactd.storage.shot_about import Recording
+from impactd.storage.shot_metadata import Recording
 
 FORMAT = "impactd-campaign/1"
 JSON_NAME = "campaign.json"

@@ -28,7 +28,7 @@ from impactd.storage.materials_json import (
 )
 from impactd.storage.ranges import Range
 from impactd.storage.sample_file import SampleFileError, read_samples
-from impactd.storage.shot_about import QUANTITIES, VOLTAGE, Recording
+from impactd.storage.shot_metadata import QUANTITIES, VOLTAGE, Recording
 
 MIN_SAMPLES = 32
 RATE_TOLERANCE = 0.01

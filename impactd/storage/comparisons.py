@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from impactd.storage.index import Index, as_text, from_text
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 
 Json = dict[str, Any]
 

@@ -9,9 +9,9 @@ from analysis.campaign import Environment
 from impactd.storage.errors import DropStateError, IdempotencyConflictError, NotFoundError
 from impactd.storage.index import Index
 from impactd.storage.materials_json import environment_from_text, environment_to_text
-from impactd.storage.moment import utc_now
 from impactd.storage.problem import Problem
 from impactd.storage.request_key import bare_key, client_part
+from impactd.storage.timestamp import utc_now
 
 ACTIVE_STATES = ("requested", "arming", "armed", "released", "capturing", "storing")
 FINAL_STATES = ("stored", "analysed", "failed", "aborted", "interrupted")

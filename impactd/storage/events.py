@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from impactd.storage.index import Index, as_text, from_text
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 
 KEPT_EVENTS = 100_000
 

@@ -20,13 +20,13 @@ from impactd.storage.campaign_folder import (
     write_campaign,
 )
 from impactd.storage.campaign_shot import CampaignShot
-from impactd.storage.circumstances import circumstances
 from impactd.storage.csv_table import csv_line
 from impactd.storage.errors import ArchiveError
-from impactd.storage.moment import utc_now
+from impactd.storage.metadata_json import metadata_to_json
 from impactd.storage.publish import publish
-from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
+from impactd.storage.shot_metadata import Recording, ShotMetadata, StoredShot
 from impactd.storage.shots import Shot
+from impactd.storage.timestamp import utc_now
 from impactd.storage.version import software
 
 FORMATS = ("csv", "npz", "campaign")
@@ -63,7 +63,7 @@ def import_folder(
     path: Path,
     *,
     known: Callable[[str], Shot | None],
-    store: Callable[[Recording, ShotAbout], Shot],
+    store: Callable[[Recording, ShotMetadata], Shot],
 ) -> ImportReport:
     """Take the shots of a campaign folder into an archive.
 
@@ -91,19 +91,19 @@ def import_folder(
     numbers: list[int] = []
     already: list[int] = []
     for one in folder.shots:
-        about = _about(one, folder, place.resolve().name)
-        old = known(about.origin)
+        metadata = _metadata(one, folder, place.resolve().name)
+        old = known(metadata.origin)
         if old is not None:
             already.append(old.number)
         else:
-            numbers.append(store(one.recording, about).number)
+            numbers.append(store(one.recording, metadata).number)
     return ImportReport(str(place), tuple(numbers), tuple(already), folder.campaign.rejected)
 
 
-def _about(one: CampaignShot, folder: CampaignFolder, place: str) -> ShotAbout:
+def _metadata(one: CampaignShot, folder: CampaignFolder, place: str) -> ShotMetadata:
     campaign, shot = folder.campaign, one.shot
     content = hashlib.sha256(one.recording.samples.tobytes()).hexdigest()
-    return ShotAbout(
+    return ShotMetadata(
         started_utc=utc_now(),
         started_monotonic_ns=0,
         gravity_m_per_s2=campaign.gravity_m_per_s2,
@@ -189,10 +189,10 @@ def archive_campaign(shots: Sequence[StoredShot]) -> Campaign:
     ArchiveError
         If they do not share gravity, release and load cell, or describe a material differently.
     """
-    first = shots[0].about
+    first = shots[0].metadata
     for one in shots[1:]:
         for name in ("gravity_m_per_s2", "speed_repeatability"):
-            if getattr(one.about, name) != getattr(first, name):
+            if getattr(one.metadata, name) != getattr(first, name):
                 raise ArchiveError(
                     f"Shots {shots[0].shot.number} and {one.shot.number} differ in {name}.",
                     remedy="Put them into separate campaigns.",
@@ -208,7 +208,7 @@ def _times(one: StoredShot) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _facts(one: StoredShot) -> dict[str, object]:
-    found = circumstances(one.shot.number, one.recording, one.about, one.drop)
+    found = metadata_to_json(one.shot.number, one.recording, one.metadata, one.drop)
     return {**found, "file_sha256": one.shot.sha256}
 
 

@@ -10,7 +10,7 @@ from analysis.campaign import Environment
 from impactd.storage.errors import NotFoundError
 from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.materials_json import environment_from_text
-from impactd.storage.moment import utc_now
+from impactd.storage.timestamp import utc_now
 
 
 @dataclass(frozen=True)

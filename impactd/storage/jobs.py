@@ -11,8 +11,8 @@ from typing import Any
 
 from impactd.storage.errors import IdempotencyConflictError, NotFoundError
 from impactd.storage.index import Index, as_text, from_text
-from impactd.storage.moment import utc_now
 from impactd.storage.request_key import bare_key
+from impactd.storage.timestamp import utc_now
 
 MAX_ATTEMPTS = 2
 CALIBRATE = "calibrate"

@@ -26,8 +26,8 @@ from pathlib import Path
 from typing import Any
 
 from impactd.storage.errors import ArchiveError, StorageFullError
-from impactd.storage.moment import utc_now
 from impactd.storage.publish import FULL
+from impactd.storage.timestamp import utc_now
 
 JOURNAL_NAME = "journal.jsonl"
 FORMAT = "impactd-journal/1"

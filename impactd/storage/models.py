@@ -11,9 +11,9 @@ from typing import Any
 from analysis.base_models import DEFAULT_BASE
 from impactd.storage.errors import ArchiveError, NotFoundError
 from impactd.storage.index import Index, as_text, from_text
-from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish
 from impactd.storage.sealed import seal, unseal
+from impactd.storage.timestamp import utc_now
 
 CHOICES_NAME = "active-models.json"
 

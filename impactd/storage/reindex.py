@@ -22,13 +22,13 @@ from impactd.storage.index import Index
 from impactd.storage.journal import JOURNAL_NAME, write_whole
 from impactd.storage.journaling import set_position
 from impactd.storage.models import ModelTable
-from impactd.storage.moment import utc_now
 from impactd.storage.numbers import NumberSequence
 from impactd.storage.problem import Problem
 from impactd.storage.publish import sync_directory
 from impactd.storage.reindex_sources import take_from_journal_and_index
 from impactd.storage.shot_store import FoundShot, ShotStore
 from impactd.storage.shots import ShotTable
+from impactd.storage.timestamp import utc_now
 
 # ruff: noqa: S608 - nothing here but the names of our own tables
 

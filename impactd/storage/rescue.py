@@ -16,9 +16,9 @@ from pathlib import Path
 
 from impactd.storage.errors import ArchiveError
 from impactd.storage.lasting import why_not_lasting
-from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish
 from impactd.storage.regular_file import read_regular_file
+from impactd.storage.timestamp import utc_now
 
 _FOLDER = "impactd-rescued"
 _MARK_LIMIT_BYTES = 4096

@@ -18,7 +18,7 @@ Layout (``@`` = attribute)::
 
 ``impact`` and ``record/time`` are derived, for viewers: whoever opens the file sees the pulse. The
 truth is ``instrument/digitizer/data`` with ``process/circumstances``, from which `read_shot_file`
-rebuilds every value of `Recording` and `ShotAbout`.
+rebuilds every value of `Recording` and `ShotMetadata`.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ import numpy as np
 
 from analysis.campaign import Environment
 from drivers.digitizer import Record
-from impactd.storage.circumstances import circumstances, decoded
 from impactd.storage.clipping import is_clipped
 from impactd.storage.drops import Drop
 from impactd.storage.errors import CampaignError, CorruptShotError
+from impactd.storage.metadata_json import metadata_from_json, metadata_to_json
 from impactd.storage.nexus import group, plain, put, refuse_foreign
-from impactd.storage.shot_about import VOLTAGE, Recording, ShotAbout
+from impactd.storage.shot_metadata import VOLTAGE, Recording, ShotMetadata
 from impactd.storage.shot_views import CHUNK_SAMPLES, DATA_PATH, TIME_PATH, VIEW_LINKS, write_views
 
 _CIRCUMSTANCES = "entry/process/circumstances/data"
@@ -65,7 +65,7 @@ def recording_of(record: Record) -> Recording:
 
 
 def build_shot_file(
-    number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+    number: int, recording: Recording, metadata: ShotMetadata, drop: Drop | None
 ) -> bytes:
     """Return the bytes of a shot file.
 
@@ -75,8 +75,8 @@ def build_shot_file(
         The shot.
     recording : Recording
         The record.
-    about : ShotAbout
-        The circumstances.
+    metadata : ShotMetadata
+        What is known of the shot beside its samples.
     drop : Drop or None
         The drop it belongs to, ``None`` for an import.
 
@@ -87,19 +87,21 @@ def build_shot_file(
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
-        file.attrs.update(NX_class="NXroot", default="entry", creator=about.software or "impactd")
+        file.attrs.update(
+            NX_class="NXroot", default="entry", creator=metadata.software or "impactd"
+        )
         entry = group(file, "entry", "NXentry", default="impact")
-        _write_entry(entry, number, about)
-        _write_people_and_things(entry, about)
-        _write_release(entry, recording, about)
-        _write_environment(entry, about.environment)
-        _write_instrument(entry, recording, about)
-        write_views(entry, _title(number, about), recording)
-        _write_process(entry, recording, about, drop)
+        _write_entry(entry, number, metadata)
+        _write_people_and_things(entry, metadata)
+        _write_release(entry, recording, metadata)
+        _write_environment(entry, metadata.environment)
+        _write_instrument(entry, recording, metadata)
+        write_views(entry, _title(number, metadata), recording)
+        _write_process(entry, recording, metadata, drop)
     return buffer.getvalue()
 
 
-def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotAbout, Drop | None]:
+def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotMetadata, Drop | None]:
     """Return what a shot file holds.
 
     Parameters
@@ -111,7 +113,7 @@ def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotAbout
 
     Returns
     -------
-    tuple of int, Recording, ShotAbout and (Drop or None)
+    tuple of int, Recording, ShotMetadata and (Drop or None)
         Number, record, circumstances and drop.
 
     Raises
@@ -130,50 +132,54 @@ def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotAbout
             )
             samples = plain(file, DATA_PATH)[()]
             facts = json.loads(plain(file, _CIRCUMSTANCES)[()])
-        return facts["number"], *decoded(facts, samples, path)
+        return facts["number"], *metadata_from_json(facts, samples, path)
     except (OSError, KeyError, TypeError, ValueError, RecursionError, CampaignError) as error:
         raise CorruptShotError(path, f"it does not read as a shot ({error})") from error
 
 
-def _write_entry(entry: h5py.Group, number: int, about: ShotAbout) -> None:
-    put(entry, "title", _title(number, about))
+def _write_entry(entry: h5py.Group, number: int, metadata: ShotMetadata) -> None:
+    put(entry, "title", _title(number, metadata))
     put(entry, "entry_identifier", str(number))
-    put(entry, "start_time", about.started_utc)
+    put(entry, "start_time", metadata.started_utc)
 
 
-def _title(number: int, about: ShotAbout) -> str:
-    pair = " on ".join(part.name for part in (about.sphere, about.surface) if part is not None)
-    height = "" if about.drop_height_m is None else f" from {about.drop_height_m * 1e3:.1f} mm"
-    return f"Shot {number}: {pair or about.origin or 'unknown pair'}{height}"
+def _title(number: int, metadata: ShotMetadata) -> str:
+    pair = " on ".join(
+        part.name for part in (metadata.sphere, metadata.surface) if part is not None
+    )
+    height = (
+        "" if metadata.drop_height_m is None else f" from {metadata.drop_height_m * 1e3:.1f} mm"
+    )
+    return f"Shot {number}: {pair or metadata.origin or 'unknown pair'}{height}"
 
 
-def _write_people_and_things(entry: h5py.Group, about: ShotAbout) -> None:
-    if about.operator:
-        put(group(entry, "user", "NXuser"), "name", about.operator)
-    if about.surface is not None:
+def _write_people_and_things(entry: h5py.Group, metadata: ShotMetadata) -> None:
+    if metadata.operator:
+        put(group(entry, "user", "NXuser"), "name", metadata.operator)
+    if metadata.surface is not None:
         sample = group(entry, "sample", "NXsample")
-        put(sample, "name", about.surface.name)
+        put(sample, "name", metadata.surface.name)
         put(sample, "description", "coupon taped to the strike cap of the load cell")
-        put(sample, "mass", about.surface.coupon_mass_kg, "kg")
-        put(sample, "thickness", about.surface.coupon_thickness_m, "m")
-    if about.sphere is not None:
+        put(sample, "mass", metadata.surface.coupon_mass_kg, "kg")
+        put(sample, "thickness", metadata.surface.coupon_thickness_m, "m")
+    if metadata.sphere is not None:
         sphere = group(entry, "sphere", "NXcollection")
-        put(sphere, "name", about.sphere.name)
-        put(sphere, "radius", about.sphere.radius_m, "m")
-        put(sphere, "mass", about.sphere.mass_kg, "kg")
+        put(sphere, "name", metadata.sphere.name)
+        put(sphere, "radius", metadata.sphere.radius_m, "m")
+        put(sphere, "mass", metadata.sphere.mass_kg, "kg")
 
 
-def _write_release(entry: h5py.Group, recording: Recording, about: ShotAbout) -> None:
+def _write_release(entry: h5py.Group, recording: Recording, metadata: ShotMetadata) -> None:
     release = group(entry, "release", "NXcollection")
-    put(release, "drop_height", about.drop_height_m, "m")
-    put(release, "gravity", about.gravity_m_per_s2, "m/s^2")
-    put(release, "free_fall_speed", about.impact_speed_m_per_s, "m/s")
-    put(release, "speed_repeatability", about.speed_repeatability, "")
-    put(release, "valve", about.valve_identity)
-    put(release, "valve_confirmed", about.valve_confirmed)
-    put(release, "vacuum", about.vacuum_v, "V")
-    put(release, "started_host_clock", about.started_monotonic_ns, "ns")
-    put(release, "valve_host_clock", about.valve_monotonic_ns, "ns")
+    put(release, "drop_height", metadata.drop_height_m, "m")
+    put(release, "gravity", metadata.gravity_m_per_s2, "m/s^2")
+    put(release, "free_fall_speed", metadata.impact_speed_m_per_s, "m/s")
+    put(release, "speed_repeatability", metadata.speed_repeatability, "")
+    put(release, "valve", metadata.valve_identity)
+    put(release, "valve_confirmed", metadata.valve_confirmed)
+    put(release, "vacuum", metadata.vacuum_v, "V")
+    put(release, "started_host_clock", metadata.started_monotonic_ns, "ns")
+    put(release, "valve_host_clock", metadata.valve_monotonic_ns, "ns")
     put(release, "trigger_host_clock", recording.trigger_monotonic_ns, "ns")
 
 
@@ -190,9 +196,9 @@ def _write_environment(entry: h5py.Group, environment: Environment | None) -> No
             put(around, f"{name}_uncertainty", known.u, unit)
 
 
-def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout) -> None:
+def _write_instrument(entry: h5py.Group, recording: Recording, metadata: ShotMetadata) -> None:
     instrument = group(entry, "instrument", "NXinstrument")
-    put(instrument, "name", str(about.configuration.get("rig", {}).get("name", "impact rig")))
+    put(instrument, "name", str(metadata.configuration.get("rig", {}).get("name", "impact rig")))
     digitizer = group(instrument, "digitizer", "NXdetector")
     # Not compressed: gzip would take half of the time between impact and durable file.
     data = digitizer.create_dataset(
@@ -204,10 +210,10 @@ def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout)
     is_code = recording.samples.dtype.kind in "iu"
     data.attrs["units"] = "counts" if is_code else recording.unit
     data.attrs["long_name"] = "converter code" if is_code else recording.quantity
-    if about.digitizer is not None:
-        put(digitizer, "local_name", about.digitizer.model)
-        put(digitizer, "serial_number", about.digitizer.serial_number)
-        put(digitizer, "description", about.digitizer.note)
+    if metadata.digitizer is not None:
+        put(digitizer, "local_name", metadata.digitizer.model)
+        put(digitizer, "serial_number", metadata.digitizer.serial_number)
+        put(digitizer, "description", metadata.digitizer.note)
     settings = group(instrument, "acquisition", "NXcollection")
     put(settings, "formula", "signal = code * signal_per_code + signal_offset")
     put(settings, "signal_per_code", recording.per_code, recording.unit)
@@ -218,32 +224,36 @@ def _write_instrument(entry: h5py.Group, recording: Recording, about: ShotAbout)
     put(settings, "sample_rate_uncertainty", recording.sample_rate_u_hz, "Hz")
     put(settings, "input_range", recording.range_v, "V")
     put(settings, "trigger_index", recording.trigger_index)
-    if about.trigger is not None:
-        put(settings, "pre_trigger_samples", about.trigger.pre_trigger_samples)
-        put(settings, "trigger_level", about.trigger.level_v, "V")
-        put(settings, "trigger_hysteresis", about.trigger.hysteresis_v, "V")
+    if metadata.trigger is not None:
+        put(settings, "pre_trigger_samples", metadata.trigger.pre_trigger_samples)
+        put(settings, "trigger_level", metadata.trigger.level_v, "V")
+        put(settings, "trigger_hysteresis", metadata.trigger.hysteresis_v, "V")
     if recording.status_words:
         settings["status_words"] = np.array(recording.status_words, dtype=np.uint32)
-    if about.digitizer is not None:
-        for key, value in asdict(about.digitizer).items():
+    if metadata.digitizer is not None:
+        for key, value in asdict(metadata.digitizer).items():
             put(settings, f"digitizer_{key}", value)
-    if about.sensor is not None:
+    if metadata.sensor is not None:
         cell = group(instrument, "load_cell", "NXsensor")
         put(cell, "name", "piezoelectric load cell")
         put(cell, "attached_to", "strike cap under the coupon")
 
 
 def _write_process(
-    entry: h5py.Group, recording: Recording, about: ShotAbout, drop: Drop | None
+    entry: h5py.Group, recording: Recording, metadata: ShotMetadata, drop: Drop | None
 ) -> None:
     process = group(entry, "process", "NXprocess")
-    program, _, version = (about.software or "impactd").partition(" ")
+    program, _, version = (metadata.software or "impactd").partition(" ")
     put(process, "program", program)
     put(process, "version", version)
     number = int(entry["entry_identifier"][()])
     for name, description, value in (
-        ("circumstances", "all values of this shot", circumstances(number, recording, about, drop)),
-        ("configuration", "settings of the rig", about.configuration),
+        (
+            "circumstances",
+            "all values of this shot",
+            metadata_to_json(number, recording, metadata, drop),
+        ),
+        ("configuration", "settings of the rig", metadata.configuration),
     ):
         note = group(process, name, "NXnote")
         put(note, "type", "application/json")

@@ -10,13 +10,13 @@ import numpy as np
 
 from impactd.storage.drops import Drop
 from impactd.storage.errors import ArchiveError, CorruptShotError
-from impactd.storage.moment import utc_now
 from impactd.storage.publish import publish, sync_directory
 from impactd.storage.regular_file import IrregularFileError, read_regular_file
 from impactd.storage.sample_file import MAX_SAMPLES
-from impactd.storage.shot_about import Recording, ShotAbout, StoredShot
 from impactd.storage.shot_file import build_shot_file, read_shot_file
+from impactd.storage.shot_metadata import Recording, ShotMetadata, StoredShot
 from impactd.storage.shots import Shot
+from impactd.storage.timestamp import utc_now
 
 SHOTS_NAME = "shots"
 PARTIAL_NAME = "partial"
@@ -84,19 +84,19 @@ class ShotStore:
         return max((int(stem) for stem in stems if stem.isdigit()), default=0)
 
     def publish(
-        self, number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+        self, number: int, recording: Recording, metadata: ShotMetadata, drop: Drop | None
     ) -> Shot:
         """Write the file of a shot, durably, and return its row."""
-        content = build_shot_file(number, recording, about, drop)
+        content = build_shot_file(number, recording, metadata, drop)
         publish(self.path(number), content)
-        return _row(number, content, recording, about)
+        return _row(number, content, recording, metadata)
 
     def publish_partial(
-        self, number: int, recording: Recording, about: ShotAbout, drop: Drop
+        self, number: int, recording: Recording, metadata: ShotMetadata, drop: Drop
     ) -> Path:
         """Write evidence of a record that must not be used, durably."""
         path = self.partial_path(number)
-        publish(path, build_shot_file(number, recording, about, drop), replace=True)
+        publish(path, build_shot_file(number, recording, metadata, drop), replace=True)
         return path
 
     def take(self, path: Path, number: int) -> None:
@@ -142,10 +142,10 @@ class ShotStore:
             If it is no shot file, or carries another number than its name.
         """
         content = _content(path)
-        number, recording, about, drop = read_shot_file(content, str(path))
+        number, recording, metadata, drop = read_shot_file(content, str(path))
         if path != self.path(number):
             raise CorruptShotError(str(path), f"it holds shot {number}")
-        return FoundShot(_row(number, content, recording, about), drop)
+        return FoundShot(_row(number, content, recording, metadata), drop)
 
     def why_unknown(self, path: Path) -> str:
         """Return what to do about a file in ``shots`` that the index does not know."""
@@ -182,8 +182,8 @@ def read_shot(path: Path, sha256: str) -> StoredShot:
         raise CorruptShotError(
             str(path), f"its SHA-256 is {found[:12]}..., the index says {sha256[:12]}..."
         )
-    number, recording, about, drop = read_shot_file(content, str(path))
-    return StoredShot(_row(number, content, recording, about), recording, about, drop)
+    number, recording, metadata, drop = read_shot_file(content, str(path))
+    return StoredShot(_row(number, content, recording, metadata), recording, metadata, drop)
 
 
 def _content(path: Path) -> bytes:
@@ -196,27 +196,27 @@ def _content(path: Path) -> bytes:
         raise CorruptShotError(str(path), f"it cannot be read ({reason})") from error
 
 
-def _row(number: int, content: bytes, recording: Recording, about: ShotAbout) -> Shot:
+def _row(number: int, content: bytes, recording: Recording, metadata: ShotMetadata) -> Shot:
     return Shot(
         number=number,
         file=f"{SHOTS_NAME}/{number:06d}.h5",
         sha256=hashlib.sha256(content).hexdigest(),
         size_bytes=len(content),
-        source=about.source,
-        origin=about.origin,
-        started_utc=about.started_utc,
+        source=metadata.source,
+        origin=metadata.origin,
+        started_utc=metadata.started_utc,
         stored_utc=utc_now(),
-        sphere=None if about.sphere is None else about.sphere.name,
-        surface=None if about.surface is None else about.surface.name,
-        drop_height_m=about.drop_height_m,
-        operator=about.operator,
+        sphere=None if metadata.sphere is None else metadata.sphere.name,
+        surface=None if metadata.surface is None else metadata.surface.name,
+        drop_height_m=metadata.drop_height_m,
+        operator=metadata.operator,
         quantity=recording.quantity,
         sample_rate_hz=recording.sample_rate_hz,
         samples=recording.samples.size,
         trigger_index=recording.trigger_index,
         peak=_peak(recording),
         clipped=recording.clipped,
-        environment=about.environment,
+        environment=metadata.environment,
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from impactd.storage.nexus import group, put
-from impactd.storage.shot_about import Recording
+from impactd.storage.shot_metadata import Recording
 
 DATA_PATH = "entry/instrument/digitizer/data"
 TIME_PATH = "entry/record/time"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from impactd.storage.errors import ArchiveError, NotFoundError
 from impactd.storage.index import Index
-from impactd.storage.moment import utc_after, utc_now
+from impactd.storage.timestamp import utc_after, utc_now
 
 SCOPES = ("read", "operate", "admin")
 """Each scope holds the ones before it."""

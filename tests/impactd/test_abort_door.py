@@ -15,7 +15,7 @@ import structlog.testing
 
 from impactd.abort_door import AbortDoor, socket_name
 from impactd.acquisition.abort_epoch import AbortEpoch
-from impactd.acquisition.hands import AbortReport
+from impactd.acquisition.reservation import AbortReport
 from impactd.api.arrivals import Arrivals
 from impactd.console.abort_socket import abort_through_socket
 

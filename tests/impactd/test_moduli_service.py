@@ -19,8 +19,8 @@ from impactd import moduli_service
 from impactd.materials import Materials
 from impactd.moduli_observations import IDS_AT_ONCE, Observations
 from impactd.moduli_service import MODELS_KEPT, NETWORKS_KEPT, ModuliService
-from impactd.storage.archive import Archive, DropRequest, Recording, ShotAbout
-from impactd.storage.moment import utc_after, utc_now
+from impactd.storage.archive import Archive, DropRequest, Recording, ShotMetadata
+from impactd.storage.timestamp import utc_after, utc_now
 
 NU = Quantity(0.35, 0.01)
 TRUE_PA = {"acetal": 3.15e9, "aluminium": 69e9, "specimen": 2.3e9}
@@ -68,7 +68,7 @@ def fitted(archive: Archive) -> Callable[..., int]:
         drop, _ = archive.begin_drop(
             DropRequest("acetal", surface, 0.047, "ab"), owner="a", **begin
         )
-        about = ShotAbout(
+        metadata = ShotMetadata(
             utc_now(),
             0,
             9.81,
@@ -77,7 +77,7 @@ def fitted(archive: Archive) -> Callable[..., int]:
             environment=around,
         )
         record = Record(codes.astype(np.int16), 3e-4, 0, True, 1e6, 1, 10, 1000, 0, 0)
-        number = archive.store_shot(drop.number, record, about).number
+        number = archive.store_shot(drop.number, record, metadata).number
         plane = 1 - NU.value**2
         reduced = 1 / (plane / TRUE_PA["acetal"] + plane / TRUE_PA[surface])
         reduced *= math.exp(generator.normal(0, 0.002))
@@ -264,8 +264,8 @@ def _import(archive: Archive, origin: str) -> int:
     signal = generator.normal(0, 1e-3, 3000)
     signal[1000:1100] += np.sin(np.linspace(0, np.pi, 100))
     recording = Recording(signal, 1.0, 0.0, "voltage", 1e6, 10.0, 1000)
-    about = ShotAbout(utc_now(), 0, 9.81, source="import", origin=origin)
-    return archive.store_import(recording, about).number
+    metadata = ShotMetadata(utc_now(), 0, 9.81, source="import", origin=origin)
+    return archive.store_import(recording, metadata).number
 
 
 def test_what_is_kept_gives_the_answer_of_the_tables(

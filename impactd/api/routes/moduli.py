@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 import anyio
 from fastapi import APIRouter, Query, Request, Response
 
-from impactd.api.answers import moment
+from impactd.api.answers import timestamp
 from impactd.api.finite import without_nan
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import Moment
@@ -42,8 +42,8 @@ async def moduli(  # noqa: PLR0917 - the framework fills them by name
     ask = partial(
         daemon.moduli,
         specimen=specimen,
-        since=moment("since", since),
-        until=moment("until", until),
+        since=timestamp("since", since),
+        until=timestamp("until", until),
         model=model,
     )
 
@@ -91,8 +91,8 @@ async def budget(  # noqa: PLR0917 - the framework fills them by name
     ask = partial(
         daemon.moduli_budget,
         specimen=specimen,
-        since=moment("since", since),
-        until=moment("until", until),
+        since=timestamp("since", since),
+        until=timestamp("until", until),
         model=model,
     )
 

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import FileResponse
 
-from impactd.api.answers import moment, next_page, shot_answer, shot_summary
+from impactd.api.answers import next_page, shot_answer, shot_summary, timestamp
 from impactd.api.decimate import MAX_POINTS, min_max_indices
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import (
@@ -26,7 +26,7 @@ from impactd.api.schemas import (
 from impactd.api.security import TheDaemon
 from impactd.jobs.curves import samples_of
 from impactd.storage.exchange import csv_text
-from impactd.storage.shot_about import QUANTITIES
+from impactd.storage.shot_metadata import QUANTITIES
 
 router = APIRouter(prefix="/v1/shots", tags=["shots"])
 # No record lasts longer, and a moment far outside must not overflow the count of samples.
@@ -68,8 +68,8 @@ def list_shots(  # noqa: PLR0917 - the framework fills them by name
     shots = daemon.archive.shots(
         sphere=sphere,
         surface=surface,
-        since=moment("since", since),
-        until=moment("until", until),
+        since=timestamp("since", since),
+        until=timestamp("until", until),
         search=search,
         limit=limit,
         before=before,

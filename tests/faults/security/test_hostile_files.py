@@ -18,10 +18,10 @@ from hypothesis import strategies as st
 
 from impactd.storage.archive import Archive, CampaignError, CorruptShotError
 from impactd.storage.campaign_folder import read_campaign
-from impactd.storage.moment import utc_now
-from impactd.storage.shot_about import Recording, ShotAbout
 from impactd.storage.shot_file import build_shot_file, read_shot_file
+from impactd.storage.shot_metadata import Recording, ShotMetadata
 from impactd.storage.shot_views import DATA_PATH
+from impactd.storage.timestamp import utc_now
 
 CIRCUMSTANCES = "entry/process/circumstances/data"
 SECRET = b"the words of a file outside"
@@ -156,8 +156,8 @@ def test_foreign_data_beside_a_good_record_is_refused(
     """In whatever group it stands; a reindex names the file and takes the others in."""
     samples = (1000 * np.hanning(400)).astype(np.int16)
     recording = Recording(samples, 3e-4, 0.0, "voltage", 1e6, 0.0, 100)
-    about = ShotAbout(utc_now(), 0, 9.81)
-    content = build_shot_file(1, recording, about, None)
+    metadata = ShotMetadata(utc_now(), 0, 9.81)
+    content = build_shot_file(1, recording, metadata, None)
     assert read_shot_file(content, "shot")[0] == 1
     data = tmp_path / "data"
     Archive.open(data, reserve_bytes=0).close()
@@ -165,7 +165,7 @@ def test_foreign_data_beside_a_good_record_is_refused(
     path.write_bytes(content)
     with h5py.File(path, "a") as file:
         change(file, outside)
-    (data / "shots" / "000002.h5").write_bytes(build_shot_file(2, recording, about, None))
+    (data / "shots" / "000002.h5").write_bytes(build_shot_file(2, recording, metadata, None))
     report = Archive.reindex(data)
     assert report.shots == 1
     assert len(report.damaged) == 1
@@ -181,7 +181,7 @@ def test_a_shot_file_of_impossible_numbers_is_refused(key: str, value: float) ->
     recording = Recording(samples, 3e-4, 0.0, "voltage", 1e6, 0.0, 100)
     bad = replace(recording, **{key: value})
     with pytest.raises(CorruptShotError, match=key):
-        read_shot_file(build_shot_file(1, bad, ShotAbout(utc_now(), 0, 9.81), None), "shot")
+        read_shot_file(build_shot_file(1, bad, ShotMetadata(utc_now(), 0, 9.81), None), "shot")
 
 
 @settings(max_examples=300, deadline=None, database=None, derandomize=True)

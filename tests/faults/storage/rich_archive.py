@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from drivers.digitizer import Record
-from impactd.storage.archive import Archive, ArchiveError, DropRequest, Problem, ShotAbout
+from impactd.storage.archive import Archive, ArchiveError, DropRequest, Problem, ShotMetadata
 from impactd.storage.journal_rows import TABLES
 
 REQUEST = DropRequest("acetal", "aluminium", 0.047, "ab")
@@ -26,8 +26,8 @@ def make(folder: Path) -> None:
             archive.begin_drop(REQUEST, owner="ab", idempotency_key=f"stored-{number}")
             codes = np.random.default_rng(number).normal(0, 50, 4000).astype(np.int16)
             record = Record(codes, 3e-4, 0.0, True, 1e6, 1.0, 10.0, 1000, 0, 0)
-            about = ShotAbout("2026-03-01T12:00:00.000000Z", 0, 9.81, operator="ab")
-            archive.store_shot(number, record, about)
+            metadata = ShotMetadata("2026-03-01T12:00:00.000000Z", 0, 9.81, operator="ab")
+            archive.store_shot(number, record, metadata)
             archive.set_rebound_height(number, 0.02 + number / 1000, 0.001)
             archive.fits.add(number, "kv", None, {"modulus_Pa": 1e9 / number})
             archive.events.append("drop.stored", {"number": number})

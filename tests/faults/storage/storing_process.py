@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from drivers.digitizer import Record
-from impactd.storage.archive import Archive, ArchiveError, DropRequest, ShotAbout
+from impactd.storage.archive import Archive, ArchiveError, DropRequest, ShotMetadata
 
 TRIES = 3
 
@@ -36,10 +36,10 @@ def _store(archive: Archive) -> None:
     archive.set_drop_state(number, "armed")
     codes = np.random.default_rng(number).normal(0, 50, 4000).astype(np.int16)
     record = Record(codes, 3e-4, 0.0, True, 1e6, 1.0, 10.0, 1000, 0, 0)
-    about = ShotAbout("2026-03-01T12:00:00.000000Z", 0, 9.81, operator="ab")
+    metadata = ShotMetadata("2026-03-01T12:00:00.000000Z", 0, 9.81, operator="ab")
     for _ in range(TRIES):
         try:
-            archive.store_shot(number, record, about)
+            archive.store_shot(number, record, metadata)
         except ArchiveError as error:
             _say(f"kept {number} {error}")
         else:

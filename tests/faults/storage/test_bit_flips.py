@@ -13,7 +13,7 @@ import pytest
 
 from drivers.digitizer import Record
 from impactd.storage import checksums, schema
-from impactd.storage.archive import Archive, ArchiveError, DropRequest, Problem, ShotAbout
+from impactd.storage.archive import Archive, ArchiveError, DropRequest, Problem, ShotMetadata
 from impactd.storage.checksums import COLUMNS
 from impactd.storage.index import Index
 from impactd.storage.jobs import DIAGNOSE
@@ -35,8 +35,8 @@ def sound(tmp_path: Path) -> Path:
             archive.begin_drop(REQUEST, owner="ab", idempotency_key=f"k{number}")
             codes = rng.normal(0, 50, 4000).astype(np.int16)
             record = Record(codes, 3e-4, 0.0, True, 1e6, 1.0, 10.0, 1000, 0, 0)
-            about = ShotAbout("2026-03-01T12:00:00.000000Z", 0, 9.81, operator="ab")
-            archive.store_shot(number, record, about)
+            metadata = ShotMetadata("2026-03-01T12:00:00.000000Z", 0, 9.81, operator="ab")
+            archive.store_shot(number, record, metadata)
             archive.fits.add(number, "kv", None, {"modulus_Pa": 1e9 / 3})
             archive.events.append("drop.stored", {"number": number})
         failed, _ = archive.begin_drop(REQUEST, owner="ab")
@@ -124,7 +124,7 @@ def _readers(archive: Archive) -> list[Callable[[], Any]]:
         archive.models.history,
         *(lambda n=n: archive.fits.for_shot(n) for n in range(1, 6)),
         *(lambda n=n: archive.read_shot(n).recording.samples.tolist() for n in range(1, 6)),
-        *(lambda n=n: archive.read_shot(n).about for n in range(1, 6)),
+        *(lambda n=n: archive.read_shot(n).metadata for n in range(1, 6)),
     ]
 
 

@@ -235,9 +235,11 @@ def test_a_drop_keeps_what_the_sensor_said(
     drop = laboratory.drop()
     assert drop.state == "stored"
     stored = laboratory.archive.read_shot(drop.number)
-    assert stored.about.environment == stored.shot.environment == READ
+    assert stored.metadata.environment == stored.shot.environment == READ
     assert laboratory.archive.shot(drop.number).environment == READ
-    assert stored.about.configuration["environment"]["command"] == [str(tmp_path / "a sensor.sh")]
+    assert stored.metadata.configuration["environment"]["command"] == [
+        str(tmp_path / "a sensor.sh")
+    ]
     assert "environment.unknown" not in [kind for kind, _ in laboratory.events]
 
 
@@ -249,9 +251,9 @@ def test_a_drop_without_a_reading_is_stored_and_told(
     laboratory = build(environment=missing).start()
     drop = laboratory.drop(request(environment=STATED))
     assert drop.state == "stored"
-    about = laboratory.archive.read_shot(drop.number).about
-    assert about.environment == STATED
-    assert any("not known" in note and "none.json" in note for note in about.notes)
+    metadata = laboratory.archive.read_shot(drop.number).metadata
+    assert metadata.environment == STATED
+    assert any("not known" in note and "none.json" in note for note in metadata.notes)
     told = next(data for kind, data in laboratory.events if kind == "environment.unknown")
     assert told["drop"] == drop.number
     assert "No such file" in told["detail"]

@@ -144,7 +144,7 @@ def test_serial_garbage_is_tolerated_and_noted(laboratory: Laboratory) -> None:
     laboratory.world.faults.serial_garbage = b"\x00\xff"
     drop = laboratory.drop()
     assert drop.state == "stored", drop.problem
-    notes = laboratory.archive.read_shot(drop.number).about.notes
+    notes = laboratory.archive.read_shot(drop.number).metadata.notes
     assert any("garbage" in note for note in notes)
 
 

@@ -27,22 +27,22 @@ def test_a_drop_becomes_a_stored_shot(laboratory: Laboratory) -> None:
     drop = laboratory.drop()
     assert (drop.state, drop.shot, drop.problem) == ("stored", drop.number, None)
     stored = laboratory.archive.read_shot(drop.number)
-    about, recording = stored.about, stored.recording
-    assert about.sphere is not None
-    assert about.sphere.name == "acetal"
-    assert about.valve_confirmed is True
-    assert about.vacuum_v == pytest.approx(3.2, abs=0.01)
-    assert about.digitizer is not None
-    assert "untested on a 3500" in about.digitizer.note
-    assert about.valve_monotonic_ns is not None
+    metadata, recording = stored.metadata, stored.recording
+    assert metadata.sphere is not None
+    assert metadata.sphere.name == "acetal"
+    assert metadata.valve_confirmed is True
+    assert metadata.vacuum_v == pytest.approx(3.2, abs=0.01)
+    assert metadata.digitizer is not None
+    assert "untested on a 3500" in metadata.digitizer.note
+    assert metadata.valve_monotonic_ns is not None
     assert recording.trigger_monotonic_ns is not None
-    assert recording.trigger_monotonic_ns > about.valve_monotonic_ns
-    assert about.noise_rms_v == pytest.approx(1.5e-3, rel=0.2)
+    assert recording.trigger_monotonic_ns > metadata.valve_monotonic_ns
+    assert metadata.noise_rms_v == pytest.approx(1.5e-3, rel=0.2)
     assert recording.samples.size == 400_000
     assert recording.trigger_index == 20_000
     assert np.ptp(recording.signal) > 1.0
-    assert about.configuration["simulated"] is True
-    assert "simulation" not in about.configuration
+    assert metadata.configuration["simulated"] is True
+    assert "simulation" not in metadata.configuration
     compared = laboratory.archive.jobs.claim(prompt=True)
     assert compared is not None
     assert (compared.kind, compared.payload) == ("compare_shot", {"shot": drop.number})
@@ -310,8 +310,8 @@ def test_without_a_gauge_the_file_says_that_nobody_can_tell(
     laboratory = build(valve={"driver": "lcus", **gauge}, timeouts={"blind_loading_s": 0.1}).start()
     drop = laboratory.drop(DropRequest("acetal", "aluminium", 0.03, "ab"))
     assert drop.state == "stored", drop.problem
-    about = laboratory.archive.read_shot(drop.number).about
-    assert about.valve_confirmed is False
-    assert about.vacuum_v is None
-    assert any("cannot tell" in note for note in about.notes)
-    assert any("unconfirmed" in note for note in about.notes)
+    metadata = laboratory.archive.read_shot(drop.number).metadata
+    assert metadata.valve_confirmed is False
+    assert metadata.vacuum_v is None
+    assert any("cannot tell" in note for note in metadata.notes)
+    assert any("unconfirmed" in note for note in metadata.notes)

@@ -15,8 +15,8 @@ from drivers.digitizer import Record
 from impactd.jobs.runner import JobRunner
 from impactd.materials import Materials, load_materials
 from impactd.settings import Settings, find_config, load_settings
-from impactd.storage.archive import Archive, DropRequest, Job, ShotAbout
-from impactd.storage.moment import utc_now
+from impactd.storage.archive import Archive, DropRequest, Job, ShotMetadata
+from impactd.storage.timestamp import utc_now
 
 HERE = Path(__file__).parent
 LIVELINESS_S = 120.0
@@ -90,7 +90,7 @@ class Bench:
         record = Record(codes.astype(np.int16), 3e-4, 0.0, True, 1e6, 1.0, 10.0, 20_010, 0, 0)
         request = DropRequest(sphere, surface, 0.047, "ab")
         drop, _ = self.archive.begin_drop(request, owner="anna", **begin)
-        about = ShotAbout(
+        metadata = ShotMetadata(
             utc_now(),
             0,
             self.settings.release.gravity_m_per_s2,
@@ -99,7 +99,7 @@ class Bench:
             drop_height_m=0.047,
             speed_repeatability=0.003,
         )
-        return self.archive.store_shot(drop.number, record, about).number
+        return self.archive.store_shot(drop.number, record, metadata).number
 
 
 @pytest.fixture

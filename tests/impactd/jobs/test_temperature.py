@@ -15,8 +15,8 @@ from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 from impactd.jobs import tasks
 from impactd.jobs.orders import order_for, request_calibration_fit, request_fit
 from impactd.materials import Materials
-from impactd.storage.archive import DropRequest, ShotAbout
-from impactd.storage.moment import utc_now
+from impactd.storage.archive import DropRequest, ShotMetadata
+from impactd.storage.timestamp import utc_now
 
 COEFFICIENT = Quantity(-5e-3, 1e-4)
 
@@ -74,7 +74,7 @@ def _store(softening: Softening, told: dict[str, Any], codes: Any, celsius: floa
     per_code = per_code["value"] if isinstance(per_code, dict) else per_code
     trigger = told["trigger_index"]
     record = Record(np.asarray(codes), per_code, 0.0, True, 1e6, 10.0, 10.0, trigger, 0, 0)
-    about = ShotAbout(
+    metadata = ShotMetadata(
         utc_now(),
         0,
         softening.bench.settings.release.gravity_m_per_s2,
@@ -84,7 +84,7 @@ def _store(softening: Softening, told: dict[str, Any], codes: Any, celsius: floa
         speed_repeatability=0.003,
         environment=Environment(Quantity(celsius, 0.1)),
     )
-    return archive.store_shot(drop.number, record, about).number
+    return archive.store_shot(drop.number, record, metadata).number
 
 
 @pytest.mark.parametrize("side", ["spheres", "surfaces"])

@@ -12,7 +12,7 @@ import pytest
 
 from analysis.campaign import Quantity, Sensor, Sphere, Surface
 from drivers.digitizer import DigitizerIdentity, Record, TriggerSettings
-from impactd.storage.archive import Archive, DropRequest, ShotAbout
+from impactd.storage.archive import Archive, DropRequest, ShotMetadata
 
 REQUEST = DropRequest("acetal", "polycarbonate", 0.047, "ab")
 
@@ -58,9 +58,9 @@ def record() -> Callable[..., Record]:
 
 
 @pytest.fixture
-def about() -> ShotAbout:
+def metadata() -> ShotMetadata:
     """Return circumstances with every field set."""
-    return ShotAbout(
+    return ShotMetadata(
         started_utc="2026-03-01T12:00:00.000000Z",
         started_monotonic_ns=900000000,
         gravity_m_per_s2=9.81,
@@ -87,12 +87,14 @@ def about() -> ShotAbout:
 
 
 @pytest.fixture
-def stored(archive: Archive, record: Callable[..., Record], about: ShotAbout) -> Callable[..., int]:
+def stored(
+    archive: Archive, record: Callable[..., Record], metadata: ShotMetadata
+) -> Callable[..., int]:
     """Return a function that stores a shot and returns its number."""
 
     def store(**changes: Any) -> int:
         drop, _ = archive.begin_drop(REQUEST, owner="anna")
-        return archive.store_shot(drop.number, record(**changes), about).number
+        return archive.store_shot(drop.number, record(**changes), metadata).number
 
     return store
 

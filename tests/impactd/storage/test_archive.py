@@ -24,7 +24,7 @@ from impactd.storage.archive import (
     IdempotencyConflictError,
     NotFoundError,
     Problem,
-    ShotAbout,
+    ShotMetadata,
     StorageFullError,
 )
 
@@ -104,13 +104,13 @@ def test_a_stored_shot_reads_back_to_the_last_bit(
     archive: Archive,
     request_body: DropRequest,
     record: Callable[..., Record],
-    about: ShotAbout,
+    metadata: ShotMetadata,
 ) -> None:
     """Codes, scale, circumstances and drop come back as they were; the drop is stored."""
     archive.begin_drop(request_body, owner="anna", idempotency_key="k")
     original = record()
 
-    shot = archive.store_shot(1, original, about)
+    shot = archive.store_shot(1, original, metadata)
     read = archive.read_shot(1)
 
     assert archive.drop(1).state == "stored"
@@ -120,14 +120,14 @@ def test_a_stored_shot_reads_back_to_the_last_bit(
     assert replace(read.record, codes=original.codes) == original
     assert read.drop is not None
     assert read.drop.idempotency_key == "k"
-    assert about.sensor is not None
-    assert read.about.sensor is not None
+    assert metadata.sensor is not None
+    assert read.metadata.sensor is not None
     assert np.array_equal(
-        np.asarray(read.about.sensor.covariance), np.asarray(about.sensor.covariance)
+        np.asarray(read.metadata.sensor.covariance), np.asarray(metadata.sensor.covariance)
     )
-    same = replace(read.about.sensor, covariance=None)
-    assert same == replace(about.sensor, covariance=None)
-    assert replace(read.about, sensor=None) == replace(about, sensor=None)
+    same = replace(read.metadata.sensor, covariance=None)
+    assert same == replace(metadata.sensor, covariance=None)
+    assert replace(read.metadata, sensor=None) == replace(metadata, sensor=None)
     assert shot.peak == pytest.approx(8000 * 3.0517578125e-4, rel=0.01)
 
 
@@ -135,14 +135,14 @@ def test_an_ended_drop_gets_no_shot(
     archive: Archive,
     request_body: DropRequest,
     record: Callable[..., Record],
-    about: ShotAbout,
+    metadata: ShotMetadata,
 ) -> None:
     """A record that comes after the abort is refused and leaves no file."""
     archive.begin_drop(request_body, owner="a")
     archive.set_drop_state(1, "aborted", PROBLEM)
 
     with pytest.raises(DropStateError):
-        archive.store_shot(1, record(), about)
+        archive.store_shot(1, record(), metadata)
 
     assert not list((archive.directory / "shots").iterdir())
 
@@ -151,12 +151,12 @@ def test_a_failed_record_is_kept_as_evidence_only(
     archive: Archive,
     request_body: DropRequest,
     record: Callable[..., Record],
-    about: ShotAbout,
+    metadata: ShotMetadata,
 ) -> None:
     """A partial record has a file that says what it is, and is no shot."""
     archive.begin_drop(request_body, owner="a")
 
-    path = archive.keep_partial(1, record(), about, "overrun")
+    path = archive.keep_partial(1, record(), metadata, "overrun")
 
     assert path.is_file()
     assert archive.shots() == []
@@ -165,7 +165,7 @@ def test_a_failed_record_is_kept_as_evidence_only(
 
 
 def test_shots_are_found_by_pair_and_time_page_by_page(
-    archive: Archive, stored: Callable[..., int], about: ShotAbout
+    archive: Archive, stored: Callable[..., int], metadata: ShotMetadata
 ) -> None:
     """Filters and the ``before`` cursor select shots, newest first."""
     numbers = [stored(seed=seed) for seed in range(5)]
@@ -175,11 +175,11 @@ def test_shots_are_found_by_pair_and_time_page_by_page(
     assert len(archive.shots(surface="polycarbonate", sphere="acetal")) == 5
     assert archive.shots(surface="aluminium") == []
     assert archive.shots(since="2026-03-01T12:00:00.000001Z") == []
-    assert len(archive.shots(since=about.started_utc, until="2026-03-02")) == 5
+    assert len(archive.shots(since=metadata.started_utc, until="2026-03-02")) == 5
 
 
 def test_numbers_go_on_after_a_restart(
-    tmp_path: Path, request_body: DropRequest, record: Callable[..., Record], about: ShotAbout
+    tmp_path: Path, request_body: DropRequest, record: Callable[..., Record], metadata: ShotMetadata
 ) -> None:
     """Drops and shots share one sequence that no restart sets back."""
     with Archive.open(tmp_path, reserve_bytes=0) as archive:
@@ -188,7 +188,7 @@ def test_numbers_go_on_after_a_restart(
     with Archive.open(tmp_path, reserve_bytes=0) as archive:
         second, _ = archive.begin_drop(request_body, owner="a")
         assert second.number == 2
-        assert archive.store_shot(2, record(), about).number == 2
+        assert archive.store_shot(2, record(), metadata).number == 2
 
 
 def test_what_a_dead_daemon_left_is_shown_and_never_fired_again(
@@ -276,11 +276,11 @@ FULL_DISK = """
     from pathlib import Path
     import numpy as np
     from drivers.digitizer import Record
-    from impactd.storage.archive import Archive, DropRequest, ShotAbout, StorageFullError
+    from impactd.storage.archive import Archive, DropRequest, ShotMetadata, StorageFullError
 
     codes = np.random.default_rng(0).integers(-9000, 9000, 200_000).astype(np.int16)
     record = Record(codes, 3e-4, 0.0, True, 1e6, 1.0, 10.0, 1000, 0, 0)
-    about = ShotAbout("2026-01-01T00:00:00.000000Z", 0, 9.81)
+    about = ShotMetadata("2026-01-01T00:00:00.000000Z", 0, 9.81)
     with Archive.open(Path(sys.argv[1]), reserve_bytes=0) as archive:
         stored = []
         try:
@@ -323,11 +323,11 @@ CRASH = """
     from pathlib import Path
     import numpy as np
     from drivers.digitizer import Record
-    from impactd.storage.archive import Archive, DropRequest, ShotAbout
+    from impactd.storage.archive import Archive, DropRequest, ShotMetadata
 
     codes = np.random.default_rng(0).integers(-9000, 9000, 200_000).astype(np.int16)
     record = Record(codes, 3e-4, 0.0, True, 1e6, 1.0, 10.0, 1000, 0, 0)
-    about = ShotAbout("2026-01-01T00:00:00.000000Z", 0, 9.81)
+    about = ShotMetadata("2026-01-01T00:00:00.000000Z", 0, 9.81)
     archive = Archive.open(Path(sys.argv[1]), reserve_bytes=0)
     print("open", flush=True)
     while True:

@@ -16,14 +16,14 @@ import pytest
 from analysis.campaign import Environment, Quantity
 from drivers.digitizer import Record
 from impactd.storage import checksums, journal_rows, schema
-from impactd.storage.archive import Archive, CorruptShotError, ShotAbout
+from impactd.storage.archive import Archive, CorruptShotError, ShotMetadata
 from impactd.storage.drops import DropRequest
 from impactd.storage.exchange import export_shots
 from impactd.storage.index import Index
 from impactd.storage.shot_file import build_shot_file, read_shot_file, recording_of
 
 WARM = Environment(Quantity(31.5, 0.2), Quantity(0.4, 0.03))
-ABOUT = ShotAbout("2026-03-01T12:00:00.000000Z", 0, 9.81, drop_height_m=0.047)
+ABOUT = ShotMetadata("2026-03-01T12:00:00.000000Z", 0, 9.81, drop_height_m=0.047)
 _CIRCUMSTANCES = "entry/process/circumstances/data"
 
 
@@ -45,8 +45,8 @@ def test_a_shot_file_keeps_the_environment(
     record: Callable[..., Record], around: Environment | None
 ) -> None:
     """What is known comes back, and what is not known stays unknown."""
-    about = replace(ABOUT, environment=around)
-    content = build_shot_file(7, recording_of(record()), about, None)
+    metadata = replace(ABOUT, environment=around)
+    content = build_shot_file(7, recording_of(record()), metadata, None)
     assert read_shot_file(content, "7.h5")[2].environment == around
     with h5py.File(io.BytesIO(content)) as file:
         assert ("environment" in file["entry"]) == (around is not None)
@@ -96,8 +96,8 @@ def test_an_exported_campaign_comes_back_with_its_environment(
         request = DropRequest("acetal", "aluminium", 0.047, "ab")
         for number, around in enumerate((Environment(WARM.temperature_c), None), start=1):
             archive.begin_drop(request, owner="ab")
-            about = replace(ABOUT, environment=around)
-            archive.store_shot(number, record(seed=number), about)
+            metadata = replace(ABOUT, environment=around)
+            archive.store_shot(number, record(seed=number), metadata)
         export_shots([archive.read_shot(n) for n in (1, 2)], "campaign", tmp_path / "out")
     file = tmp_path / "out" / "campaign.json"
     campaign = json.loads(file.read_text())

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from drivers.digitizer import Record
-from impactd.storage.archive import Archive, ArchiveError, CampaignError, DropRequest, ShotAbout
+from impactd.storage.archive import Archive, ArchiveError, CampaignError, DropRequest, ShotMetadata
 from impactd.storage.campaign_folder import read_campaign
 
 Make = Callable[..., Path]
@@ -28,8 +28,8 @@ def test_an_import_takes_the_next_numbers(
     assert report.numbers == (2, 3, 4)
     shot = archive.read_shot(2)
     assert shot.shot.source == "import"
-    assert shot.about.origin.startswith("campaign/shot000.npy sha256:")
-    assert shot.about.sensor is not None
+    assert shot.metadata.origin.startswith("campaign/shot000.npy sha256:")
+    assert shot.metadata.sensor is not None
     assert shot.drop is None
     assert archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a")[0].number == 5
 
@@ -123,7 +123,7 @@ def test_shots_that_disagree_make_no_campaign(
     archive: Archive,
     campaign_folder: Make,
     record: Callable[..., Record],
-    about: ShotAbout,
+    metadata: ShotMetadata,
     tmp_path: Path,
 ) -> None:
     """Two shots that describe one sphere differently are not put together silently."""
@@ -132,7 +132,7 @@ def test_shots_that_disagree_make_no_campaign(
         root["spheres"]["acetal"]["mass_kg"] = 0.0007
 
     drop, _ = archive.begin_drop(DropRequest("acetal", "polycarbonate", 0.047, "ab"), owner="a")
-    archive.store_shot(drop.number, record(), about)
+    archive.store_shot(drop.number, record(), metadata)
     numbers = archive.import_campaign(campaign_folder(change)).numbers
 
     with pytest.raises(ArchiveError, match="'acetal'"):

@@ -215,7 +215,7 @@ def test_the_old_index_is_kept(filled: Path) -> None:
     assert Path(report.old_index).is_file()
 
 
-def test_a_tampered_file_is_not_made_good_by_reindexing(filled: Path, about: object) -> None:
+def test_a_tampered_file_is_not_made_good_by_reindexing(filled: Path, metadata: object) -> None:
     """A readable file that is not the one that was stored stays refused."""
     first, second = filled / "shots/000001.h5", filled / "shots/000002.h5"
     content = bytearray(first.read_bytes())
@@ -234,12 +234,12 @@ def test_a_tampered_file_is_not_made_good_by_reindexing(filled: Path, about: obj
 
 
 def test_a_calibration_that_left_no_file_is_named_as_lost(
-    archive: Archive, record: Callable[..., object], about: object
+    archive: Archive, record: Callable[..., object], metadata: object
 ) -> None:
     """Drops of a calibration whose result is gone still belong to it."""
     archive.calibrations.begin(None, [], "timer")
     drop, _ = archive.begin_drop(DropRequest("a", "b", 0.1, "x"), owner="a", calibration=1)
-    archive.store_shot(drop.number, record(), about)  # type: ignore[arg-type]
+    archive.store_shot(drop.number, record(), metadata)  # type: ignore[arg-type]
     archive.close()
     _forget_all_but_files(archive.directory)
 

@@ -11,7 +11,7 @@ import pytest
 
 from drivers.digitizer import Record
 from impactd.storage import rescue
-from impactd.storage.archive import Archive, ArchiveError, DropRequest, ShotAbout
+from impactd.storage.archive import Archive, ArchiveError, DropRequest, ShotMetadata
 from impactd.storage.lasting import mount_of, why_not_lasting
 
 
@@ -57,7 +57,7 @@ def test_a_rescued_record_outlives_the_folders_for_temporary_files(  # noqa: PLR
     tmp_path: Path,
     lasting_folder: Path,
     record: Callable[..., Record],
-    about: ShotAbout,
+    metadata: ShotMetadata,
     request_body: DropRequest,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -70,7 +70,7 @@ def test_a_rescued_record_outlives_the_folders_for_temporary_files(  # noqa: PLR
     data = tmp_path / "data"
     with Archive.open(data, reserve_bytes=0, rescue_directory=lasting_folder) as archive:
         drop, _ = archive.begin_drop(request_body, owner="anna")
-        path = archive.rescue_shot(drop.number, record(), about)
+        path = archive.rescue_shot(drop.number, record(), metadata)
     shutil.rmtree(private)
     assert path.is_relative_to(lasting_folder)
     with Archive.open(data, reserve_bytes=0, rescue_directory=lasting_folder) as archive:

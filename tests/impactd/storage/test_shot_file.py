@@ -16,15 +16,15 @@ import numpy as np
 import pytest
 
 from drivers.digitizer import Record
-from impactd.storage.archive import Archive, CorruptShotError, ShotAbout
-from impactd.storage.shot_about import Recording
+from impactd.storage.archive import Archive, CorruptShotError, ShotMetadata
 from impactd.storage.shot_file import build_shot_file, read_shot_file, recording_of
+from impactd.storage.shot_metadata import Recording
 
 
 @pytest.fixture
-def content(record: Callable[..., Record], about: ShotAbout) -> bytes:
+def content(record: Callable[..., Record], metadata: ShotMetadata) -> bytes:
     """Return the bytes of a shot file."""
-    return build_shot_file(17, recording_of(record()), about, None)
+    return build_shot_file(17, recording_of(record()), metadata, None)
 
 
 def test_nxcheck_finds_nothing_to_complain_about(
@@ -99,7 +99,7 @@ def test_fields_for_people_agree_with_the_facts_for_programs(content: bytes) -> 
     with h5py.File(io.BytesIO(content)) as file:
         entry = file["entry"]
         facts = json.loads(entry["process/circumstances/data"][()])
-        about, recording = facts["about"], facts["recording"]
+        metadata, recording = facts["about"], facts["recording"]
         settings = entry["instrument/acquisition"]
 
         def read(path: str) -> Any:
@@ -107,27 +107,27 @@ def test_fields_for_people_agree_with_the_facts_for_programs(content: bytes) -> 
             return value.decode() if isinstance(value, bytes) else value
 
         assert read("title") == "Shot 17: acetal on polycarbonate from 47.0 mm"
-        assert read("start_time") == about["started_utc"]
-        assert read("user/name") == about["operator"]
-        assert read("sample/name") == about["surface"]["name"]
-        assert read("sample/mass") == about["surface"]["coupon_mass_kg"]
-        assert read("sphere/radius") == about["sphere"]["radius_m"]
-        assert read("release/drop_height") == about["drop_height_m"]
-        assert read("release/gravity") == about["gravity_m_per_s2"]
+        assert read("start_time") == metadata["started_utc"]
+        assert read("user/name") == metadata["operator"]
+        assert read("sample/name") == metadata["surface"]["name"]
+        assert read("sample/mass") == metadata["surface"]["coupon_mass_kg"]
+        assert read("sphere/radius") == metadata["sphere"]["radius_m"]
+        assert read("release/drop_height") == metadata["drop_height_m"]
+        assert read("release/gravity") == metadata["gravity_m_per_s2"]
         assert read("release/free_fall_speed") == pytest.approx((2 * 9.81 * 0.047) ** 0.5)
-        assert read("release/valve_host_clock") == about["valve_monotonic_ns"]
+        assert read("release/valve_host_clock") == metadata["valve_monotonic_ns"]
         assert settings["sample_rate"][()] == recording["sample_rate_hz"]
         assert settings["signal_per_code"][()] == recording["per_code"]
         assert settings["input_range"].attrs["units"] == "V"
         assert list(settings["status_words"][()]) == recording["status_words"]
-        assert settings["pre_trigger_samples"][()] == about["trigger"]["pre_trigger_samples"]
-        assert json.loads(entry["process/configuration/data"][()]) == about["configuration"]
+        assert settings["pre_trigger_samples"][()] == metadata["trigger"]["pre_trigger_samples"]
+        assert json.loads(entry["process/configuration/data"][()]) == metadata["configuration"]
         assert (read("process/program"), read("process/version")) == ("impactd", "1.2.3")
 
 
 def test_what_is_unknown_is_left_out(record: Callable[..., Record]) -> None:
     """A file without sphere, height or valve invents none."""
-    bare = ShotAbout("2026-01-01T00:00:00.000000Z", 0, 9.81)
+    bare = ShotMetadata("2026-01-01T00:00:00.000000Z", 0, 9.81)
 
     content = build_shot_file(1, recording_of(record()), bare, None)
 
@@ -141,9 +141,11 @@ def test_recordings_of_other_instruments_keep_their_floats() -> None:
     """Accelerations are stored as they came, with their unit."""
     values = np.random.default_rng(0).normal(size=300)
     recording = Recording(values, 1.0, 0.0, "acceleration_m_per_s2", 49993.0, 0.0, 30)
-    about = ShotAbout("2026-01-01T00:00:00.000000Z", 0, 9.81, source="import", origin="x/a.npy")
+    metadata = ShotMetadata(
+        "2026-01-01T00:00:00.000000Z", 0, 9.81, source="import", origin="x/a.npy"
+    )
 
-    content = build_shot_file(3, recording, about, None)
+    content = build_shot_file(3, recording, metadata, None)
     number, read, _, drop = read_shot_file(content, "x")
 
     assert (number, drop) == (3, None)
@@ -154,7 +156,7 @@ def test_recordings_of_other_instruments_keep_their_floats() -> None:
 
 
 def test_a_record_at_the_converters_limit_is_flagged(
-    record: Callable[..., Record], about: ShotAbout
+    record: Callable[..., Record], metadata: ShotMetadata
 ) -> None:
     """A record with a flat top at full scale is kept and called clipped."""
     codes = record().codes.copy()

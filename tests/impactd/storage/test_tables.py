@@ -17,7 +17,7 @@ from impactd.storage.archive import (
     NotFoundError,
     Problem,
 )
-from impactd.storage.moment import as_utc, utc_after, utc_now
+from impactd.storage.timestamp import as_utc, utc_after, utc_now
 
 
 def test_jobs_are_claimed_in_order_and_once(archive: Archive) -> None:

@@ -1,7 +1,7 @@
 """Everything a shot file says beside the record itself, as values.
 
 ``Recording`` is the record as the archive keeps it (a digitizer's ``Record`` or an import),
-``ShotAbout`` the circumstances, ``StoredShot`` both as read back.
+``ShotMetadata`` what is known beside it, ``StoredShot`` both as read back.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ QUANTITIES = {VOLTAGE: "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 
 @dataclass(frozen=True)
-class ShotAbout:
-    """The circumstances of a shot.
+class ShotMetadata:
+    """What is known of a shot beside its samples.
 
     Attributes
     ----------
@@ -182,15 +182,15 @@ class StoredShot:
         Its row in the index.
     recording : Recording
         The record.
-    about : ShotAbout
-        The circumstances.
+    metadata : ShotMetadata
+        What is known of the shot beside its samples.
     drop : Drop or None
         The drop it belongs to, as it was when the file was written; ``None`` for an import.
     """
 
     shot: Shot
     recording: Recording
-    about: ShotAbout
+    metadata: ShotMetadata
     drop: Drop | None
 
     @property

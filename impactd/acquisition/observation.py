@@ -1,4 +1,4 @@
-"""What was seen during a drop, and how it goes into the shot file."""
+"""What was observed during a drop, and how it goes into the shot file."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from impactd.acquisition.preflight import Baseline
 from impactd.materials import Materials
 from impactd.rig import Rig
 from impactd.settings import Settings
-from impactd.storage.archive import Calibration, DropRequest, ShotAbout
-from impactd.storage.moment import utc_now
+from impactd.storage.archive import Calibration, DropRequest, ShotMetadata
+from impactd.storage.timestamp import utc_now
 
 
 @dataclass
-class Witness:
-    """What was seen so far; filled in step by step.
+class Observation:
+    """What was observed so far; filled in step by step.
 
     Attributes
     ----------
@@ -95,20 +95,20 @@ def trigger_settings(settings: Settings) -> TriggerSettings:
     )
 
 
-def circumstances(
-    seen: Witness,
+def metadata_of(
+    seen: Observation,
     request: DropRequest,
     *,
     rig: Rig,
     settings: Settings,
     materials: Materials,
     calibration: Calibration | None,
-) -> ShotAbout:
-    """Return the circumstances of a drop as far as they are known by now.
+) -> ShotMetadata:
+    """Return what is known of a drop by now.
 
     Parameters
     ----------
-    seen : Witness
+    seen : Observation
         What was seen.
     request : DropRequest
         What was asked for.
@@ -119,11 +119,11 @@ def circumstances(
 
     Returns
     -------
-    ShotAbout
+    ShotMetadata
         For `Archive.store_shot` and `Archive.keep_partial`.
     """
     valve, baseline = seen.valve, seen.baseline
-    return ShotAbout(
+    return ShotMetadata(
         started_utc=seen.started_utc,
         started_monotonic_ns=seen.started_monotonic_ns,
         gravity_m_per_s2=settings.release.gravity_m_per_s2,

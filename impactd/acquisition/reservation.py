@@ -1,4 +1,4 @@
-"""In whose hands the rig is, and what an abort found there: values without behaviour."""
+"""Who has reserved the rig, and what an abort found there: values without behaviour."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from impactd.acquisition.transitions import DROP_UNDER_WAY, State
 
 
 class Reservation:
-    """The rig in one pair of hands for a series of drops.
+    """The rig, reserved for a series of drops.
 
     Parameters
     ----------

@@ -25,28 +25,28 @@ from impactd.storage.materials_json import (
     surface_from_json,
     surface_to_json,
 )
-from impactd.storage.shot_about import Recording, ShotAbout
+from impactd.storage.shot_metadata import Recording, ShotMetadata
 
 FORMAT = "impactd-shot/1"
 
 
-def circumstances(
-    number: int, recording: Recording, about: ShotAbout, drop: Drop | None
+def metadata_to_json(
+    number: int, recording: Recording, metadata: ShotMetadata, drop: Drop | None
 ) -> dict[str, Any]:
     """Return everything a shot file says beside its samples, JSON-ready."""
-    named = {key: getattr(about, key) for key in ShotAbout.__dataclass_fields__}
-    if about.sphere is not None:
-        named["sphere"] = {"name": about.sphere.name, **sphere_to_json(about.sphere)}
-    if about.surface is not None:
-        named["surface"] = {"name": about.surface.name, **surface_to_json(about.surface)}
-    if about.sensor is not None:
-        named["sensor"] = sensor_to_json(about.sensor)
-    if about.digitizer is not None:
-        named["digitizer"] = asdict(about.digitizer)
-    if about.trigger is not None:
-        named["trigger"] = asdict(about.trigger)
-    named["restitution"] = quantity_to_json(about.restitution)
-    named["environment"] = environment_to_json(about.environment)
+    named = {key: getattr(metadata, key) for key in ShotMetadata.__dataclass_fields__}
+    if metadata.sphere is not None:
+        named["sphere"] = {"name": metadata.sphere.name, **sphere_to_json(metadata.sphere)}
+    if metadata.surface is not None:
+        named["surface"] = {"name": metadata.surface.name, **surface_to_json(metadata.surface)}
+    if metadata.sensor is not None:
+        named["sensor"] = sensor_to_json(metadata.sensor)
+    if metadata.digitizer is not None:
+        named["digitizer"] = asdict(metadata.digitizer)
+    if metadata.trigger is not None:
+        named["trigger"] = asdict(metadata.trigger)
+    named["restitution"] = quantity_to_json(metadata.restitution)
+    named["environment"] = environment_to_json(metadata.environment)
     kept = {
         key: getattr(recording, key) for key in Recording.__dataclass_fields__ if key != "samples"
     }
@@ -65,9 +65,9 @@ def _of_drop(drop: Drop) -> dict[str, Any]:
     return found
 
 
-def decoded(
+def metadata_from_json(
     facts: dict[str, Any], samples: NDArray[Any], path: str
-) -> tuple[Recording, ShotAbout, Drop | None]:
+) -> tuple[Recording, ShotMetadata, Drop | None]:
     """Return what `circumstances` encoded, with the samples put back.
 
     Raises
@@ -86,11 +86,11 @@ def decoded(
         request["environment"] = _environment_of(request, path, "$.drop.request")
         drop["request"] = DropRequest(**request)
         drop = Drop(**drop)
-    return Recording(samples=samples, **recording), _about_of(facts["about"], path), drop
+    return Recording(samples=samples, **recording), _metadata_of(facts["about"], path), drop
 
 
 def _refuse_impossible(
-    recording: dict[str, Any], about: dict[str, Any], samples: NDArray[Any], path: str
+    recording: dict[str, Any], metadata: dict[str, Any], samples: NDArray[Any], path: str
 ) -> None:
     """Hold the numbers of a file to what a campaign may say; a reindex reads any file."""
     record = Fields(recording, file=path, path="$.recording")
@@ -105,7 +105,7 @@ def _refuse_impossible(
     trigger = record.whole("trigger_index")
     if trigger is None or not trigger < samples.size:
         record.refuse("trigger_index", f"is {trigger}; there are {samples.size} samples.")
-    around = Fields(about, file=path, path="$.about")
+    around = Fields(metadata, file=path, path="$.about")
     around.number("gravity_m_per_s2", ranges.GRAVITY_M_PER_S2)
     around.number("drop_height_m", ranges.DROP_HEIGHT_M)
     around.number("speed_repeatability", ranges.REPEATABILITY)
@@ -118,22 +118,22 @@ def _environment_of(within: dict[str, Any], path: str, at: str) -> Environment |
     return environment_from_json(around)
 
 
-def _about_of(about: dict[str, Any], path: str) -> ShotAbout:
+def _metadata_of(metadata: dict[str, Any], path: str) -> ShotMetadata:
     def fields(key: str) -> Fields:
-        return Fields(about[key], file=path, path=f"$.about.{key}")
+        return Fields(metadata[key], file=path, path=f"$.about.{key}")
 
-    if about["sphere"] is not None:
-        about["sphere"] = sphere_from_json(about["sphere"]["name"], fields("sphere"))
-    if about["surface"] is not None:
-        about["surface"] = surface_from_json(about["surface"]["name"], fields("surface"))
-    if about["sensor"] is not None:
-        about["sensor"] = sensor_from_json(fields("sensor"))
-    if about["digitizer"] is not None:
-        about["digitizer"] = DigitizerIdentity(**about["digitizer"])
-    if about["trigger"] is not None:
-        about["trigger"] = TriggerSettings(**about["trigger"])
-    if about["restitution"] is not None:
-        about["restitution"] = Quantity(**about["restitution"])
-    about["environment"] = _environment_of(about, path, "$.about")
-    about["notes"] = tuple(about["notes"])
-    return ShotAbout(**about)
+    if metadata["sphere"] is not None:
+        metadata["sphere"] = sphere_from_json(metadata["sphere"]["name"], fields("sphere"))
+    if metadata["surface"] is not None:
+        metadata["surface"] = surface_from_json(metadata["surface"]["name"], fields("surface"))
+    if metadata["sensor"] is not None:
+        metadata["sensor"] = sensor_from_json(fields("sensor"))
+    if metadata["digitizer"] is not None:
+        metadata["digitizer"] = DigitizerIdentity(**metadata["digitizer"])
+    if metadata["trigger"] is not None:
+        metadata["trigger"] = TriggerSettings(**metadata["trigger"])
+    if metadata["restitution"] is not None:
+        metadata["restitution"] = Quantity(**metadata["restitution"])
+    metadata["environment"] = _environment_of(metadata, path, "$.about")
+    metadata["notes"] = tuple(metadata["notes"])
+    return ShotMetadata(**metadata)
