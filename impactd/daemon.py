@@ -26,16 +26,17 @@ from analysis.errors import UnknownModelError
 from impactd import __version__
 from impactd.acquisition.service import AcquisitionService
 from impactd.alarms import Alarms
-from impactd.calibration_run import CalibrationRunner
+from impactd.calibration.run import CalibrationRunner
 from impactd.data_lock import DataLock
 from impactd.events import EventBus
 from impactd.jobs.orders import request_diagnosis, request_fit
 from impactd.jobs.runner import JobRunner
-from impactd.materials import Materials, load_materials
-from impactd.moduli_service import ModuliAnswer, ModuliService
-from impactd.rig import Rig, build_rig
+from impactd.moduli.service import ModuliAnswer, ModuliService
+from impactd.rig.build import build_rig
+from impactd.rig.rig import Rig
 from impactd.sd_notify import notify, watchdog_interval_s
-from impactd.settings import Settings
+from impactd.settings.materials import Materials, load_materials
+from impactd.settings.settings import Settings
 from impactd.storage import rescue
 from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.jobs import Job

@@ -27,8 +27,8 @@ from typing import Any
 from impactd.jobs.errors import WorkerLostError
 from impactd.jobs.orders import order_without_shots, shot_models, shot_places
 from impactd.jobs.refit_task import fit_chunk
-from impactd.materials import Materials
-from impactd.settings import Settings
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.index import as_text
 from impactd.storage.version import software

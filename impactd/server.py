@@ -31,7 +31,7 @@ from impactd.api.token_memory import TokenMemory
 from impactd.daemon import Daemon
 from impactd.end_signals import EndSignals
 from impactd.repeat_limit import RepeatLimit
-from impactd.settings import Settings
+from impactd.settings.settings import Settings
 
 _GRACE_S = 3
 # An answer changes threads four times, and each time waits so long for one that computes.

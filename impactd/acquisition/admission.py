@@ -17,7 +17,7 @@ from impactd.acquisition.preflight import (
 from impactd.acquisition.reservation import Reservation
 from impactd.acquisition.rig_loop import RigLoop
 from impactd.acquisition.transitions import State
-from impactd.settings import Settings
+from impactd.settings.settings import Settings
 from impactd.storage.archive import FINAL_STATES, Archive
 
 REMEDY = "Do what the sentence says; `impactd status` shows when the rig is ready."

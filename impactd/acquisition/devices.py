@@ -10,8 +10,8 @@ from drivers.errors import AbortedError, DriverError
 from drivers.valve import ValveReport
 from impactd.acquisition.failures import Doubt, Failure, failure_of
 from impactd.acquisition.preflight import Baseline, Check, check_input
-from impactd.rig import Rig
-from impactd.settings import Settings
+from impactd.rig.rig import Rig
+from impactd.settings.settings import Settings
 
 # An abort's promise of 100 ms is mostly the valve's.
 _STOP_PATIENCE_S = 0.03

@@ -34,9 +34,9 @@ from impactd.acquisition.preflight import (
 )
 from impactd.acquisition.transitions import IllegalTransitionError, Machine, State
 from impactd.acquisition.valve_guard import ValveGuard
-from impactd.materials import Materials
-from impactd.rig import Rig
-from impactd.settings import Settings
+from impactd.rig.rig import Rig
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import (
     Archive,
     ArchiveError,

@@ -32,7 +32,7 @@ from impactd.storage.regular_file import open_regular_file
 from impactd.storage.timestamp import utc_at
 
 if TYPE_CHECKING:
-    from impactd.settings_sections import EnvironmentSection
+    from impactd.settings.sections import EnvironmentSection
 
 # Two quantities take a hundred bytes; whoever keeps notes beside them still has room.
 _MOST_BYTES = 64 * 1024

@@ -8,8 +8,8 @@ from dataclasses import replace
 from drivers.errors import RecordError
 from impactd.acquisition.devices import Findings, look
 from impactd.acquisition.preflight import Check
-from impactd.rig import Rig
-from impactd.settings import Settings
+from impactd.rig.rig import Rig
+from impactd.settings.settings import Settings
 
 _INPUT_EVERY_LOOKS = 10
 _LONG_AGO_S = -1e9

@@ -10,9 +10,9 @@ from drivers.digitizer import TriggerSettings
 from drivers.valve import VacuumReading, ValveReport
 from impactd import __version__
 from impactd.acquisition.preflight import Baseline
-from impactd.materials import Materials
-from impactd.rig import Rig
-from impactd.settings import Settings
+from impactd.rig.rig import Rig
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Calibration, DropRequest, ShotMetadata
 from impactd.storage.timestamp import utc_now
 

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from impactd.settings_instrument import TriggerSection
-from impactd.settings_sections import CalibrationSection, PreflightSection
+from impactd.settings.instrument import TriggerSection
+from impactd.settings.sections import CalibrationSection, PreflightSection
 from impactd.storage.calibrations import Calibration
 
 

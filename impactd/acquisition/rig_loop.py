@@ -34,9 +34,9 @@ from impactd.acquisition.idle_watch import IdleWatch
 from impactd.acquisition.progress_writer import ProgressWriter
 from impactd.acquisition.transitions import Machine, State
 from impactd.acquisition.valve_guard import ValveGuard
-from impactd.materials import Materials
-from impactd.rig import Rig
-from impactd.settings import Settings
+from impactd.rig.rig import Rig
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Drop, DropStateError, Shot
 from impactd.storage.problem import Problem
 

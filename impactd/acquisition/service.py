@@ -29,9 +29,9 @@ from impactd.acquisition.reservation import AbortReport, Reservation, report_of
 from impactd.acquisition.rig_loop import Publish, RigLoop
 from impactd.acquisition.status import Facts, ServiceStatus, status_of
 from impactd.acquisition.transitions import DROP_UNDER_WAY, State
-from impactd.materials import Materials
-from impactd.rig import Rig
-from impactd.settings import Settings
+from impactd.rig.rig import Rig
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import (
     FINAL_STATES,
     Archive,

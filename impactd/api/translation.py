@@ -16,7 +16,7 @@ from impactd.acquisition.errors import (
 )
 from impactd.api.client_keys import own_part
 from impactd.api.problems import ProblemError
-from impactd.materials import UnknownMaterialError
+from impactd.settings.materials import UnknownMaterialError
 from impactd.storage.errors import (
     ArchiveError,
     CampaignError,

@@ -20,8 +20,8 @@ import numpy as np
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from impactd.jobs.orders import SHOT_MODELS, order_without_shots, shot_places
 from impactd.jobs.refit_task import fit_chunk
-from impactd.materials import Materials
-from impactd.settings import Settings
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import INDEX_NAME, Archive, DropRequest
 from impactd.storage.drops import Drop, DropTable
 from impactd.storage.fits import FitTable

@@ -21,8 +21,8 @@ from impactd.bench.large_archive import FittedShot, fill_archive, fitted_shots
 from impactd.console.client import Client
 from impactd.data_lock import read_holder
 from impactd.demo.rig_process import RigProcess
-from impactd.materials import load_materials
-from impactd.settings import find_config, load_settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import find_config, load_settings
 from impactd.storage.archive import Archive
 
 SHOTS = 10_000

@@ -25,9 +25,9 @@ from impactd.bench.figure import Figure
 from impactd.bench.runner import show
 from impactd.console.refit import executor_named
 from impactd.jobs.orders import order_without_shots
-from impactd.materials import load_materials
 from impactd.refit import RefitReport, refit, run_name
-from impactd.settings import Settings, find_config, load_settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import Settings, find_config, load_settings
 from impactd.storage.archive import Archive
 
 SHOTS = 2000

@@ -12,7 +12,8 @@ from impactd.console.client import connect
 from impactd.console.decisions import Asked
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
-from impactd.console.tables import measured, print_json, table
+from impactd.console.tables import print_json, table
+from impactd.reports.numbers import measured
 
 SHOWN_SHARE = 1e-3
 """Share of the variance below which a row is only in the JSON."""
@@ -148,7 +149,7 @@ def _refuse_ending(report_out: Path | None) -> None:
 def _deliver(document: Json, names: list[str], report_out: Path | None) -> None:
     if report_out is None:
         return
-    from impactd.budget_report import write_budget_report
+    from impactd.moduli.budget_report import write_budget_report
 
     write_budget_report(report_out, document, names)
 

@@ -9,7 +9,8 @@ from typing import Any
 
 from impactd.console.client import connect
 from impactd.console.failure import Failure
-from impactd.console.tables import measured, print_json, table
+from impactd.console.tables import print_json, table
+from impactd.reports.numbers import measured
 
 QUANTITIES = ("natural_frequency_Hz", "damping_ratio", "gain_N_per_V")
 _MOST = 200

@@ -9,7 +9,8 @@ from typing import Any
 from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
-from impactd.console.tables import measured, print_json
+from impactd.console.tables import print_json
+from impactd.reports.numbers import measured
 
 
 def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_json: bool) -> None:

@@ -43,7 +43,7 @@ def _names(kind: str, incomplete: str) -> list[str]:
 def _materials() -> dict[str, Any]:
     """Return the materials of the rig that IMPACTD_CONFIG names, or those that came with us."""
     told = os.environ.get("IMPACTD_CONFIG")
-    # as `impactd.settings.find_config`, which would load what a shell does not wait for
+    # as `impactd.settings.settings.find_config`, which would load what a shell does not wait for
     places = (Path(__file__).resolve().parents[2] / "config", _INSTALLED)
     ours = next((place for place in places if place.is_dir()), _INSTALLED) / "rig.toml"
     config = Path(told) if told else ours

@@ -14,9 +14,10 @@ from impactd.console.failure import Failure
 from impactd.console.fits import moduli_table
 from impactd.console.progress_bar import progress, progress_by_step
 from impactd.console.spreadsheet import write_csv
-from impactd.console.tables import measured, print_json, table
+from impactd.console.tables import print_json, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import likely_words, set_aside, shot_words
+from impactd.reports.numbers import measured
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""

@@ -18,7 +18,7 @@ from impactd.console.options import settings_of
 from impactd.console.tables import paint, print_json
 
 if TYPE_CHECKING:
-    from impactd.settings import Settings
+    from impactd.settings.settings import Settings
 
 _SHOT_BYTES = 1_000_000
 """A stored shot of 0.4 s at 1 MS/s, generously. [byte]"""
@@ -92,7 +92,7 @@ def examine(config: Path | None, data: Path | None) -> Iterator[Finding]:
 
 
 def _materials(settings: Settings) -> Iterator[Finding]:
-    from impactd.materials import load_materials
+    from impactd.settings.materials import load_materials
 
     materials = load_materials(settings.materials.file)
     said = f"{len(materials.spheres)} spheres, {len(materials.surfaces)} surfaces"
@@ -134,8 +134,8 @@ def _devices(settings: Settings) -> Iterator[Finding]:
         return
     with lock:
         from drivers.errors import DriverError
-        from impactd.materials import load_materials
-        from impactd.rig import build_rig
+        from impactd.rig.build import build_rig
+        from impactd.settings.materials import load_materials
 
         rig = build_rig(settings, load_materials(settings.materials.file))
         try:

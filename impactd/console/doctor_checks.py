@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from impactd.settings import Settings
+    from impactd.settings.settings import Settings
 
 _LEAST_PYTHON = (3, 11)
 _COMPILED = Path(__file__).resolve().parents[2] / "analysis" / "model"

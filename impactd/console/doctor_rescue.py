@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from impactd.console.doctor_checks import Finding
 
 if TYPE_CHECKING:
-    from impactd.settings import Settings
+    from impactd.settings.settings import Settings
 
 _NAME = "rescue directory"
 _BYTES_PER_SAMPLE = 10

@@ -12,10 +12,11 @@ import typer
 from impactd.console.client import Client, connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
-from impactd.console.rig_commands import DROP_ENDED
 from impactd.console.shots import advice_words
-from impactd.console.tables import measured, print_json
+from impactd.console.tables import print_json
+from impactd.reports.numbers import measured
 
+DROP_ENDED = ("analysed", "failed", "aborted", "interrupted")
 _COMPARED_WITHIN_S = 5.0
 """It takes a fraction of a second, and of the first shot of a daemon's life a few."""
 _LOOK_EVERY_S = 0.1

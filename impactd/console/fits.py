@@ -14,7 +14,8 @@ from impactd.console.client import connect, fresh_key
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.spreadsheet import write_csv
-from impactd.console.tables import measured, print_json, table
+from impactd.console.tables import print_json, table
+from impactd.reports.numbers import measured
 
 if TYPE_CHECKING:
     from analysis.fit.result import FitResult

@@ -13,7 +13,7 @@ from pathlib import Path
 from drivers.errors import DriverError
 from drivers.valve import Valve, ValveReport
 from impactd.console.failure import Failure
-from impactd.relay_board import build_valve, load_valve_section
+from impactd.rig.relay_board import build_valve, load_valve_section
 
 _PAUSE_S = 0.1
 

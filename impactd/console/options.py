@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from impactd.settings import Settings
+    from impactd.settings.settings import Settings
     from impactd.storage.archive import Archive
 
 Url = Annotated[
@@ -97,7 +97,7 @@ def settings_of(config: Path | None, data: Path | None) -> Settings:
     Settings
         Of the file, with the data directory replaced.
     """
-    from impactd.settings import load_settings
+    from impactd.settings.settings import load_settings
 
     return load_settings(config, data=data)
 

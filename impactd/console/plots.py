@@ -32,8 +32,8 @@ from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.stored_shots import campaign_of_files, download_shots, with_calibration
 from impactd.console.tables import print_json
-from impactd.materials import load_materials
-from impactd.settings import find_config
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import find_config
 from impactd.storage.campaign_folder import read_campaign
 
 ENDINGS = (".pdf", ".svg", ".png")

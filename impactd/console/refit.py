@@ -15,9 +15,9 @@ from impactd.console.tables import print_json
 from impactd.jobs.executors import WorkerExecutor, dask_executor
 from impactd.jobs.tasks import warm_up
 from impactd.jobs.worker_process import WorkerLimits
-from impactd.materials import load_materials
 from impactd.refit import CHUNK, refit
-from impactd.settings import Settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive
 
 MOST_REASONS = 10

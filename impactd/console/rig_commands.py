@@ -26,7 +26,6 @@ from impactd.console.options import (
 
 _Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
 _Until = Annotated[str | None, typer.Option("--until", help="First moment that is too late.")]
-DROP_ENDED = ("analysed", "failed", "aborted", "interrupted")
 
 
 def add_to(app: typer.Typer) -> None:

@@ -42,7 +42,7 @@ def schema(
 
     del as_json  # a schema is JSON in any case
     if name is Schema.SETTINGS:
-        from impactd.settings import json_schema
+        from impactd.settings.settings import json_schema
 
         print_json(json_schema())
         return

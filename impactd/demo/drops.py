@@ -11,7 +11,7 @@ from rich.console import Console
 from analysis.base_models import DEFAULT_BASE
 from impactd.console.client import Client, fresh_key
 from impactd.console.failure import Failure
-from impactd.console.tables import measured
+from impactd.reports.numbers import measured
 
 SPHERES = ("acetal", "acetal_small", "hdpe")
 """Two radii of one material, and a softer one."""

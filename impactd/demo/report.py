@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from impactd import __version__
-from impactd.console.tables import K_95
 from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import CLOSED, Outcome, Row
 from impactd.demo.page import PAGE
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 from impactd.diagnosis.repair import MEAN_WAVEFORM
+from impactd.reports.numbers import K_95
 
 _KNOWN = ' <span class="soft">(known before)</span>'
 

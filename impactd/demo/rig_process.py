@@ -15,7 +15,7 @@ from impactd.console.client import Client
 from impactd.console.failure import Failure
 from impactd.data_lock import read_holder
 from impactd.demo.drops import REFERENCE_SURFACES, SPHERES, SURFACES
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 
 MATERIALS_NAME = "materials.toml"
 CLOCK_SPEED = 4.0

@@ -17,8 +17,8 @@ from impactd.console.failure import Failure
 from impactd.demo import drops, loop, terminal
 from impactd.demo.outcome import Outcome, compare
 from impactd.demo.rig_process import MATERIALS_NAME, RigProcess, write_settings
-from impactd.settings import load_settings
-from impactd.simulated_rig import SEALED_NAME
+from impactd.rig.simulated import SEALED_NAME
+from impactd.settings.settings import load_settings
 from impactd.storage.archive import Archive
 from impactd.storage.campaign_folder import read_campaign
 

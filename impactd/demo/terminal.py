@@ -7,11 +7,11 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from impactd.console.tables import measured
 from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import CLOSED, Outcome
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 from impactd.diagnosis.repair import MEAN_WAVEFORM
+from impactd.reports.numbers import measured
 
 Json = dict[str, Any]
 

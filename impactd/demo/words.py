@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from impactd.console.tables import K_95
 from impactd.demo.outcome import Estimate, Row
+from impactd.reports.numbers import K_95
 
 
 def gigapascals(estimate: Estimate | None) -> str:

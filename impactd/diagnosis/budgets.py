@@ -6,8 +6,8 @@ import html
 from collections.abc import Sequence
 from typing import Any
 
-from impactd.console.tables import measured
 from impactd.diagnosis.markup import table
+from impactd.reports.numbers import measured
 
 Json = dict[str, Any]
 

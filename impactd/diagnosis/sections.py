@@ -6,12 +6,12 @@ import html
 import math
 from typing import Any
 
-from impactd.console.tables import measured
 from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import set_aside, shot_words
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
+from impactd.reports.numbers import measured
 
 Json = dict[str, Any]
 

@@ -13,8 +13,8 @@ from typing import Any
 from analysis.base_models import BASE_MODELS, DEFAULT_BASE
 from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Sensor
-from impactd.materials import Materials
-from impactd.settings import Settings
+from impactd.settings.materials import Materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Shot
 from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import COMPARE, DIAGNOSE, Job

@@ -12,7 +12,7 @@ from __future__ import annotations
 from typing import Any
 
 from impactd.jobs.orders import CALIBRATE, FIT_SHOT
-from impactd.settings import Settings
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, Problem
 from impactd.storage.drops import Drop
 from impactd.storage.errors import NotFoundError

@@ -23,8 +23,8 @@ from impactd.jobs.orders import order_for
 from impactd.jobs.results import CANCELLED, ResultWriter, Told
 from impactd.jobs.worker_process import WorkerLimits
 from impactd.jobs.write_queue import Write, WriteQueue, will_pass
-from impactd.materials import Materials, load_materials
-from impactd.settings import Settings
+from impactd.settings.materials import Materials, load_materials
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 

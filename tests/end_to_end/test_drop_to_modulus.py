@@ -21,7 +21,7 @@ from typing import Any
 import httpx2
 import pytest
 
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 
 CONFIG = find_config("simulated.toml")
 DROP = {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.03, "operator": "ab"}

@@ -10,8 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from impactd.console.tables import measured, table
-from impactd.settings import find_config
+from impactd.console.tables import table
+from impactd.reports.numbers import measured
+from impactd.settings.settings import find_config
 
 CONFIG = find_config("simulated.toml")
 COMMANDS = """

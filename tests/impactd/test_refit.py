@@ -16,9 +16,9 @@ import pytest
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.specimens import SPHERES, SURFACES
 from impactd.console.refit import executor_named
-from impactd.materials import load_materials
 from impactd.refit import CHUNK, RefitReport, refit
-from impactd.settings import Settings, find_config, load_settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import Settings, find_config, load_settings
 from impactd.storage.archive import Archive, ArchiveError
 
 LIVELINESS_S = 120.0

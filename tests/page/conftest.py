@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from impactd.data_lock import read_holder
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
 

@@ -45,7 +45,7 @@ def request_calibration(  # noqa: PLR0917 - the framework fills them by name
     """
     if body.method == "static_weights":
         from analysis.static_calibration import Reading
-        from impactd.calibration_weights import Weighing, calibrate_with_weights
+        from impactd.calibration.weights import Weighing, calibrate_with_weights
 
         assert body.readings is not None, "the body was checked"
         assert body.hold_time_s is not None, "the body was checked"

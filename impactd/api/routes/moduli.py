@@ -17,7 +17,7 @@ from impactd.api.finite import without_nan
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import Moment
 from impactd.api.security import TheDaemon
-from impactd.moduli_service import ModuliAnswer
+from impactd.moduli.service import ModuliAnswer
 
 router = APIRouter(prefix="/v1/moduli", tags=["moduli"])
 _Text = Annotated[str | None, Query(min_length=1, max_length=200)]

@@ -22,8 +22,8 @@ import pytest
 
 from impactd.bench.large_archive import fill_archive, fitted_shots
 from impactd.console.abort_socket import abort_through_socket
-from impactd.materials import load_materials
-from impactd.settings import find_config, load_settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import find_config, load_settings
 
 from ..conftest import Disk
 from ..storage.daemon_process import DaemonProcess

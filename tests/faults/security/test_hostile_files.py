@@ -205,7 +205,7 @@ def test_a_reindex_survives_hostile_files_and_names_each(tmp_path: Path, outside
         (path.parent / name).write_bytes(_content(make, outside))
     assert folder.is_dir()
     run = [sys.executable, "-m", "impactd", "reindex", "--data", str(data), "--config"]
-    from impactd.settings import find_config  # noqa: PLC0415
+    from impactd.settings.settings import find_config  # noqa: PLC0415
 
     done = subprocess.run(
         [*run, str(find_config("simulated.toml"))], capture_output=True, text=True, check=False

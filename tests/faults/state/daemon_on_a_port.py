@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from impactd import simulated_rig
+from impactd.rig import simulated as simulated_rig
 
 
 class _BoardOutside:

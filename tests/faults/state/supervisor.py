@@ -19,7 +19,7 @@ import httpx2
 from drivers.simulated.relay_terminal import RelayTerminal
 from drivers.simulated.world import World, WorldSettings
 from impactd.data_lock import LOCK_NAME
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ from pathlib import Path
 import httpx2
 import pytest
 
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 
 from .supervisor import DROP, Supervisor, until
 

@@ -13,7 +13,7 @@ import httpx2
 from drivers.simulated.world import World
 from impactd.daemon import Daemon
 from impactd.server import listen, make_server
-from impactd.settings import find_config, load_settings
+from impactd.settings.settings import find_config, load_settings
 
 from .daemon_process import DROP, until
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import httpx2
 
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
 
 HERE = Path(__file__).parent

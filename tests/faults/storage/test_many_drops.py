@@ -15,9 +15,9 @@ import pytest
 
 from impactd.acquisition.service import AcquisitionService
 from impactd.events import EventBus
-from impactd.materials import load_materials
-from impactd.rig import build_rig
-from impactd.settings import find_config, load_settings
+from impactd.rig.build import build_rig
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import find_config, load_settings
 from impactd.storage.archive import Archive, DropRequest
 
 REQUEST = DropRequest("acetal", "aluminium", 0.01, "ab")

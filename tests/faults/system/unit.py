@@ -12,8 +12,8 @@ from typing import Any
 
 import httpx2
 
-from impactd.settings import find_config
-from impactd.settings_sections import StorageSection
+from impactd.settings.sections import StorageSection
+from impactd.settings.settings import find_config
 
 NAME = "impactd.service"
 DATA = Path("/var/lib/impactd")

@@ -14,10 +14,10 @@ import pytest
 from drivers.simulated.world import World
 from impactd.acquisition.service import AcquisitionService
 from impactd.acquisition.transitions import State
-from impactd.materials import load_materials
-from impactd.rig import build_rig
-from impactd.settings import Settings, find_config, load_settings
-from impactd.settings_sections import EnvironmentSection
+from impactd.rig.build import build_rig
+from impactd.settings.materials import load_materials
+from impactd.settings.sections import EnvironmentSection
+from impactd.settings.settings import Settings, find_config, load_settings
 from impactd.storage.archive import Archive, Drop, DropRequest
 
 REQUEST = DropRequest("acetal", "aluminium", 0.03, "ab")

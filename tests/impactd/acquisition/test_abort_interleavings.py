@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from impactd.acquisition.errors import RequestRefusedError
-from impactd.calibration_run import CalibrationRunner
+from impactd.calibration.run import CalibrationRunner
 from impactd.storage.archive import FINAL_STATES
 
 from .conftest import REQUEST, Laboratory

@@ -15,7 +15,7 @@ import pytest
 from analysis.campaign import Environment, Quantity
 from impactd.acquisition.environment_reading import EnvironmentReading, Unknown
 from impactd.acquisition.transitions import State
-from impactd.settings_sections import EnvironmentSection
+from impactd.settings.sections import EnvironmentSection
 
 from .conftest import Laboratory, request
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from impactd.acquisition.preflight import Baseline, check_disk, check_input
-from impactd.settings_instrument import TriggerSection
-from impactd.settings_sections import PreflightSection
+from impactd.settings.instrument import TriggerSection
+from impactd.settings.sections import PreflightSection
 
 LIMITS = PreflightSection(
     baseline_min_v=-0.1, baseline_max_v=0.1, noise_max_v=0.02, noise_min_v=1e-5

@@ -14,7 +14,7 @@ import pytest
 from drivers.valve import ValveReport
 from impactd.acquisition.errors import BusyError, DropHeightError, NotReadyError
 from impactd.acquisition.transitions import State
-from impactd.materials import UnknownMaterialError
+from impactd.settings.materials import UnknownMaterialError
 from impactd.storage.archive import Drop, DropRequest, IdempotencyConflictError
 
 from .conftest import REQUEST, Laboratory, request

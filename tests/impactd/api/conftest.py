@@ -13,7 +13,7 @@ import pytest
 
 from impactd.daemon import Daemon
 from impactd.server import Server, listen, make_server
-from impactd.settings import Settings, find_config, load_settings
+from impactd.settings.settings import Settings, find_config, load_settings
 
 ACETAL_ON_ALUMINIUM = {
     "sphere": "acetal",

@@ -18,7 +18,7 @@ from impactd.api.sessions import CSRF_HEADER
 from impactd.cli import app
 from impactd.console import abort_socket
 from impactd.console.abort_socket import abort_through_socket
-from impactd.moduli_service import ModuliAnswer
+from impactd.moduli.service import ModuliAnswer
 
 from .conftest import ACETAL_ON_ALUMINIUM, until
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import h5py
 import pytest
 
-from impactd.settings_sections import EnvironmentSection
+from impactd.settings.sections import EnvironmentSection
 from impactd.storage.archive import Archive
 from impactd.storage.exchange import export_shots
 

@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 from impactd.bench.large_archive import FittedShot, fill_archive
-from impactd.materials import load_materials
-from impactd.moduli_service import ModuliService
-from impactd.settings import find_config
+from impactd.moduli.service import ModuliService
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
 from impactd.storage.shots import Shot
 

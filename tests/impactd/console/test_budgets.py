@@ -14,7 +14,7 @@ import jsonschema_rs
 import pytest
 
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
-from impactd.budget_report import write_budget_report
+from impactd.moduli.budget_report import write_budget_report
 
 
 @pytest.fixture(scope="module")

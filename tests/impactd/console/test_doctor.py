@@ -18,7 +18,7 @@ from impactd.console import doctor_rescue
 from impactd.console.doctor import examine
 from impactd.console.doctor_checks import Finding
 from impactd.daemon import Daemon
-from impactd.settings import find_config, load_settings
+from impactd.settings.settings import find_config, load_settings
 
 ROOT = Path(__file__).parents[3]
 NOBODY = 65534
@@ -158,9 +158,9 @@ _AS_NOBODY = """
 import json, os, sys
 from pathlib import Path
 sys.path.insert(0, sys.argv[1])
-import impactd.data_lock, impactd.materials, impactd.rig
+import impactd.data_lock, impactd.settings.materials, impactd.rig.build
 from impactd.console import doctor, doctor_checks
-from impactd.settings import load_settings
+from impactd.settings.settings import load_settings
 file, foreign, own = map(Path, sys.argv[2:5])
 os.setgroups([]); os.setgid(int(sys.argv[5])); os.setuid(int(sys.argv[5]))
 found = [doctor_checks.compiled_code(), *doctor._directory(load_settings(file, data=foreign))]

@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 
 from analysis import fit_campaign
 from impactd.cli import app
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 from impactd.storage.campaign_folder import read_campaign
 
 

@@ -10,7 +10,7 @@ import pytest
 from matplotlib.image import imread
 
 from impactd.console.failure import Failure
-from impactd.settings import find_config
+from impactd.settings.settings import find_config
 
 BEGINS = {".png": b"\x89PNG", ".pdf": b"%PDF-1", ".svg": b"<?xml"}
 MATRIX = {

@@ -9,8 +9,8 @@ import pytest
 from impactd.console.failure import Failure
 from impactd.demo.drops import plan
 from impactd.demo.rig_process import CLOCK_SPEED, RigProcess, write_settings
-from impactd.materials import load_materials
-from impactd.settings import find_config, load_settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import find_config, load_settings
 
 
 def test_settings_differ_from_the_shipped_rig_only_where_they_must(tmp_path: Path) -> None:

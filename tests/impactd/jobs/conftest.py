@@ -13,8 +13,8 @@ import pytest
 
 from drivers.digitizer import Record
 from impactd.jobs.runner import JobRunner
-from impactd.materials import Materials, load_materials
-from impactd.settings import Settings, find_config, load_settings
+from impactd.settings.materials import Materials, load_materials
+from impactd.settings.settings import Settings, find_config, load_settings
 from impactd.storage.archive import Archive, DropRequest, Job, ShotMetadata
 from impactd.storage.timestamp import utc_now
 

@@ -14,7 +14,7 @@ from drivers.digitizer import Record
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 from impactd.jobs import tasks
 from impactd.jobs.orders import order_for, request_calibration_fit, request_fit
-from impactd.materials import Materials
+from impactd.settings.materials import Materials
 from impactd.storage.archive import DropRequest, ShotMetadata
 from impactd.storage.timestamp import utc_now
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from impactd import settings as module
-from impactd.settings import SettingsError, find_config, json_schema, load_settings
+from impactd.settings import settings as module
+from impactd.settings.settings import SettingsError, find_config, json_schema, load_settings
 
 Change = Callable[[str], str]
 
@@ -215,7 +215,8 @@ def test_config_is_found_after_installation(
     place = tmp_path / "share" / "impactd" / "config"
     place.mkdir(parents=True)
     (place / "simulated.toml").write_text("", encoding="utf-8")
-    monkeypatch.setattr(module, "__file__", str(tmp_path / "lib" / "impactd" / "settings.py"))
+    installed = tmp_path / "lib" / "impactd" / "settings" / "settings.py"
+    monkeypatch.setattr(module, "__file__", str(installed))
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     assert find_config("simulated.toml") == place / "simulated.toml"
     with pytest.raises(SettingsError, match="reinstall"):

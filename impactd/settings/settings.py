@@ -1,8 +1,8 @@
 """One TOML file, checked whole, before anything moves.
 
-The keys are described in `impactd.settings_instrument` and
-`impactd.settings_sections`; ``config/rig.toml`` documents every one and
-``config/impactd.schema.json`` is generated from them (``python -m impactd.settings``).
+The keys are described in `impactd.settings.instrument` and
+`impactd.settings.sections`; ``config/rig.toml`` documents every one and
+``config/impactd.schema.json`` is generated from them (``python -m impactd.settings.settings``).
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
-from impactd.settings_errors import SettingsError, SettingsFinding, explain
-from impactd.settings_instrument import (
+from impactd.settings.errors import SettingsError, SettingsFinding, explain
+from impactd.settings.instrument import (
     DigitizerSection,
     ReleaseSection,
     RigSection,
@@ -26,8 +26,9 @@ from impactd.settings_instrument import (
     TriggerSection,
     ValveSection,
 )
-from impactd.settings_keys import Section
-from impactd.settings_sections import (
+from impactd.settings.keys import Section
+from impactd.settings.materials import load_materials
+from impactd.settings.sections import (
     CalibrationSection,
     EnvironmentSection,
     JobsSection,
@@ -165,7 +166,7 @@ def find_config(name: str) -> Path:
         If it is in neither place.
     """
     places = (
-        Path(__file__).resolve().parent.parent / "config",
+        Path(__file__).resolve().parent.parent.parent / "config",
         Path(sys.prefix) / "share" / "impactd" / "config",
         Path(sysconfig.get_path("data")) / "share" / "impactd" / "config",
     )
@@ -247,9 +248,6 @@ def _with_absolute_files(settings: Settings, folder: Path) -> Settings:
 
 
 def _check_plan(settings: Settings, file: Path) -> None:
-    # Imported here: materials reports its findings with this module's SettingsError.
-    from impactd.materials import load_materials  # noqa: PLC0415
-
     materials = load_materials(settings.materials.file)
     findings = []
     for index, drops in enumerate(settings.calibration.plan):

@@ -18,9 +18,9 @@ from typing import TYPE_CHECKING, Any
 import structlog
 
 from analysis.base_models import DEFAULT_BASE
-from impactd.materials import Materials
-from impactd.moduli_adjustment import adjusted, at_temperature, calibrations_of_other_bases
-from impactd.moduli_observations import Observations, ShotUse
+from impactd.moduli.adjustment import adjusted, at_temperature, calibrations_of_other_bases
+from impactd.moduli.observations import Observations, ShotUse
+from impactd.settings.materials import Materials
 from impactd.storage.archive import Archive, Calibration
 from impactd.storage.timestamp import utc_now
 from impactd.storage.version import software

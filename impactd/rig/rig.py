@@ -3,7 +3,6 @@
 ::
 
     settings ──> build_rig ──> Rig(digitizer, valve, loader)
-                    └── [simulation] in the settings ──> impactd.simulated_rig
 """
 
 from __future__ import annotations
@@ -14,14 +13,10 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-from drivers.daq3500.device import Daq3500
 from drivers.daq3500.settings import Daq3500Settings
 from drivers.digitizer import Digitizer
-from drivers.errors import ConfigurationError
 from drivers.valve import Valve
-from impactd.materials import Materials
-from impactd.relay_board import build_valve
-from impactd.settings import Settings
+from impactd.settings.settings import Settings
 
 if TYPE_CHECKING:
     from drivers.simulated.world import World
@@ -142,42 +137,6 @@ class Rig:
                 stack.callback(self.closing.pop(0))
             stack.callback(self.valve.close)
             stack.callback(self.digitizer.close)
-
-
-def build_rig(settings: Settings, materials: Materials) -> Rig:
-    """Return the rig that the settings describe; no device is touched yet.
-
-    Parameters
-    ----------
-    settings : Settings
-        With a ``simulation`` section: the simulated rig.
-    materials : Materials
-        What the simulated technician may be asked to hang.
-
-    Returns
-    -------
-    Rig
-        Unopened; the acquisition service opens the devices.
-
-    Raises
-    ------
-    ConfigurationError
-        If the settings cannot describe real devices.
-    """
-    if settings.simulated:
-        # Imported here, so that a real rig's daemon never loads the simulator.
-        from impactd.simulated_rig import build_simulated_rig  # noqa: PLC0415
-
-        return build_simulated_rig(settings, materials)
-    if settings.valve.port is None:
-        raise ConfigurationError("valve.port is missing.", remedy="Name the relay's serial port.")
-    return Rig(
-        digitizer=Daq3500(digitizer_settings(settings)),
-        valve=build_valve(settings.valve, settings.valve.port),
-        loader=PersonLoader(),
-        name=settings.rig.name,
-        simulated=False,
-    )
 
 
 def digitizer_settings(settings: Settings) -> Daq3500Settings:

@@ -12,12 +12,12 @@ import pytest
 
 from impactd.acquisition.errors import BusyError, CalibrationRefusedError, DropHeightError
 from impactd.acquisition.preflight import calibration_state
-from impactd.calibration_run import CalibrationRunner
-from impactd.materials import UnknownMaterialError
-from impactd.settings_sections import CalibrationSection
+from impactd.calibration.run import CalibrationRunner
+from impactd.settings.materials import UnknownMaterialError
+from impactd.settings.sections import CalibrationSection
 from impactd.storage.archive import Calibration, DropRequest, IdempotencyConflictError
 
-from .acquisition.conftest import Laboratory
+from ..acquisition.conftest import Laboratory
 
 PLAN = [
     {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.02, "repeats": 2},

@@ -1,6 +1,6 @@
 """The sections of the settings file that say what the daemon does and when.
 
-`impactd.settings_instrument` describes the rig; `impactd.settings` puts the sections together.
+`instrument.py` describes the rig; `settings.py` puts the sections together.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from impactd.settings_keys import MeasuredValue, Section, choice, key
+from impactd.settings.keys import MeasuredValue, Section, choice, key
 from impactd.storage.ranges import RELATIVE_HUMIDITY, RELATIVE_RESOLUTION, TEMPERATURE_C
 
 if TYPE_CHECKING:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from analysis.campaign import Quantity, Uncertainty
-from impactd.materials import UnknownMaterialError, load_materials
-from impactd.settings import SettingsError, find_config
+from impactd.settings.materials import UnknownMaterialError, load_materials
+from impactd.settings.settings import SettingsError, find_config
 
 # The paper's Tables 1 and 2: low and high modulus [Pa], low and high Poisson's ratio [1].
 PAPER = {

@@ -15,10 +15,10 @@ import pytest
 
 from analysis.campaign import Environment, Quantity, Sphere, Surface
 from drivers.digitizer import Record
-from impactd import moduli_service
-from impactd.materials import Materials
-from impactd.moduli_observations import IDS_AT_ONCE, Observations
-from impactd.moduli_service import MODELS_KEPT, NETWORKS_KEPT, ModuliService
+from impactd.moduli import service as moduli_service
+from impactd.moduli.observations import IDS_AT_ONCE, Observations
+from impactd.moduli.service import MODELS_KEPT, NETWORKS_KEPT, ModuliService
+from impactd.settings.materials import Materials
 from impactd.storage.archive import Archive, DropRequest, Recording, ShotMetadata
 from impactd.storage.timestamp import utc_after, utc_now
 

@@ -30,8 +30,8 @@ from impactd.acquisition.failures import failure_of
 from impactd.acquisition.reservation import Reservation
 from impactd.acquisition.service import AcquisitionService
 from impactd.jobs.orders import request_calibration_fit
-from impactd.materials import Materials, UnknownMaterialError
-from impactd.settings import Settings
+from impactd.settings.materials import Materials, UnknownMaterialError
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Calibration, Drop, DropRequest
 from impactd.storage.problem import Problem
 from impactd.storage.request_key import RequestKey

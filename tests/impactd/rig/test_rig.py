@@ -12,10 +12,11 @@ import pytest
 from drivers.daq3500.device import Daq3500
 from drivers.relay.lcus import LcusValve
 from drivers.relay.numato import NumatoValve
-from impactd.materials import load_materials
-from impactd.rig import PersonLoader, build_rig
-from impactd.settings import Settings, SettingsError, find_config, load_settings
-from impactd.simulated_rig import SEALED_NAME, world_settings
+from impactd.rig.build import build_rig
+from impactd.rig.rig import PersonLoader
+from impactd.rig.simulated import SEALED_NAME, world_settings
+from impactd.settings.materials import load_materials
+from impactd.settings.settings import Settings, SettingsError, find_config, load_settings
 
 
 def _simulated(data: Path, **simulation: object) -> Settings:

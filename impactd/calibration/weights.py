@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from analysis.static_calibration import Reading, compare, static_calibration
-from impactd.settings import Settings
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, Calibration
 from impactd.storage.calibrations import STATIC_WEIGHTS
 from impactd.storage.timestamp import utc_after

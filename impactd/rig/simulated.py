@@ -30,11 +30,11 @@ from drivers.simulated.truth import seal
 from drivers.simulated.usb_device import SimulatedDaq3500
 from drivers.simulated.world import World
 from drivers.simulated.world_settings import WorldSettings
-from impactd.materials import Materials
-from impactd.relay_board import build_valve
-from impactd.rig import Rig, digitizer_settings, in_words
-from impactd.settings import Settings, SettingsError
-from impactd.settings_sections import SimulationSection
+from impactd.rig.relay_board import build_valve
+from impactd.rig.rig import Rig, digitizer_settings, in_words
+from impactd.settings.materials import Materials
+from impactd.settings.sections import SimulationSection
+from impactd.settings.settings import Settings, SettingsError
 
 SEALED_NAME = "sealed-truth.json"
 

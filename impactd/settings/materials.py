@@ -21,8 +21,8 @@ from pydantic import (
 )
 
 from analysis.campaign import STATED_AT_C, Quantity, Sphere, Surface, Uncertainty
-from impactd.ball_grades import diameter_tolerance_m, grades, rectangular_u
-from impactd.settings import SettingsError, SettingsFinding
+from impactd.settings.ball_grades import diameter_tolerance_m, grades, rectangular_u
+from impactd.settings.errors import SettingsError, SettingsFinding
 from impactd.storage.ranges import MODULUS_COEFFICIENT_PER_K, TEMPERATURE_C
 
 

@@ -14,9 +14,9 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from drivers.relay.lcus import LcusSettings, LcusValve
 from drivers.relay.numato import NumatoSettings, NumatoValve
 from drivers.valve import Valve
-from impactd.settings import SettingsError, read_toml
-from impactd.settings_errors import explain
-from impactd.settings_instrument import ValveSection
+from impactd.settings.errors import explain
+from impactd.settings.instrument import ValveSection
+from impactd.settings.settings import SettingsError, read_toml
 
 
 class _ValveOnly(BaseModel):
@@ -34,7 +34,7 @@ def load_valve_section(path: Path | None = None) -> ValveSection | None:
     Parameters
     ----------
     path : Path or None
-        As in `impactd.settings.load_settings`.
+        As in `impactd.settings.settings.load_settings`.
 
     Returns
     -------

@@ -1,6 +1,6 @@
 """The sections of the settings file that describe the instrument: what is wired to what.
 
-Nothing here that must be measured has a default. `impactd.settings` puts the sections together.
+Nothing here that must be measured has a default. `settings.py` puts the sections together.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import field_validator, model_validator
 
-from impactd.settings_keys import MeasuredValue, Section, choice, key
+from impactd.settings.keys import MeasuredValue, Section, choice, key
 
 if TYPE_CHECKING:
     from analysis.campaign import Sensor

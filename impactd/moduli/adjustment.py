@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from impactd.materials import Materials
-from impactd.moduli_observations import CERTIFICATE, ShotUse
+from impactd.moduli.observations import CERTIFICATE, ShotUse
+from impactd.settings.materials import Materials
 from impactd.storage.archive import Archive
 
 if TYPE_CHECKING:

@@ -1,0 +1,1 @@
+"""Calibrating the load cell: by drops of known spheres, or by weights."""

@@ -1,0 +1,1 @@
+"""Settings and materials: from TOML files to values that were checked."""
