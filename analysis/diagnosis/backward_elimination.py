@@ -24,7 +24,7 @@ from analysis.diagnosis.forward_selection import (
     useful,
 )
 from analysis.diagnosis.linearised import linearise
-from analysis.diagnosis.progress import BudgetSpentError, Progress
+from analysis.diagnosis.progress import BudgetSpentError, Watch
 from analysis.diagnosis.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named, library
@@ -211,15 +211,25 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
     return {taken.effect_id: near} if near else {}
 
 
-def searched(start: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
-    """Return the selection of named effects, or as much of it as the time allowed."""
+def searched(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:
+    """Return the selection of named effects, or as much of it as the time allowed.
+
+    Of several effects that nobody has left out again, any may be needless: only the first is kept.
+    """
     reached: list[Selection] = []
+    progress.searching = True
     try:
         selection = select(start, usual, progress, reached)
     except BudgetSpentError:
         selection = best_reached(start, reached)
-    with contextlib.suppress(BudgetSpentError):
+    finally:
+        progress.searching = False
+    try:
         selection = without_needless(selection)
+    except BudgetSpentError:
+        known = len(start.chosen) + 1
+        return Selection(selection.steps[: known + 1], selection.chosen[:known])
+    with contextlib.suppress(BudgetSpentError):
         selection = held_against_unfinished(selection)
     return selection
 

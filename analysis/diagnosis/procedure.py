@@ -25,7 +25,14 @@ from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
 from analysis.diagnosis.odd_shots import SetAside, without_odd_shots
-from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, TimeBudget, Watch
+from analysis.diagnosis.progress import (
+    BudgetSpentError,
+    MethodStep,
+    Progress,
+    TimeBudget,
+    Watch,
+    unwatched,
+)
 from analysis.diagnosis.successive_halving import rank
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
@@ -166,7 +173,8 @@ def _found(campaign: Campaign, base: str, told: Watch) -> Diagnosis:
         return Diagnosis("not_identifiable", selection.steps, selection.chosen, check_noise=seen)
     set_aside: tuple[SetAside, ...] = ()
     if not selection.adequate:
-        selection = _with_what_shows(selection, usual)
+        with contextlib.suppress(BudgetSpentError):
+            selection = _with_what_shows(selection, usual)
     rest, usual_of_rest = selection, usual
     if not selection.adequate:
         with contextlib.suppress(BudgetSpentError):
@@ -359,14 +367,21 @@ def _with_what_shows(selection: Selection, usual: joint.Fitted) -> Selection:
     if not found.usable:
         return selection
     ahead = selection.on(found)
-    return held_against_others(ahead) if ahead.adequate else selection
+    if not ahead.adequate:
+        return selection
+    try:
+        return held_against_others(ahead)
+    except BudgetSpentError:
+        step.unfinished = True
+        return ahead
 
 
 def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[Shown]]:
     """Return a selection with the effects that records show without any model, and these."""
     shown = []
     for one in shown_by_records(selection.last.problem.shots):
-        found = one.on_top_of(selection.last.problem, selection.last.fitted, usual)
+        # to its end, whatever the time: it is all that can be said where a search found nothing
+        found = one.on_top_of(unwatched(selection.last.problem), selection.last.fitted, usual)
         if found.fitted.blocks and found.gain > 0.0:
             step = make_step(found.problem, found.fitted)
             selection = Selection([*selection.steps, step], [*selection.chosen, found])

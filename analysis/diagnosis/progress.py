@@ -69,6 +69,10 @@ def each_step(tell: Callable[[str], object]) -> Callable[[str, float | None], No
     return progress
 
 
+SEARCH_SHARE = 0.8
+"""Of the time, for looking for names: leaving each out again takes a few fits, not a search."""
+
+
 class BudgetSpentError(Exception):
     """The time of a search is over: whoever has found something keeps it, and fits no more."""
 
@@ -138,6 +142,7 @@ class Watch:
     def __init__(self, progress: Progress | None = None, budget: TimeBudget | None = None) -> None:
         self.ended: EndedEarly | None = None  # set where the time was found to be over
         self.judged = False  # set once the search for names is over
+        self.searching = False  # set while names are looked for, not yet held against others
         self._progress = progress
         self._budget = budget
         self._doing = ""
@@ -149,14 +154,19 @@ class Watch:
             self._progress(text, share)
 
     def check(self) -> None:
-        """Raise `BudgetSpentError` once the time is over, from then on at every call."""
-        if self.ended is None and self._budget is not None:
-            after_s = self._budget.elapsed_s()
-            if after_s < self._budget.seconds:
-                return
+        """Raise `BudgetSpentError` once the time is over.
+
+        A search ends before the rest: what it found is worth nothing until it was held against
+        less and against others.
+        """
+        if self._budget is None:
+            return
+        after_s = self._budget.elapsed_s()
+        if after_s < self._budget.seconds * (SEARCH_SHARE if self.searching else 1.0):
+            return
+        if self.ended is None:
             self.ended = EndedEarly(self._budget.seconds, after_s, self._doing, self.judged)
-        if self.ended is not None:
-            raise BudgetSpentError
+        raise BudgetSpentError
 
     def over(self, problem: JointProblem) -> JointProblem:
         """Return a problem whose fits end when the time is over."""

@@ -20,6 +20,7 @@ GROUPS = {field.name: getattr(CRITERIA, field.name) for field in dataclasses.fie
 ORIGINS = ("Rate.", "Derived: ", "Measured: ", "Chosen by trial")
 
 COMPARED_BUT_NO_THRESHOLDS = {
+    "progress.SEARCH_SHARE": "how a budget of time is shared out",
     "fit.AGREED": "when a search has converged",
     "mean_waveform.AGREED": "when a search has converged",
     "mean_waveform.SETTLED": "when a search has converged",

@@ -15,7 +15,8 @@ from analysis.campaign import Campaign, Shot
 from analysis.diagnosis.forward_selection import Selection, make_step
 from analysis.diagnosis.model_free import Shown, shown_by_records
 from analysis.diagnosis.multistart import usual_place
-from analysis.diagnosis.procedure import _shown
+from analysis.diagnosis.procedure import _judge, _shown
+from analysis.diagnosis.progress import BudgetSpentError, TimeBudget, Watch
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
@@ -129,6 +130,20 @@ def test_what_is_shown_is_held_where_the_model_is_wrong() -> None:
     tau_s = found.effect.parameters[0].value(float(found.fitted.theta[at]))
     assert tau_s == pytest.approx(shown[0].values["time_constant_s"], rel=1e-2)
     assert tau_s == pytest.approx(1e-3, rel=0.25)
+
+
+def test_what_is_shown_is_told_although_the_time_is_over() -> None:
+    """No model comes near; a search that is cut short raises nothing and takes nothing away."""
+    watch = Watch(budget=TimeBudget(1.0, iter(range(0, 10**6, 100)).__next__))
+    problem = build(_campaign(5, cut(0.7)), model_named("hsd"))
+    fitted = joint.fit(problem, prepare(problem))
+    selection = Selection([make_step(problem, fitted)], [])
+    selection.last.problem = watch.over(problem)
+    with pytest.raises(BudgetSpentError):
+        watch.check()
+    found = _judge(selection, usual_place(problem, fitted.nuisances), watch)
+    assert found.verdict == "partial"
+    assert found.effect_ids == ["clipping"]
 
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the shared recordings are not here")
