@@ -10,7 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.diagnosis.basis.families import scale_of, tuned
 from analysis.diagnosis.basis.groupings import Sizes
+from analysis.diagnosis.basis.linear_filter import DAMPED
 from analysis.diagnosis.basis.proposals import (
     Proposal,
     can_be_negative,
@@ -90,6 +92,30 @@ def starts(
     for some in found.values():
         some.sort(key=lambda s: -s.promised)
     return dict(sorted(found.items(), key=lambda item: -item[1][0].promised))
+
+
+def where_it_rings(
+    problem: JointProblem, fitted: joint.Fitted, tried: list[Proposal]
+) -> list[Proposal]:
+    """Return resonances that begin at the frequency and damping at which the residual rings.
+
+    A sharp resonance has a valley narrower than the spacing of any usual frequencies.
+    """
+    names = ("frequency_hz", "damping_ratio")
+    own = [p for p in tried if set(names) <= {one.name for one in p.effect.parameters}]
+    if not own:
+        return []
+    scale = tuned(problem, fitted, scale_of(problem, fitted), (DAMPED,))
+    rings = dict(zip(names, (scale.tuned_hz[DAMPED] / scale.pace, scale.tuned_zeta), strict=True))
+    found = {}
+    for proposal in own:
+        at = tuple(
+            one.coordinate(min(max(rings[one.name], one.low), one.high)) if one.name in rings else c
+            for one, c in zip(proposal.effect.parameters, proposal.coordinates, strict=True)
+        )
+        moved = dataclasses.replace(proposal, coordinates=at)
+        found[moved.key] = moved
+    return list(found.values())
 
 
 def _on_some(proposal: Proposal, sizes: Sizes) -> list[Start]:

@@ -25,6 +25,7 @@ from analysis.diagnosis.multistart import (
     distinct,
     ends_the_signal,
     starts,
+    where_it_rings,
 )
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.effects.effect import Effect
@@ -66,6 +67,7 @@ def ranked(
     """
     places = thinned(present.problem, FEW)
     few, base = part_of(present.problem, present.fitted, places)
+    tried = [*tried, *where_it_rings(few, base, tried)]
     linearised = linearise(few, base, tried)
     entries = starts(linearised, tried, alone=alone)
     samples = sum(s.white.size for s in linearised.shots)
