@@ -3,7 +3,8 @@
 ``jkr``: ``F = 4E*a^3/(3R) - sqrt(8 pi W E* a^3)``, ``delta = a^2/R - sqrt(2 pi W a/E*)``, solved in
 every stage of the integrator; the neck snaps at ``-3 a_c^2/R``. Source: Johnson, Kendall & Roberts
 1971; soft bodies, large radii. ``dmt``: ``F = K delta^(3/2) - 2 pi W R`` until the indentation
-is back at zero. Source: Derjaguin, Muller & Toporov 1975; hard bodies, small radii.
+is back at zero. Source: Derjaguin, Muller & Toporov 1975; hard bodies, small radii. Where a contact
+ends with its force, a pull beyond ``4 pi gamma R``, the dashpot's with it, parts the surfaces.
 Tell-tale: jump into contact and tensile tail; invisible unless tacky (tested).
 """
 

@@ -121,6 +121,16 @@ def test_the_force_is_zero_at_lift_off_and_never_pulls(relaxing: bool) -> None:
         assert papers.lift_off_indentation_m == pytest.approx(0.0, abs=1e-15)
 
 
+@pytest.mark.parametrize("law", [kernel.JKR, kernel.DMT])
+def test_surfaces_that_hardly_stick_let_the_dashpot_pull_no_more_than_bare_ones(law: int) -> None:
+    """In the limit of no surface energy the record is that without adhesion."""
+    bare = simulate_impact(closed(), SPEED, points=1000)
+    sticky = simulate_impact(closed(law=law, law_value=1e-6), SPEED, points=1000)
+    assert sticky.rebound_speed_m_per_s == pytest.approx(bare.rebound_speed_m_per_s, rel=1e-5)
+    apart = np.max(np.abs(sticky.compression_m - bare.compression_m))
+    assert apart < 1e-4 * np.max(bare.compression_m)
+
+
 def test_without_loss_both_rules_of_lift_off_are_one() -> None:
     """A Hertzian force ends with its indentation."""
     by_force, by_depth = (
