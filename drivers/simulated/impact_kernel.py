@@ -359,7 +359,7 @@ def _event(  # noqa: PLR0917 - compiled code knows no keywords
         if above > 0.0 and sticks and p[LIFT_OFF_RULE] == AT_FORCE:
             # no surface bears more than DMT's pull-off, which of the two theories is the larger
             felt, loss = _forces(_gap(s, p), _gap_rate(s, p), p, codes, values, s, memory)
-            return felt + loss + 2.0 * math.pi * p[LAW_VALUE] * p[RADIUS]
+            return float(felt + loss + 2.0 * math.pi * p[LAW_VALUE] * p[RADIUS])
         if above > 0.0 and (by_force or (_relaxes(codes) and not sticks)):
             # the paper's dashpot pulls the sphere to the end, a relaxed body cannot
             felt, loss = _forces(_gap(s, p), _gap_rate(s, p), p, codes, values, s, memory)
