@@ -353,18 +353,17 @@ def _event(  # noqa: PLR0917 - compiled code knows no keywords
 ) -> float:
     """Return a value that falls through zero at the event of this kind."""
     sticks = p[LAW] == JKR or p[LAW] == DMT
-    by_force = p[LIFT_OFF_RULE] == AT_FORCE and not sticks
+    by_force = p[LIFT_OFF_RULE] == AT_FORCE
     if kind == _LEAVES:
         above = _gap(s, p) - _release_indentation(p, memory)
-        if above > 0.0 and sticks and p[LIFT_OFF_RULE] == AT_FORCE:
-            # no surface bears more than DMT's pull-off, which of the two theories is the larger
-            felt, loss = _forces(_gap(s, p), _gap_rate(s, p), p, codes, values, s, memory)
-            return float(felt + loss + 2.0 * math.pi * p[LAW_VALUE] * p[RADIUS])
         if above > 0.0 and (by_force or (_relaxes(codes) and not sticks)):
             # the paper's dashpot pulls the sphere to the end, a relaxed body cannot
             felt, loss = _forces(_gap(s, p), _gap_rate(s, p), p, codes, values, s, memory)
-            return felt + loss if by_force else felt
-        return above
+            # no surface bears more than DMT's pull-off, which of the two theories is the larger
+            bears = 2.0 * math.pi * p[LAW_VALUE] * p[RADIUS] if sticks else 0.0
+            above = felt + loss + bears if by_force else felt
+        return float(above)
+    by_force = by_force and not sticks
     if kind == _TOUCHES:
         # A surface that is still coming back is met below zero, where the force would turn to push.
         if by_force and _gap(s, p) > 0.0:
