@@ -24,6 +24,9 @@ from impactd.console.options import (
     Url,
 )
 
+_TALL_M = 2.0
+"""Nobody hangs a sphere so high above a load cell; millimetres were meant."""
+
 _Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
 _Until = Annotated[str | None, typer.Option("--until", help="First moment that is too late.")]
 
@@ -106,6 +109,10 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
         raise typer.BadParameter("name sphere, surface and drop height, or give --proposed-by")
     if proposed_by is not None and any(value is not None for value in named.values()):
         raise typer.BadParameter("a drop that a diagnosis proposes has its own sphere and height")
+    if drop_height_m is not None and drop_height_m >= _TALL_M:
+        raise typer.BadParameter(
+            f"the drop height is in metres: {drop_height_m:g} mm would be {drop_height_m / 1e3:g}"
+        )
     environment = drops.environment_members(
         {
             "temperature_C": ("--temperature", temperature, temperature_u),

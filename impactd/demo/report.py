@@ -125,8 +125,13 @@ def _table(what: str, rows: list[Row], outcome: Outcome) -> str:
 
 def _sensor(outcome: Outcome) -> str:
     """Return the cell's numbers: as calibrated, as found from all drops, and the truth."""
-    calibrated = (outcome.calibration.get("result") or {}).get("parameters", {})
-    columns = {f"calibration under {CLOSED}": calibrated}
+    result = outcome.calibration.get("result") or {}
+    columns = {
+        f"calibration under {CLOSED}": {
+            **result.get("parameters", {}),
+            **result.get("identifiable", {}),
+        }
+    }
     columns |= {
         f"all drops, {rung.name}": rung.block.get("parameters", {})
         for rung in outcome.rungs
@@ -135,18 +140,33 @@ def _sensor(outcome: Outcome) -> str:
     truth = _true_sensor(outcome.truth.get("sensor", {}))
     rows = []
     for name, true_value in truth.items():
-        cells = [_quantity(_of_sensor(found, name)) for found in columns.values()]
+        stated = [_of_sensor(found, name) for found in columns.values()]
+        cells = [_quantity(found) for found in stated]
         if any(cell != "-" for cell in cells):
-            told = "".join(f"<td>{cell}</td>" for cell in (*cells, f"{true_value:.5g}"))
+            told = "".join(
+                f"<td>{cell}</td>"
+                for cell in (*cells, f"{true_value:.5g}", _holds(stated[-1], true_value))
+            )
             rows.append(f"<tr><td>{html.escape(name)}</td>{told}</tr>")
-    head = "".join(f"<th>{html.escape(name)}</th>" for name in ("number", *columns, "truth"))
+    head = "".join(
+        f"<th>{html.escape(name)}</th>" for name in ("number", *columns, "truth", "in its 95 %?")
+    )
     return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
 
 
 def _of_sensor(parameters: dict[str, Any], name: str) -> Any:
     """Return a parameter of the cell; units in names differ only in their capitals."""
     plain = {key.lower(): found for key, found in parameters.items()}
-    return plain.get(f"sensor.{name.lower()}")
+    return plain.get(f"sensor.{name.lower()}") or plain.get(name.lower())
+
+
+def _holds(found: Any, true_value: float) -> str:
+    """Return whether an interval holds the truth; an open end holds everything beyond."""
+    low, high = (found or {}).get("interval95") or (None, None)
+    if low is None and high is None:
+        return "-"
+    inside = (low is None or low <= true_value) and (high is None or true_value <= high)
+    return "yes" if inside else "no"
 
 
 def _quantity(found: Any) -> str:

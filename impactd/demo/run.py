@@ -77,7 +77,7 @@ def run_demo(
         with client:
             console.print("\nCalibration of the load cell, with reference spheres:")
             calibration = drops.calibrate(client, console)
-            console.print("\nCampaign:")
+            console.print("\nCampaign (E* ± U, 95 %):")
             drops.drop_all(client, console, range_v=range_v)
             # The reference drops belong to it: the calibration was made under the model in doubt.
             numbers = sorted(

@@ -137,6 +137,13 @@ def test_doctor_finds_what_is_missing_and_says_how_to_mend_it(tmp_path):
     assert "digitizer: answers" in second.stdout
 
 
+def test_a_height_in_millimetres_is_answered_in_metres(tmp_path):
+    """Before anything is asked of the rig."""
+    said = run("drop", "acetal", "specimen", "45").stderr
+    assert "in metres" in said
+    assert "0.045" in said
+
+
 def test_a_table_aligns_words_left_and_numbers_right():
     """Columns stay readable in a pipe."""
     assert table(("name", "n"), [("a", 1), ("bcd", 20)]) == "name   n\n----  --\na      1\nbcd   20"
