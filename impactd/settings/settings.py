@@ -27,7 +27,6 @@ from impactd.settings.instrument import (
     ValveSection,
 )
 from impactd.settings.keys import Section
-from impactd.settings.materials import load_materials
 from impactd.settings.sections import (
     CalibrationSection,
     EnvironmentSection,
@@ -248,6 +247,9 @@ def _with_absolute_files(settings: Settings, folder: Path) -> Settings:
 
 
 def _check_plan(settings: Settings, file: Path) -> None:
+    # Loaded only here: whoever makes the valve safe reads settings and must not wait for numpy.
+    from impactd.settings.materials import load_materials  # noqa: PLC0415
+
     materials = load_materials(settings.materials.file)
     findings = []
     for index, drops in enumerate(settings.calibration.plan):

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from impactd.acquisition import preflight
-from impactd.storage import moment
+from impactd.storage import timestamp
 
 from .daemon_here import DaemonHere, daemon_here
 from .daemon_process import until
@@ -36,7 +36,7 @@ class Clock:
             def now(cls, tz: tzinfo | None = None) -> Any:
                 return datetime.now(tz) + clock.ahead
 
-        patch.setattr(moment, "datetime", Wall)
+        patch.setattr(timestamp, "datetime", Wall)
         patch.setattr(preflight, "datetime", Wall)
 
     def set(self, text: str) -> None:

@@ -103,7 +103,7 @@ function span({ items }, shot) {
 function fitFacts(shot) {
   const { fits } = shot;
   if (!fits?.length) return null;
-  return h("div", { class: "table-frame" }, h("table", {},
+  return h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of the fits" }, h("table", {},
     h("caption", { class: "unseen" }, "The fits of this shot"),
     h("thead", {}, h("tr", {}, ["Model", "Reduced modulus E* ± U (95 %)", "Left over", "R²", "χ² per degree of freedom"].map((name, index) => h("th", { scope: "col", class: index ? "number" : null }, name)))),
     h("tbody", {}, fits.map((fit) => {
