@@ -76,15 +76,6 @@ export function runningCard() {
   });
 }
 
-const HANDS_FREE = ["ARMING", "ARMED", "RELEASED", "CAPTURING", "STORING"];
-
-/** Return what to hang next, and nothing while a drop is under way: a hand has no business there. */
-export function nextOf(told, status) {
-  if (HANDS_FREE.includes(status?.state)) return "";
-  const { sphere, surface, drop_height_m: height } = told.next;
-  return `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(height)}.`;
-}
-
 /** Return how far a series is; a calibration's looks the same. */
 export function seriesCard({ title, done, of, remaining, load, end }) {
   return h("section", { class: "card", "aria-label": title },
@@ -92,6 +83,21 @@ export function seriesCard({ title, done, of, remaining, load, end }) {
     h("progress", { max: of, value: done, "aria-label": `${done} of ${of} drops done` }),
     load && h("p", { class: "instruction" }, load),
     end);
+}
+
+const DROP_UNDER_WAY = ["ARMING", "ARMED", "RELEASED", "CAPTURING", "STORING"];
+
+/** Show in `place` how far the calibration is that runs, if one does. The next sphere is not asked for while a drop is under way. */
+export function showCalibrationUnderWay(place, { series: told, state }) {
+  const now = JSON.stringify([told ?? null, DROP_UNDER_WAY.includes(state)]);
+  if (now === place.dataset.drawn) return;
+  place.dataset.drawn = now;
+  if (!told) { place.replaceChildren(); return; }
+  const { sphere, surface, drop_height_m: height } = told.next;
+  place.replaceChildren(seriesCard({
+    title: `Calibration ${told.number}`, done: told.done, of: told.of, remaining: duration(told.remaining_s),
+    load: DROP_UNDER_WAY.includes(state) ? "" : `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(height)}.`,
+  }));
 }
 
 /** Wait until the rig is ready; resolve with whether it is. */

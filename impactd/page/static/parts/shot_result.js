@@ -20,6 +20,9 @@ export async function showResult(place, number, signal) {
   return shot;
 }
 
+/** Tell whether a shot's numbers may be shown as a result. */
+const usable = (shot) => shot.advice !== "repeat";
+
 /** Return the fit that speaks for a shot: of the closed base, else of the paper's, else any, as the daemon chooses. */
 export const bestFit = (fits) => fits?.find((fit) => /^kv2\b/.test(fit.model)) ?? fits?.find((fit) => /^kv\b/.test(fit.model)) ?? fits?.[0] ?? null;
 
@@ -33,7 +36,7 @@ function verdict(shot) {
   const [scale, unit] = modulusUnit(found.value);
   const number = `${measured(found, scale)} ${unit}`;
   const what = `Reduced modulus E* of the pair, ± U (95 %), ${modelName(fit.model)}`;
-  if (shot.advice === "repeat") {
+  if (!usable(shot)) {
     return h("div", { class: "stack" },
       h("p", { class: "modulus" }, h("small", {}, "No modulus: this shot is not to be used.")),
       h("details", {}, h("summary", {}, "What the fit says all the same"), h("p", { class: "soft" }, `${what}: ${number}`)));
@@ -45,7 +48,7 @@ function verdict(shot) {
 
 /** Say what all shots together tell of the surface: that is what the drops are made for. */
 async function showMaterial(place, shot) {
-  if (!shot.surface || shot.advice === "repeat" || !bestFit(shot.fits)?.result.reduced_modulus_Pa) return;
+  if (!shot.surface || !usable(shot) || !bestFit(shot.fits)?.result.reduced_modulus_Pa) return;
   const found = await get(withQuery("/v1/moduli", { specimen: shot.surface })).catch(() => null);
   const one = found?.moduli[shot.surface];
   const young = one && modulus(one.youngs_modulus_Pa);
@@ -112,7 +115,7 @@ function fitFacts(shot) {
       const [scale, unit] = modulusUnit(found?.value ?? 0);
       return h("tr", {},
         h("th", { scope: "row" }, modelName(fit.model)),
-        h("td", { class: "number" }, found && shot.advice !== "repeat" ? `${measured(found, scale)} ${unit}` : "–"),
+        h("td", { class: "number" }, found && usable(shot) ? `${measured(found, scale)} ${unit}` : "–"),
         h("td", { class: "number" }, Number.isFinite(result.rms) ? `${significant(result.rms * 1e3)} mV rms` : "–"),
         h("td", { class: "number" }, significant(result.r2, 6)),
         h("td", { class: "number" }, significant(result.chi2_per_dof, 3)));

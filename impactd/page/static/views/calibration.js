@@ -3,12 +3,12 @@
 import { get, post } from "../js/api.js";
 import { fill, freshKey, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
-import { day, duration, inDays, measured, millimetres, moment } from "../js/numbers.js";
+import { day, inDays, measured, millimetres, moment } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { materials, stateBadge } from "../js/words.js";
 import { QUANTITIES, drawDrift } from "../charts/drift.js";
 import { tell } from "../parts/notices.js";
-import { nextOf, seriesCard } from "../parts/series.js";
+import { showCalibrationUnderWay } from "../parts/series.js";
 
 export async function showCalibration(place, { signal }) {
   const progress = h("div", { class: "stack" });
@@ -33,21 +33,13 @@ export async function showCalibration(place, { signal }) {
   on("happened", ({ kind }) => { if (kind.startsWith("calibration.") && kind !== "calibration.progress") load(); }, signal);
   on("found", load, signal);
   on("status", (status) => {
-    showProgress(progress, status.series);
+    showCalibrationUnderWay(progress, status);
     const button = begin.querySelector("button");
     if (button) button.setAttribute("aria-disabled", String(!status.ready));
   }, signal);
   await load();
   const rig = await get("/v1/rig").catch(() => null);
   if (rig && !signal.aborted) showBegin(begin, rig.calibration_plan);
-}
-
-function showProgress(place, series) {
-  if (!series) { fill(place); return; }
-  fill(place, seriesCard({
-    title: `Calibration ${series.number}`, done: series.done, of: series.of, remaining: duration(series.remaining_s),
-    load: nextOf(series, live.status),
-  }));
 }
 
 function showCurrent(place, one) {

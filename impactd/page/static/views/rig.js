@@ -3,11 +3,11 @@
 import { get, post } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
 import { live, on } from "../js/live.js";
-import { duration, millimetres } from "../js/numbers.js";
+import { millimetres } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { materials } from "../js/words.js";
 import { dropForm } from "../parts/drop_form.js";
-import { nextOf, runningCard, series, seriesCard } from "../parts/series.js";
+import { runningCard, series, showCalibrationUnderWay } from "../parts/series.js";
 import { hasEnded, watchDrop } from "../parts/steps.js";
 import { showResult } from "../parts/shot_result.js";
 import { tell } from "../parts/notices.js";
@@ -81,7 +81,7 @@ export async function showRig(place, { signal }) {
   on("status", (status) => {
     allow();
     if (status.drop) follow(status.drop);
-    showCalibration(calibrationPlace, status.series);
+    showCalibrationUnderWay(calibrationPlace, status);
     showFault(faultPlace, status);
   }, signal);
   on("lost", allow, signal);
@@ -105,18 +105,6 @@ export async function showRig(place, { signal }) {
     fill(formPlace, h("div", { class: "card" }, h("p", { class: "wrong" }, problem.message), h("button", { class: "button", type: "button", on: { click: () => showRig(place, { signal }) } }, "Try again")));
   }
   prepare();
-}
-
-function showCalibration(place, told) {
-  const load = told ? nextOf(told, live.status) : "";
-  const text = JSON.stringify([told ?? null, load]);
-  if (text === place.dataset.drawn) return;
-  place.dataset.drawn = text;
-  if (!told) { fill(place); return; }
-  fill(place, seriesCard({
-    title: `Calibration ${told.number}`, done: told.done, of: told.of, remaining: duration(told.remaining_s),
-    load,
-  }));
 }
 
 function showFault(place, status) {
