@@ -70,7 +70,8 @@ def each_step(tell: Callable[[str], object]) -> Callable[[str, float | None], No
 
 
 SEARCH_SHARE = 0.8
-"""Of the time, for looking for names: leaving each out again takes a few fits, not a search."""
+"""Of the time, for looking for names. Measured without a budget: leaving names out, holding them
+against others and locating took 3 to 17 % of the whole in four diagnoses of 12 to 237 s."""
 
 
 class BudgetSpentError(Exception):

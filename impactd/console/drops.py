@@ -147,9 +147,10 @@ def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
         lines.append(
             f"  No modulus: it is not to be used. What fits say: impactd shots {shot['number']}"
         )
-    for fit in (shot["fits"] or []) if shot["advice"] != "repeat" else []:
-        modulus = measured(fit["result"].get("reduced_modulus_Pa"), scale=1e-9)
-        lines.append(f"  {fit['model']}: reduced modulus {modulus} GPa (95 %)")
+    else:
+        for fit in shot["fits"] or []:
+            modulus = measured(fit["result"].get("reduced_modulus_Pa"), scale=1e-9)
+            lines.append(f"  {fit['model']}: reduced modulus {modulus} GPa (95 %)")
     if drop["problem"]:
         lines.append(f"Not analysed: {drop['problem']['detail']}")
     if shot["advice"]:

@@ -244,7 +244,7 @@ def _line(shot: Json, *, waited_s: float | None = None) -> str:
         f"peak {shot['peak']:6.3f} V",
     ]
     parts += [
-        f"E* {measured(fit['result'].get('reduced_modulus_Pa'), scale=1e-9)} GPa".replace("+-", "±")
+        f"E* {measured(fit['result'].get('reduced_modulus_Pa'), scale=1e-9, sign='±')} GPa"
         for fit in shot["fits"] or []
         if fit["model"] == DEFAULT_BASE
     ]

@@ -15,7 +15,7 @@ from impactd.demo.outcome import CLOSED, Outcome, Row
 from impactd.demo.page import PAGE
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 from impactd.diagnosis.repair import MEAN_WAVEFORM
-from impactd.reports.numbers import K_95
+from impactd.reports.numbers import measured
 
 _KNOWN = ' <span class="soft">(known before)</span>'
 
@@ -141,7 +141,7 @@ def _sensor(outcome: Outcome) -> str:
     rows = []
     for name, true_value in truth.items():
         stated = [_of_sensor(found, name) for found in columns.values()]
-        cells = [_quantity(found) for found in stated]
+        cells = [measured(found, sign="±") for found in stated]
         if any(cell != "-" for cell in cells):
             told = "".join(
                 f"<td>{cell}</td>"
@@ -167,12 +167,6 @@ def _holds(found: Any, true_value: float) -> str:
         return "-"
     inside = (low is None or low <= true_value) and (high is None or true_value <= high)
     return "yes" if inside else "no"
-
-
-def _quantity(found: Any) -> str:
-    if not found or found.get("value") is None:
-        return "-"
-    return f"{found['value']:.5g} ± {K_95 * found['u']:.2g}"
 
 
 def _true_sensor(sealed: dict[str, Any]) -> dict[str, float]:

@@ -52,7 +52,7 @@ def say_what_was_found(console: Console, found: Json) -> None:
     console.print(f"  {found['verdict'].upper()}. {found['sentence']}", highlight=False)
     for effect in found["effects"]:
         for name, value in effect["parameters"].items():
-            said = measured(value).replace("+-", "±")
+            said = measured(value, sign="±")
             console.print(
                 f"  {effect['id']}: {name} = {said} {value['unit']} (95 %)", highlight=False
             )

@@ -61,8 +61,8 @@ def one(title: str, budget: Json) -> str:
     budget : dict
         ``impactd-budget/1`` of one modulus.
     """
-    value = measured({"value": budget["value"], "u": budget["u"]}, scale=1e-9)
-    said = html.escape(f"{title} = {value} GPa (95 %)").replace("+-", "±")
+    value = measured({"value": budget["value"], "u": budget["u"]}, scale=1e-9, sign="±")
+    said = html.escape(f"{title} = {value} GPa (95 %)")
     parts = [
         f'<h3 class="budget">{said}</h3>',
         f'<p class="soft">u = {_percent(budget["relative_u"])}: '

@@ -231,7 +231,7 @@ def moduli(document: Json) -> str:
 
 
 def _measured(quantity: Json | None, *, scale: float = 1.0) -> str:
-    return html.escape(measured(quantity, scale=scale)).replace("+-", "±")
+    return html.escape(measured(quantity, scale=scale, sign="±"))
 
 
 def _gigapascals(entry: Json, key: str) -> str:

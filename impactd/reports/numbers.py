@@ -6,10 +6,11 @@ import math
 from typing import Any
 
 K_95 = 1.96
-"""Coverage factor of 95 %, for a quantity whose JSON tells none."""
+"""Coverage factor of 95 % of a normal distribution (JCGM 100, G.3.4), where JSON tells none. It is
+`analysis.fit.measurand.NORMAL95`, which would load numpy before a number can be printed."""
 
 
-def measured(quantity: Any, *, scale: float = 1.0) -> str:
+def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:
     """Return a value with its expanded uncertainty U (95 %), to two digits of U.
 
     Parameters
@@ -18,6 +19,8 @@ def measured(quantity: Any, *, scale: float = 1.0) -> str:
         ``value`` and ``u``, as JSON carries them; U is ``expanded`` where it is there, else 1.96 u.
     scale : float, optional
         Factor on both, for another unit. [1]
+    sign : str, optional
+        Between value and U; plain characters by default, as a pipe may hold no others.
 
     Returns
     -------
@@ -44,5 +47,5 @@ def measured(quantity: Any, *, scale: float = 1.0) -> str:
         return f"{value:.2g} (95 %: {low * scale:.2g} .. {upper})"
     digits = max(0, 1 - math.floor(math.log10(expanded)))
     if digits > 6 or abs(value) >= 1e7:
-        return f"{value:.6g} +- {expanded:.2g}"
-    return f"{value:.{digits}f} +- {expanded:.{digits}f}"
+        return f"{value:.6g} {sign} {expanded:.2g}"
+    return f"{value:.{digits}f} {sign} {expanded:.{digits}f}"
