@@ -62,13 +62,18 @@ class EventBus:
         """Return whether `close` was called."""
         return self._closed
 
-    async def listen(self, after: int | None) -> AsyncIterator[Event]:
+    async def last_id(self) -> int:
+        """Return the number of the newest event."""
+        found: int = await self._in_thread(self._table.last_id)
+        return found
+
+    async def listen(self, after: int) -> AsyncIterator[Event]:
         """Yield events as they come, forever or until `close`.
 
         Parameters
         ----------
-        after : int or None
-            Number of the last event that was seen; ``None`` starts with the next one.
+        after : int
+            Number of the last event that was seen.
 
         Yields
         ------
@@ -80,7 +85,7 @@ class EventBus:
         with self._lock:
             self._bells.add(entry)
         try:
-            last = after if after is not None else await self._in_thread(self._table.last_id)
+            last = after
             while not self._closed:
                 bell.clear()
                 batch = await self._in_thread(self._table.since, last, _BATCH)

@@ -11,14 +11,6 @@ from impactd.advice import UNLIKE, advice, best_fit, in_words
 from impactd.api.client_keys import own_part
 from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
-from impactd.api.schemas import (
-    CalibrationAnswer,
-    DropAnswer,
-    FitAnswer,
-    FitJobAnswer,
-    ProblemMember,
-    ShotAnswer,
-)
 from impactd.storage.calibrations import Calibration
 from impactd.storage.drops import Drop
 from impactd.storage.fits import Fit
@@ -27,6 +19,8 @@ from impactd.storage.materials_json import environment_to_json
 from impactd.storage.problem import Problem
 from impactd.storage.shots import Shot
 from impactd.storage.timestamp import as_utc
+from impactd.wire.answers import DropAnswer, FitAnswer, FitJobAnswer, ProblemMember, ShotAnswer
+from impactd.wire.rig_answers import CalibrationAnswer
 
 Json = dict[str, Any]
 

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import ConfigDict, Field
 
 from analysis.base_models import DEFAULT_BASE
 from impactd.api.environment_schema import EnvironmentBody
 from impactd.api.finite import without_nan
-from impactd.api.schemas import Answer, Name, Request
+from impactd.api.schemas import Name, Request
 from impactd.storage.jobs import Job
+from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisProgress
 
 LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
 
@@ -36,40 +37,6 @@ class NextDropBody(Request):
     model_config = ConfigDict(json_schema_extra={"example": {"operator": "ab"}})
     operator: Name = Field(description="Who hangs the sphere.")
     environment: EnvironmentBody | None = Field(None, description="As for `POST /v1/drops`.")
-
-
-class DiagnosisProgress(Answer):
-    """How far a running diagnosis is."""
-
-    text: str
-    share: float = Field(description="Of the present stage, 0..1.")
-
-
-class DiagnosisAnswer(Answer):
-    """A diagnosis that was asked for."""
-
-    id: int
-    state: str = Field(description="queued, running, done, failed or cancelled")
-    subject: str
-    reason: str | None
-    verdict: str | None = Field(description="Null until it is done.")
-    sentence: str | None
-    model: dict[str, Any] | None = Field(
-        description="Name and version of the model that was accepted; null where none was."
-    )
-    progress: DiagnosisProgress | None
-    created_utc: str
-    finished_utc: str | None
-    result: dict[str, Any] | None = Field(description="impactd-diagnosis/1; not in lists.")
-    links: dict[str, str | None] = Field(
-        description="`next_drop` takes a POST where the diagnosis proposes a drop."
-    )
-
-
-class DiagnosisPage(Answer):
-    """Diagnoses, newest first."""
-
-    items: list[DiagnosisAnswer]
 
 
 class ActiveModelBody(Request):

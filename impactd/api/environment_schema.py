@@ -9,15 +9,6 @@ from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 from analysis.campaign import Environment, Quantity
 from impactd.storage.ranges import RELATIVE_HUMIDITY, RELATIVE_RESOLUTION, TEMPERATURE_C
 
-EnvironmentMembers = Annotated[
-    dict[str, dict[str, float]] | None,
-    Field(
-        description="`temperature_C` and `relative_humidity`, each with `value` and `u`, as far as "
-        "they are known."
-    ),
-]
-"""In answers."""
-
 
 class _Reading(BaseModel):
     """A value with its standard uncertainty; rounding hides none of them beside any value."""

@@ -1,4 +1,4 @@
-"""What goes over the wire: one model per request and per answer, with examples for OpenAPI.
+"""What requests hold: one model each, with examples for OpenAPI; answers are in `impactd.wire`.
 
 Requests are strict: unknown members, text for numbers, NaN and infinity are refused.
 Numbers carry their unit in their name, SI throughout.
@@ -7,13 +7,13 @@ Numbers carry their unit in their name, SI throughout.
 from __future__ import annotations
 
 import re
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import Header, Path, Query
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
 
 from analysis.base_models import DEFAULT_BASE
-from impactd.api.environment_schema import EnvironmentBody, EnvironmentMembers
+from impactd.api.environment_schema import EnvironmentBody
 from impactd.storage.plain_text import find_forbidden
 
 _LARGEST = 2**53 - 1  # the largest integer every JSON reader keeps exact
@@ -58,22 +58,6 @@ class Request(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 
 
-class Answer(BaseModel):
-    """An answer; later versions may add members."""
-
-    model_config = ConfigDict(extra="allow")
-
-
-class SessionAnswer(Answer):
-    """Whose token or session this is."""
-
-    name: str = Field(description="Of the token.")
-    scope: str = Field(description="`read`, `operate` or `admin`.")
-    csrf: str | None = Field(
-        description="For `X-CSRF-Token` on all that writes with a cookie; null without one."
-    )
-
-
 class DropBody(Request):
     """A drop somebody asks for."""
 
@@ -108,171 +92,12 @@ class ReboundBody(Request):
     u_rebound_height_m: float = Field(gt=0, le=5, description="Standard uncertainty. [m]")
 
 
-class ProblemMember(Answer):
-    """Why something failed, as in an RFC 9457 document."""
-
-    type: str
-    title: str
-    status: int
-    detail: str
-    remedy: str
-
-
-class DropAnswer(Answer):
-    """A drop and how far it came."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "example": {
-                "number": 17,
-                "state": "analysed",
-                "shot": 17,
-                "problem": None,
-                "sphere": "acetal",
-                "surface": "polycarbonate",
-                "drop_height_m": 0.047,
-                "operator": "ab",
-                "owner": "ab (bench)",
-                "calibration": None,
-                "requested_utc": "2026-03-01T12:00:00.000000Z",
-                "updated_utc": "2026-03-01T12:00:01.700000Z",
-                "links": {"self": "/v1/drops/17", "shot": "/v1/shots/17"},
-            }
-        }
-    )
-    number: int
-    state: str = Field(
-        description="requested, arming, armed, released, capturing, storing, then one of stored, "
-        "analysed, failed, aborted, interrupted"
-    )
-    shot: int | None
-    problem: ProblemMember | None
-    sphere: str
-    surface: str
-    drop_height_m: float
-    operator: str
-    environment: EnvironmentMembers = None
-    owner: str
-    calibration: int | None
-    rebound_height_m: float | None = Field(None, description="As somebody entered it. [m]")
-    u_rebound_height_m: float | None = None
-    requested_utc: str
-    updated_utc: str
-    links: dict[str, str | None]
-
-
-class FitAnswer(Answer):
-    """One result of the analysis."""
-
-    id: int
-    shot: int | None
-    model: str
-    calibration: int | None
-    created_utc: str
-    result: dict[str, Any]
-
-
-class RepetitionsAnswer(Answer):
-    """A shot beside earlier shots of the same sphere, surface and height, right after the drop."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "example": {
-                "shots": [13, 14, 15, 16],
-                "unlike": True,
-                "sentence": "it is unlike its 4 repetitions. It is like hdpe on aluminium, not "
-                "acetal on aluminium: look at the label.",
-                "likely": [{"sphere": "hdpe"}],
-                "size": 0.72,
-                "duration": 1.31,
-                "shape": 0.021,
-            }
-        }
-    )
-    shots: list[int] = Field(description="The repetitions; fewer than two are none.")
-    unlike: bool = Field(description="Whether it differs from them by more than they scatter.")
-    sentence: str = Field(description="What to look at, in words; empty for nothing.")
-    likely: list[dict[str, str | float]] = Field(
-        description="What it is like, the likeliest first: sphere and surface, drop_height_m [m], "
-        "or gain [1]."
-    )
-    size: float | None = Field(None, description="Of its signal over theirs. [1]")
-    duration: float | None = Field(None, description="The same of its length in time. [1]")
-    shape: float | None = Field(
-        None, description="What their mean leaves of it, rms over its peak. [1]"
-    )
-
-
-class ShotAnswer(Answer):
-    """A stored shot; the raw samples are in its file."""
-
-    number: int
-    sphere: str | None
-    surface: str | None
-    drop_height_m: float | None
-    operator: str
-    source: str
-    started_utc: str
-    stored_utc: str
-    quantity: str
-    sample_rate_hz: float
-    samples: int
-    trigger_index: int
-    peak: float
-    clipped: bool
-    environment: EnvironmentMembers = None
-    sha256: str
-    size_bytes: int
-    links: dict[str, str | None]
-    fits: list[FitAnswer] | None = Field(None, description="The latest of each model.")
-    advice: Literal["use", "check", "repeat"] | None = None
-    reasons: list[str] | None = Field(None, description="Why not `use`, for programs.")
-    because: list[str] | None = Field(None, description="The same reasons in words, for people.")
-    repetitions: RepetitionsAnswer | None = Field(
-        None, description="Null until they were looked at, for an import, and in plain lists."
-    )
-    reduced_modulus_Pa: dict[str, Any] | None = Field(  # noqa: N815 - the unit's own capital
-        None, description="Of the fit that speaks for the shot; in lists with `summary`."
-    )
-    model: str | None = Field(None, description="Of that fit.")
-
-
-class TraceAnswer(Answer):
-    """A trace thinned for drawing: each stretch is kept by its smallest and largest sample."""
-
-    number: int
-    quantity: str
-    unit: str
-    start_s: float = Field(description="First moment, from the trigger. [s]")
-    stop_s: float
-    samples: int = Field(description="Recorded samples between start and stop.")
-    decimated: bool
-    time_s: list[float]
-    signal: list[float]
-
-
 class FitBody(Request):
     """Shots to fit again, together when there are several."""
 
     model_config = ConfigDict(json_schema_extra={"example": {"shots": [17, 18], "model": "kv2"}})
     shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
     model: Annotated[str, Field(min_length=1, max_length=200)] = DEFAULT_BASE
-
-
-class FitJobAnswer(Answer):
-    """A fit that was asked for."""
-
-    id: int
-    state: str = Field(description="queued, running, done or failed")
-    kind: str
-    subject: str
-    attempts: int
-    reason: str | None
-    created_utc: str
-    finished_utc: str | None
-    fits: list[FitAnswer]
-    result: dict[str, Any] | None
-    links: dict[str, str | None]
 
 
 class PlanItem(Request):
@@ -348,138 +173,3 @@ class CalibrationBody(Request):
             if self.plan is not None or self.unattended:
                 raise ValueError("static_weights has no plan of drops")
         return self
-
-
-class CalibrationAnswer(Answer):
-    """A calibration of the load cell."""
-
-    number: int
-    kind: str = Field(description="drops or static_weights")
-    state: str = Field(description="requested, running, fitting, done or failed")
-    slot: str | None
-    owner: str
-    plan: list[dict[str, Any]]
-    drops: list[int]
-    result: dict[str, Any] | None
-    problem: ProblemMember | None
-    requested_utc: str
-    finished_utc: str | None
-    valid_until_utc: str | None
-    links: dict[str, str | None]
-
-
-class AbortAnswer(Answer):
-    """What an abort found and did."""
-
-    aborted: bool
-    drop: int | None
-    sentence: str
-    took_s: float = Field(description="From the abort's turn to valve and digitizer safe. [s]")
-    took_ms: float = Field(
-        description="From the receipt of the request to valve and digitizer confirmed safe. [ms]"
-    )
-    safe_after_ms: float = Field(
-        description="From the receipt to this answer: what was sent before it moves nothing. [ms]"
-    )
-
-
-class StatusAnswer(Answer):
-    """The one honest light."""
-
-    model_config = ConfigDict(
-        json_schema_extra={
-            "example": {
-                "ready": True,
-                "sentence": "READY: idle, calibrated, 120 GB free.",
-                "state": "IDLE",
-                "owner": None,
-                "drop": None,
-            }
-        }
-    )
-    ready: bool
-    sentence: str
-    state: str
-    owner: str | None
-    drop: int | None
-
-
-class AlarmAnswer(Answer):
-    """Something that went wrong."""
-
-    id: int
-    kind: str = Field(description="The event that raised it.")
-    sentence: str
-    remedy: str
-    times: int = Field(description="How often it happened while it was open.")
-    first_utc: str
-    last_utc: str
-    acknowledged_utc: str | None
-    acknowledged_by: str | None
-
-
-class AlarmPage(Answer):
-    """Alarms, newest first."""
-
-    open: list[AlarmAnswer]
-    acknowledged: list[AlarmAnswer]
-
-
-class LogEntry(Answer):
-    """Something that happened."""
-
-    id: int
-    utc: str
-    kind: str = Field(description="`request` for what somebody asked for, else an event's kind.")
-    data: dict[str, Any]
-
-
-class LogPage(Answer):
-    """The log, newest first."""
-
-    items: list[LogEntry]
-    next: str | None
-
-
-class CurveAnswer(Answer):
-    """What one model makes of a shot, over the stretch that was fitted."""
-
-    fit: int
-    model: str
-    start_s: float = Field(description="First moment, from the trigger. [s]")
-    interval_s: float = Field(description="From sample to sample. [s]")
-    signal: list[float]
-
-
-class CurvesAnswer(Answer):
-    """The models' curves of a shot; as its trace, in the unit of its signal."""
-
-    number: int
-    unit: str
-    items: list[CurveAnswer]
-    missing: list[str] = Field(description="Models whose fit has kept no curve.")
-
-
-class DropPage(Answer):
-    """Drops, newest first."""
-
-    items: list[DropAnswer]
-    next: str | None = Field(description="Path of the next page, null on the last one.")
-
-
-class ShotPage(Answer):
-    """Shots, newest first."""
-
-    items: list[ShotAnswer]
-    next: str | None
-
-
-class CalibrationPage(Answer):
-    """Calibrations, newest first."""
-
-    items: list[CalibrationAnswer]
-    series: list[dict[str, Any]] = Field(
-        description="Gain, frequency and damping of the calibrations with drops on this page, "
-        "oldest first, with their drift since the one before and since the first."
-    )
-    next: str | None

@@ -18,7 +18,7 @@ from statistics import median, quantiles
 from impactd import blas_threads
 from impactd.bench.figure import Figure
 from impactd.bench.large_archive import FittedShot, fill_archive, fitted_shots
-from impactd.console.client import Client
+from impactd.client.connection import Connection
 from impactd.data_lock import read_holder
 from impactd.demo.rig_process import RigProcess
 from impactd.settings.materials import load_materials
@@ -138,7 +138,7 @@ def _timed(ask: Callable[[], object], rounds: int) -> list[float]:
 
 
 @contextmanager
-def _serving(data: Path) -> Iterator[tuple[Client, Callable[[], float]]]:
+def _serving(data: Path) -> Iterator[tuple[Connection, Callable[[], float]]]:
     """Serve an archive; yield an administrator's client and what tells the daemon's memory."""
     log = data.with_name(f"{data.name}.log")
     with RigProcess(find_config("simulated.toml"), data, log) as rig, rig.connect() as client:
@@ -174,7 +174,7 @@ def _readers(url: str, token: str) -> Iterator[None]:
 
 
 def _read(url: str, token: str, begun: Event, end: Event) -> None:
-    with Client(url, token, timeout_s=120.0) as client:
+    with Connection(url, token, timeout_s=120.0) as client:
         while not end.is_set():
             client.get(MODULI)
             begun.set()

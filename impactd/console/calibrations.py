@@ -6,7 +6,8 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from impactd.console.client import connect, fresh_key
+from impactd.client.talk import fresh_key
+from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json

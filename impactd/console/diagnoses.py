@@ -9,7 +9,9 @@ import textwrap
 from pathlib import Path
 from typing import Any
 
-from impactd.console.client import Client, connect, fresh_key
+from impactd.client.connection import Connection
+from impactd.client.talk import fresh_key
+from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.fits import moduli_table
 from impactd.console.progress_bar import progress, progress_by_step
@@ -120,7 +122,7 @@ def by_the_daemon(
     _deliver(made["result"], json_out, report, number=made["id"])
 
 
-def _watch(client: Client, at: str, number: int) -> dict[str, Any]:
+def _watch(client: Connection, at: str, number: int) -> dict[str, Any]:
     """Return the diagnosis once it has ended; Ctrl-C cancels it, which leaves nothing half done."""
     tell = progress_by_step()
     try:
@@ -136,7 +138,7 @@ def _watch(client: Client, at: str, number: int) -> dict[str, Any]:
         progress("", last=True)
 
 
-def _all_shots(client: Client) -> list[int]:
+def _all_shots(client: Connection) -> list[int]:
     return sorted(int(item["number"]) for item in client.pages("/v1/shots", MOST_SHOTS))
 
 

@@ -153,9 +153,9 @@ def _devices(settings: Settings) -> Iterator[Finding]:
 
 
 def _daemon(url: str) -> Finding:
-    from impactd.console.client import Client
+    from impactd.client.connection import Connection
 
-    with Client(url, timeout_s=5.0) as client:
+    with Connection(url, timeout_s=5.0) as client:
         status = client.get("/v1/status")
     mend = "" if status["ready"] else "Do what the sentence says."
     return Finding("daemon", bool(status["ready"]), f"runs at {url}: {status['sentence']}", mend)

@@ -217,7 +217,7 @@ def tokens(settings: Settings) -> Iterator[Finding]:
     Finding
         What was found.
     """
-    from impactd.console.client import token_from_environment
+    from impactd.client.environment import token_from_environment
     from impactd.storage.archive import Archive
     from impactd.storage.timestamp import utc_now
 

@@ -2,32 +2,19 @@
 
 from __future__ import annotations
 
-import getpass
-import time
 from collections.abc import Mapping
 from typing import Any
 
 import typer
 
-from impactd.console.client import Client, connect, fresh_key
+from impactd.client.connection import Connection
+from impactd.client.talk import compared_shot, fresh_key, watch_drop
+from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.shots import advice_words
 from impactd.console.tables import print_json
 from impactd.reports.numbers import measured
-
-DROP_ENDED = ("analysed", "failed", "aborted", "interrupted")
-_COMPARED_WITHIN_S = 5.0
-"""It takes a fraction of a second, and of the first shot of a daemon's life a few."""
-_LOOK_EVERY_S = 0.1
-
-
-def login_name() -> str:
-    """Return who is at the keyboard, ``unknown`` where the system cannot say."""
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):
-        return "unknown"
 
 
 def environment_members(
@@ -97,9 +84,10 @@ def run(
         number = drop["number"]
         if wait:
             drop = _watch(client, number)
-        shot = client.get(f"/v1/shots/{drop['shot']}") if drop["shot"] else None
-        if wait and shot is not None:
-            shot = _compared(client, shot)
+        shot = None
+        if drop["shot"]:
+            at = drop["shot"]
+            shot = client.run(compared_shot(at)) if wait else client.get(f"/v1/shots/{at}")
     if as_json:
         print_json({**drop, "result": shot})
     elif not wait:
@@ -111,31 +99,13 @@ def run(
         raise Failure(f"drop {number}: {problem['detail']} {problem['remedy']}".strip())
 
 
-def _watch(client: Client, number: int) -> dict[str, Any]:
-    def ended(drop: dict[str, Any]) -> bool:
-        # A stored drop with a problem is one that could not be analysed: nothing more will come.
-        return drop["state"] in DROP_ENDED or (drop["state"] == "stored" and bool(drop["problem"]))
-
+def _watch(client: Connection, number: int) -> dict[str, Any]:
     try:
-        drop = client.wait(
-            f"/v1/drops/{number}",
-            ended,
-            lambda state, share: progress(f"drop {number}: {state}", share=share),
-        )
+        return client.run(watch_drop(number, lambda state, share: progress(state, share=share)))
     except KeyboardInterrupt:
         raise Failure(f"drop {number} goes on without you; `impactd abort` ends it.") from None
     finally:
         progress("", last=True)
-    return drop
-
-
-def _compared(client: Client, shot: dict[str, Any]) -> dict[str, Any]:
-    """Return a shot once it was held against its repetitions, or as it is after a while."""
-    ends_s = time.monotonic() + _COMPARED_WITHIN_S
-    while shot.get("repetitions", ...) is None and time.monotonic() < ends_s:
-        time.sleep(_LOOK_EVERY_S)
-        shot = client.get(f"/v1/shots/{shot['number']}")
-    return shot
 
 
 def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from impactd.advice import in_words
-from impactd.console.client import connect, fresh_key
+from impactd.client.talk import fresh_key
+from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.spreadsheet import write_csv

@@ -102,6 +102,7 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
     as_json: Json = False,
 ) -> None:
     """Drop a sphere, and wait for its modulus."""
+    from impactd.client.environment import login_name
     from impactd.console import drops
 
     named = {"sphere": sphere, "surface": surface, "drop_height_m": drop_height_m}
@@ -119,7 +120,7 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
             "relative_humidity": ("--humidity", humidity, humidity_u),
         }
     )
-    who = {"operator": operator or drops.login_name(), **environment}
+    who = {"operator": operator or login_name(), **environment}
     drops.run(
         who if proposed_by is not None else {**named, **who},
         proposed_by=proposed_by,
@@ -136,9 +137,9 @@ def abort(url: Url = None, as_json: Json = False) -> None:
     The vacuum comes back on. On the daemon's own machine this goes through its abort socket, which
     answers whatever the web server and the disk do; from elsewhere, or without one, over HTTP.
     """
+    from impactd.client.environment import address, login_name
     from impactd.console.abort_socket import abort_through_socket
-    from impactd.console.client import address, connect
-    from impactd.console.drops import login_name
+    from impactd.console.client import connect
     from impactd.console.tables import print_json
 
     answer, way = abort_through_socket(address(url), login_name()), "the abort socket"

@@ -9,7 +9,8 @@ from typing import Any
 from rich.console import Console
 
 from analysis.base_models import DEFAULT_BASE
-from impactd.console.client import Client, fresh_key
+from impactd.client.connection import Connection
+from impactd.client.talk import fresh_key
 from impactd.console.failure import Failure
 from impactd.reports.numbers import measured
 
@@ -52,12 +53,12 @@ def plan() -> list[tuple[str, str, float]]:
     ]
 
 
-def calibrate(client: Client, console: Console) -> Json:
+def calibrate(client: Connection, console: Console) -> Json:
     """Run a calibration of the load cell and show its drops.
 
     Parameters
     ----------
-    client : Client
+    client : Connection
         Connected to the daemon.
     console : Console
         Where to show.
@@ -91,12 +92,12 @@ def calibrate(client: Client, console: Console) -> Json:
     return run
 
 
-def drop_all(client: Client, console: Console, *, range_v: float) -> list[Json]:
+def drop_all(client: Connection, console: Console, *, range_v: float) -> list[Json]:
     """Drop the whole campaign; a drop beyond the converter's range is repeated from lower down.
 
     Parameters
     ----------
-    client : Client
+    client : Connection
         Connected to the daemon.
     console : Console
         Where to show.
@@ -147,7 +148,7 @@ def overloaded(shot: Json, range_v: float) -> bool:
     return bool(shot["clipped"]) and abs(shot["peak"]) > NEARLY * range_v
 
 
-def _drop(client: Client, console: Console, sphere: str, surface: str, height_m: float) -> Json:
+def _drop(client: Connection, console: Console, sphere: str, surface: str, height_m: float) -> Json:
     """Make one drop and show its shot."""
     body = {"sphere": sphere, "surface": surface, "drop_height_m": height_m, "operator": "demo"}
     asked = time.monotonic()
@@ -166,12 +167,12 @@ def _drop(client: Client, console: Console, sphere: str, surface: str, height_m:
     return shot
 
 
-def fit_together(client: Client, numbers: list[int], model: str, console: Console) -> Json:
+def fit_together(client: Connection, numbers: list[int], model: str, console: Console) -> Json:
     """Have the daemon fit drops as a whole.
 
     Parameters
     ----------
-    client : Client
+    client : Connection
         Connected to the daemon.
     numbers : list of int
         The shots.
@@ -201,12 +202,12 @@ def fit_together(client: Client, numbers: list[int], model: str, console: Consol
     return result
 
 
-def until(client: Client, path: str, ended: tuple[str, ...], limit_s: float) -> Iterator[Json]:
+def until(client: Connection, path: str, ended: tuple[str, ...], limit_s: float) -> Iterator[Json]:
     """Yield a resource again and again until its state is one of the last ones.
 
     Parameters
     ----------
-    client : Client
+    client : Connection
         Connected to the daemon.
     path : str
         Of the resource.

@@ -9,7 +9,8 @@ from typing import Any
 from rich.console import Console
 
 from analysis.base_models import DEFAULT_BASE
-from impactd.console.client import Client, fresh_key
+from impactd.client.connection import Connection
+from impactd.client.talk import fresh_key
 from impactd.console.failure import Failure
 from impactd.demo.drops import until
 
@@ -20,12 +21,12 @@ _DIAGNOSIS_LIMIT_S = 1800.0
 _ENDED = ("done", "failed", "cancelled")
 
 
-def diagnose(client: Client, shots: list[int], console: Console, page: Path) -> Json:
+def diagnose(client: Connection, shots: list[int], console: Console, page: Path) -> Json:
     """Have the daemon find out what KV misses on these shots.
 
     Parameters
     ----------
-    client : Client
+    client : Connection
         Connected to the daemon.
     shots : list of int
         Numbers: the calibration's drops and the campaign's.
@@ -62,12 +63,12 @@ def diagnose(client: Client, shots: list[int], console: Console, page: Path) -> 
     return job
 
 
-def activate(client: Client, diagnosis: Json) -> str | None:
+def activate(client: Connection, diagnosis: Json) -> str | None:
     """Make the accepted model the one that later fits use.
 
     Parameters
     ----------
-    client : Client
+    client : Connection
         Of an administrator.
     diagnosis : dict
         As the API gives it.

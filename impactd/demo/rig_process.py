@@ -11,7 +11,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from impactd.console.client import Client
+from impactd.client.connection import Connection
 from impactd.console.failure import Failure
 from impactd.data_lock import read_holder
 from impactd.demo.drops import REFERENCE_SURFACES, SPHERES, SURFACES
@@ -125,12 +125,12 @@ class RigProcess:
     ) -> None:
         self.stop()
 
-    def connect(self) -> Client:
+    def connect(self) -> Connection:
         """Wait until the daemon is ready to drop, and return a client with a token of its own.
 
         Returns
         -------
-        Client
+        Connection
             Allowed to administrate: choosing the active model is an administrator's.
         """
         url = self._wait_for_url()
@@ -142,7 +142,7 @@ class RigProcess:
         )
         if token.returncode:
             raise Failure(f"the demo got no token: {token.stderr.strip()}")
-        client = Client(url, token.stdout.strip())
+        client = Connection(url, token.stdout.strip())
         self._wait_until_ready(client)
         return client
 
@@ -170,7 +170,7 @@ class RigProcess:
             time.sleep(0.05)
         raise Failure(f"the daemon did not listen within {_START_LIMIT_S:g} s; see {self._log}.")
 
-    def _wait_until_ready(self, client: Client) -> None:
+    def _wait_until_ready(self, client: Connection) -> None:
         deadline = time.monotonic() + _START_LIMIT_S
         status: dict[str, Any] = {"sentence": "nothing was heard of it"}
         while time.monotonic() < deadline:

@@ -48,6 +48,7 @@ def copy(tmp_path: Path) -> Path:
         ("analysis/errors.py", "import drivers.errors", "strangers"),
         ("drivers/errors.py", "import impactd.events", "strangers"),
         ("drivers/errors.py", "import drivers.simulated.world", "real drivers never"),
+        ("impactd/client/errors.py", "import impactd.storage.shots", "a client needs nothing"),
         (
             "analysis/diagnosis/basis/groupings.py",
             "import analysis.diagnosis.score_test",

@@ -6,8 +6,9 @@ from dataclasses import asdict
 
 from fastapi import APIRouter
 
-from impactd.api.schemas import AlarmAnswer, AlarmPage, Number
+from impactd.api.schemas import Number
 from impactd.api.security import TheCaller, TheDaemon
+from impactd.wire.rig_answers import AlarmAnswer, AlarmPage
 
 router = APIRouter(prefix="/v1/alarms", tags=["rig"])
 

@@ -13,17 +13,10 @@ from impactd.api.arrivals import Accepted
 from impactd.api.client_keys import CALIBRATION, job_key
 from impactd.api.problems import ProblemError
 from impactd.api.routes.drops import required_key
-from impactd.api.schemas import (
-    Before,
-    CalibrationAnswer,
-    CalibrationBody,
-    CalibrationPage,
-    Key,
-    Limit,
-    Number,
-)
+from impactd.api.schemas import Before, CalibrationBody, Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.storage.calibrations import DROPS, Calibration
+from impactd.wire.rig_answers import CalibrationAnswer, CalibrationPage
 
 router = APIRouter(prefix="/v1/calibrations", tags=["calibrations"])
 

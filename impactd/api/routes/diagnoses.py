@@ -7,20 +7,16 @@ from fastapi.responses import HTMLResponse
 
 from impactd.api.arrivals import Accepted
 from impactd.api.client_keys import DIAGNOSIS, job_key
-from impactd.api.diagnosis_schemas import (
-    DiagnosisAnswer,
-    DiagnosisBody,
-    DiagnosisPage,
-    NextDropBody,
-    diagnosis_answer,
-)
+from impactd.api.diagnosis_schemas import DiagnosisBody, NextDropBody, diagnosis_answer
 from impactd.api.problems import ProblemError
 from impactd.api.routes.drops import begin_drop, environment_of
-from impactd.api.schemas import DropAnswer, Key, Limit, Number
+from impactd.api.schemas import Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.storage.drops import DropRequest
 from impactd.storage.jobs import DIAGNOSE, Job
+from impactd.wire.answers import DropAnswer
+from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisPage
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
 

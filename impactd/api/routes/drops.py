@@ -14,21 +14,13 @@ from impactd.api.arrivals import Accepted, Arrivals
 from impactd.api.client_keys import drop_key
 from impactd.api.environment_schema import EnvironmentBody
 from impactd.api.problems import ProblemError
-from impactd.api.schemas import (
-    Before,
-    DropAnswer,
-    DropBody,
-    DropPage,
-    Key,
-    Limit,
-    Number,
-    ReboundBody,
-)
+from impactd.api.schemas import Before, DropBody, Key, Limit, Number, ReboundBody
 from impactd.api.security import Caller, Limits, TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.jobs.orders import request_fit, shot_models
 from impactd.storage.drops import Drop, DropRequest
 from impactd.storage.errors import ArchiveError, NotFoundError
+from impactd.wire.answers import DropAnswer, DropPage
 
 router = APIRouter(prefix="/v1/drops", tags=["drops"])
 # A row is read in a millisecond; a person does not notice a tenth of a second.

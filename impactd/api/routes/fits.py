@@ -6,8 +6,9 @@ from fastapi import APIRouter, Response
 
 from impactd.api.answers import fit_job_answer
 from impactd.api.client_keys import FIT, job_key
-from impactd.api.schemas import FitBody, FitJobAnswer, Key, Number
+from impactd.api.schemas import FitBody, Key, Number
 from impactd.api.security import TheCaller, TheDaemon
+from impactd.wire.answers import FitJobAnswer
 
 router = APIRouter(prefix="/v1/fits", tags=["fits"])
 

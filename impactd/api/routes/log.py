@@ -9,8 +9,9 @@ from fastapi import APIRouter
 from impactd.api.answers import next_page
 from impactd.api.audit import REQUEST
 from impactd.api.finite import without_nan
-from impactd.api.schemas import Before, Limit, LogEntry, LogPage
+from impactd.api.schemas import Before, Limit
 from impactd.api.security import TheDaemon
+from impactd.wire.rig_answers import LogEntry, LogPage
 
 router = APIRouter(prefix="/v1/log", tags=["rig"])
 

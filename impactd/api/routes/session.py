@@ -5,9 +5,9 @@ from __future__ import annotations
 from fastapi import APIRouter, Request, Response
 
 from impactd.api.problems import ProblemError
-from impactd.api.schemas import SessionAnswer
 from impactd.api.security import Caller, TheCaller, TheDaemon
 from impactd.api.sessions import COOKIE, LIFE_S, Session, Sessions
+from impactd.wire.rig_answers import SessionAnswer
 
 router = APIRouter(prefix="/v1/session", tags=["session"])
 

@@ -12,21 +12,12 @@ from fastapi.responses import FileResponse
 from impactd.api.answers import next_page, shot_answer, shot_summary, timestamp
 from impactd.api.decimate import MAX_POINTS, min_max_indices
 from impactd.api.problems import ProblemError
-from impactd.api.schemas import (
-    Before,
-    CurveAnswer,
-    CurvesAnswer,
-    Limit,
-    Moment,
-    Number,
-    ShotAnswer,
-    ShotPage,
-    TraceAnswer,
-)
+from impactd.api.schemas import Before, Limit, Moment, Number
 from impactd.api.security import TheDaemon
 from impactd.jobs.curves import samples_of
 from impactd.storage.exchange import csv_text
 from impactd.storage.shot_metadata import QUANTITIES
+from impactd.wire.answers import CurveAnswer, CurvesAnswer, ShotAnswer, ShotPage, TraceAnswer
 
 router = APIRouter(prefix="/v1/shots", tags=["shots"])
 # No record lasts longer, and a moment far outside must not overflow the count of samples.

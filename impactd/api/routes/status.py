@@ -9,8 +9,8 @@ from fastapi import APIRouter, Request
 
 from impactd.api.answers import plain
 from impactd.api.arrivals import Arrivals
-from impactd.api.schemas import AbortAnswer, StatusAnswer
 from impactd.api.security import Limits, TheCaller, TheDaemon
+from impactd.wire.rig_answers import AbortAnswer, StatusAnswer
 
 router = APIRouter(prefix="/v1", tags=["rig"])
 

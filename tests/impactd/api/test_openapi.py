@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from impactd.api.schemas import DropAnswer
+from impactd.wire.answers import DropAnswer
 
 
 def test_every_operation_describes_its_problems(rig):
