@@ -26,6 +26,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from analysis import noise_slow
 from analysis.hidden_noise import hidden_noise
+from analysis.noise_products import white_products
 from analysis.noise_slow import Slow
 from analysis.quantisation import Coarse
 from analysis.quiet_spectrum import (
@@ -134,6 +135,27 @@ class NoiseModel:
             white -= a * values[p - j : n - j]
         white /= self.innovation_rms
         return white
+
+    def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the inner products of rows of samples once they are white.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (k, n)
+            Residuals, or derivatives, each equally spaced in time.
+
+        Returns
+        -------
+        ndarray, shape (k, k)
+            Of what `whiten` makes of them. [1]
+        """
+        if self.head is None:
+            found: NDArray[np.float64] = white_products(
+                rows, self.coefficients, self.innovation_rms
+            )
+            return found
+        white = self.whiten(rows.T)
+        return np.asarray(white.T @ white)
 
     def _whiten_long(
         self, values: NDArray[np.float64], head: NDArray[np.float64]

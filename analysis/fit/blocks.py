@@ -94,41 +94,66 @@ def rebound_as_seen(
     return rebound - loss * float(local[at_seen]), slope
 
 
-def prior_rows(
-    model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
-) -> tuple[list[float], list[Array]]:
-    """Return residuals and gradients of what is known of this shot's nuisances."""
-    residuals, rows = [], []
-    at_speed, at_e = len(model.shared), len(model.shared) + 1
+def prior_residuals(model: ImpactModel, item: FitShot, local: Array, rebound: float) -> Array:
+    """Return the residuals of what is known of this shot's nuisances, as `prior_rows` has them."""
+    found = []
+    at_speed = len(model.shared)
     if item.speed_prior is not None:
-        row = _speed_shift_gradient(model, item, local)
         shift = model.speed_shift(local, item.frame)
-        row[at_speed] += 1.0
-        u = item.speed_prior.u
-        residuals.append((local[at_speed] - item.speed_prior.mean - shift) / u)
-        rows.append(row / u)
+        found.append((local[at_speed] - item.speed_prior.mean - shift) / item.speed_prior.u)
     known = item.shot.restitution
     if known is not None and known.u > 0:
-        seen, slope = rebound_as_seen(model, item, local, rebound, gradient)
-        residuals.append((seen - known.value) / known.u)
-        rows.append(slope / known.u)
+        seen, _ = rebound_as_seen(model, item, local, rebound, np.zeros(local.size))
+        found.append((seen - known.value) / known.u)
     else:
-        row = np.zeros(local.size)
-        row[at_e] = 1 / UNKNOWN_LOG_U
-        residuals.append(local[at_e] / UNKNOWN_LOG_U)
-        rows.append(row)
+        found.append(local[at_speed + 1] / UNKNOWN_LOG_U)
     for j, parameter in model.of_shot:
         known_of_it = prior_of(parameter)
-        row = np.zeros(local.size)
-        row[j] = 1 / known_of_it.u
-        residuals.append((local[j] - known_of_it.mean) / known_of_it.u)
-        rows.append(row)
-    for j in range(model.first_size, local.size):
-        # a free size as wide as the whole pulse only keeps an unused one finite
-        row = np.zeros(local.size)
-        row[j] = 1 / item.window.peak
-        residuals.append(local[j] / item.window.peak)
-        rows.append(row)
+        found.append((local[j] - known_of_it.mean) / known_of_it.u)
+    # a free size as wide as the whole pulse only keeps an unused one finite
+    found.extend(local[model.first_size :] / item.window.peak)
+    return np.array(found)
+
+
+def prior_rows(
+    model: ImpactModel, item: FitShot, local: Array, rebound: float, gradient: Array
+) -> tuple[Array, Array]:
+    """Return residuals of what is known of this shot's nuisances, and their gradients.
+
+    Parameters
+    ----------
+    model : ImpactModel
+        Says where the parameters are.
+    item : FitShot
+        The shot.
+    local : ndarray, shape (p,)
+        Local parameters.
+    rebound, gradient : float, ndarray of shape (p,)
+        Ratio at lift-off, and its derivative.
+
+    Returns
+    -------
+    tuple of ndarray, shape (k,) and (k, p)
+        Speed, restitution, effects' numbers of this shot, free sizes.
+    """
+    residuals = prior_residuals(model, item, local, rebound)
+    rows = np.zeros((residuals.size, local.size))
+    at_speed, row = len(model.shared), 0
+    if item.speed_prior is not None:
+        rows[0] = _speed_shift_gradient(model, item, local)
+        rows[0, at_speed] += 1.0
+        rows[0] /= item.speed_prior.u
+        row = 1
+    known = item.shot.restitution
+    if known is not None and known.u > 0:
+        rows[row] = rebound_as_seen(model, item, local, rebound, gradient)[1] / known.u
+    else:
+        rows[row, at_speed + 1] = 1 / UNKNOWN_LOG_U
+    row += 1
+    for at, (j, parameter) in enumerate(model.of_shot, start=row):
+        rows[at, j] = 1 / prior_of(parameter).u
+    sizes = range(model.first_size, local.size)
+    rows[range(row + len(model.of_shot), residuals.size), sizes] = 1 / item.window.peak
     return residuals, rows
 
 
@@ -159,33 +184,29 @@ def linearise_shot(
     local = np.concatenate([shared, nuisance])
     if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
         return None
-    found, jacobian, gradient = linear = problem.model.linearise(local, item.frame)
+    s, p, acting = shared.size, local.size, problem.inputs_of(stated)
+    rows = np.zeros((1 + p + len(acting), item.frame.samples))
+    found, gradient = problem.model.differentiate(rows[: 1 + p], local, item.frame)
     if not (math.isfinite(found.rebound_ratio) and np.isfinite(gradient).all()):
         return None
-    if not np.isfinite(jacobian[-1]).all():
-        return None
-    extra, rows = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
-    acting = problem.inputs_of(stated)
+    residuals, known = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
     if acting:
-        slopes = input_slopes(problem, (stated, item), local, linear, extra)
+        linear, behind = (found, rows[1 : 1 + p].T, gradient), rows[1 + p :]
+        slopes = input_slopes(problem, (stated, item), local, linear, residuals, signal=behind)
         if slopes is None:
             return None
-        s = shared.size
-        jacobian = np.hstack([jacobian[:, :s], slopes[0], jacobian[:, s:]])
-        rows = [
-            np.concatenate([row[:s], own, row[s:]])
-            for row, own in zip(rows, slopes[1], strict=True)
-        ]
+        known = np.hstack([known[:, :s], slopes, known[:, s:]])
         chain = np.vstack([chain, np.eye(theta.size)[[j for j, _ in acting]]])
-    squares = whitened_squares(item, item.window.signal - found.signal, jacobian)
-    if squares is None:
+    np.subtract(item.window.signal, found.signal, out=rows[0])
+    products = item.products(rows)
+    if not np.isfinite(products).all():  # a step so hopeless that its squares have no number
         return None
-    matrix, vector, chi2 = squares
-    for residual, row in zip(extra, rows, strict=True):
-        matrix += np.outer(row, row)
-        vector -= residual * row
-    cost = chi2 + sum(x * x for x in extra)
-    return ShotBlock(matrix, vector, chain, chi2, cost, np.array(rows))
+    # inputs stand behind what is shared
+    order = [*range(1, 1 + s), *range(1 + p, rows.shape[0]), *range(1 + s, 1 + p)]
+    matrix = products[np.ix_(order, order)] + known.T @ known
+    vector = products[order, 0] - known.T @ residuals
+    chi2 = float(products[0, 0])
+    return ShotBlock(matrix, vector, chain, chi2, chi2 + float(residuals @ residuals), known)
 
 
 def input_slopes(
@@ -193,8 +214,10 @@ def input_slopes(
     items: tuple[FitShot, FitShot],
     local: Array,
     linear: tuple[Prediction, Array, Array],
-    known: list[float],
-) -> tuple[Array, Array] | None:
+    known: Array,
+    *,
+    signal: Array,
+) -> Array | None:
     """Return what a shot's inputs change beyond its local parameters, which are held.
 
     Parameters
@@ -207,76 +230,44 @@ def input_slopes(
         Local parameters.
     linear : tuple
         The trace and its derivatives, as `ImpactModel.linearise` returns them.
-    known : list of float
-        Residuals of what is known of this shot, k of them.
+    known : ndarray, shape (k,)
+        Residuals of what is known of this shot.
+    signal : ndarray, shape (i, n)
+        Zeros; overwritten with the derivative of the trace by each input. [unit of the signal per
+        coordinate]
 
     Returns
     -------
-    signal : ndarray, shape (n, i)
-        Derivative of the trace by each input. [unit of the signal per coordinate]
-    residuals : ndarray, shape (k, i)
+    ndarray, shape (k, i)
         Derivative of the residuals. None where a neighbour cannot be evaluated.
     """
     stated, item = items
-    found = linear[0]
+    found, model = linear[0], problem.model
     acting = problem.inputs_of(stated)
-    signal, residuals = (
-        np.zeros((found.signal.size, len(acting))),
-        np.zeros((len(known), len(acting))),
-    )
-    steps = problem.model.steps(local, item.frame)
-    by_units = problem.model.slopes_by_units(local, item.frame, linear)
+    residuals = np.zeros((known.size, len(acting)))
+    by_units = model.slopes_by_units(local, item.frame, linear)
+    steps = None
     for column, (_, one) in enumerate(acting):
         moved = one.moved(item, one.step)
         ratio = found.rebound_ratio
         added = one.signal(stated)
         if added is not None:
-            signal[:, column] = added
+            signal[column] = added
         elif one.kind in by_units:
-            signal[:, column], slope = by_units[one.kind]
+            signal[column], slope = by_units[one.kind]
             ratio += slope * one.step
-        elif not problem.model.reads_alike(moved.frame, item.frame):
-            beside = problem.model.predict(local, moved.frame, steps=steps)
+        elif not model.reads_alike(moved.frame, item.frame):
+            steps = steps or model.steps(local, item.frame)
+            beside = model.predict(local, moved.frame, steps=steps)
             if not math.isfinite(beside.rebound_ratio):
                 return None
-            signal[:, column] = (beside.signal - found.signal) / one.step
+            np.subtract(beside.signal, found.signal, out=signal[column])
+            signal[column] /= one.step
             ratio = beside.rebound_ratio
-        ahead, _ = prior_rows(problem.model, moved, local, ratio, np.zeros(local.size))
-        residuals[:, column] = (np.array(ahead) - known) / one.step
-    return signal, residuals
-
-
-def whitened_squares(
-    item: FitShot, residual: Array, slopes: Array
-) -> tuple[Array, Array, float] | None:
-    """Return one shot's normal equations in units of its noise, without priors.
-
-    Parameters
-    ----------
-    item : FitShot
-        The shot.
-    residual : ndarray, shape (n,)
-        Record less model. [unit of the signal]
-    slopes : ndarray, shape (n, p)
-        The model's derivatives.
-
-    Returns
-    -------
-    matrix, vector : ndarray, shape (p, p), (p,)
-        Of the step that makes the squares least.
-    chi2 : float
-        The squares. All None for a step so hopeless that they have no number.
-    """
-    with np.errstate(over="ignore", invalid="ignore"):
-        columns = np.empty((slopes.shape[1] + 1, residual.size))  # one transform for all is quicker
-        columns[:-1], columns[-1] = slopes.T, residual
-        whole = item.whiten(columns.T)
-        slope, white = whole[:, :-1], whole[:, -1]
-        matrix, vector = slope.T @ slope, slope.T @ white
-        chi2 = float(white @ white)
-    if math.isfinite(chi2) and np.isfinite(matrix).all() and np.isfinite(vector).all():
-        return matrix, vector, chi2
-    return None
+        elif moved is item:
+            continue
+        residuals[:, column] = (prior_residuals(model, moved, local, ratio) - known) / one.step
+    return residuals
 
 
 def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:
@@ -293,8 +284,6 @@ def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Arra
     found = problem.model.predict(local, item.frame)
     if not math.isfinite(found.rebound_ratio):
         return math.inf
-    extra, _ = prior_rows(problem.model, item, local, found.rebound_ratio, np.zeros(local.size))
-    with np.errstate(over="ignore", invalid="ignore"):
-        r = item.whiten(found.signal - item.window.signal)
-        squares = float(r @ r)
-    return squares + sum(x * x for x in extra) if math.isfinite(squares) else math.inf
+    residuals = prior_residuals(problem.model, item, local, found.rebound_ratio)
+    squares = float(item.products((found.signal - item.window.signal)[None, :])[0, 0])
+    return squares + float(residuals @ residuals) if math.isfinite(squares) else math.inf

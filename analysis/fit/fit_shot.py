@@ -113,6 +113,25 @@ class FitShot:
         memory = float(1.0 - noise.coefficients.sum()) * noise.rms / noise.innovation_rms
         return combined(white, self._stretches, kept=noise.coarse.kept, memory=memory)
 
+    def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the inner products of rows over the window, in units of the noise.
+
+        Parameters
+        ----------
+        rows : ndarray, shape (k, n)
+            Residuals, or derivatives.
+
+        Returns
+        -------
+        ndarray, shape (k, k)
+            Of what `whiten` makes of them; not finite where a row is not. [1]
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            if self.noise.coarse is None:
+                return self.noise.products(rows)
+            white = self.whiten(rows.T)
+            return np.asarray(white.T @ white)
+
     @cached_property
     def _stretches(self) -> NDArray[np.int64] | None:
         if self.noise.coarse is None:

@@ -91,19 +91,34 @@ class _Schur:
     own: Array
 
 
-def _eliminate(block: ShotBlock, damping: float) -> _Schur:
-    s = block.chain.shape[0]
-    inner = block.matrix[s:, s:].copy()
-    inner[np.diag_indices_from(inner)] *= 1 + damping
-    cross = block.matrix[:s, s:]
-    own = np.asarray(np.linalg.solve(inner, block.vector[s:]))
-    back = np.linalg.solve(inner, cross.T)
-    return _Schur(
-        block.chain.T @ (block.matrix[:s, :s] - cross @ back) @ block.chain,
-        block.chain.T @ (block.vector[:s] - cross @ own),
-        back @ block.chain,
-        own,
-    )
+def _alike(blocks: Sequence[ShotBlock]) -> list[list[int]]:
+    """Return the places of blocks of one shape each, which are worked on together."""
+    found: dict[tuple[int, int], list[int]] = {}
+    for row, block in enumerate(blocks):
+        found.setdefault((block.chain.shape[0], block.vector.size), []).append(row)
+    return list(found.values())
+
+
+def _eliminate(blocks: Sequence[ShotBlock], damping: float) -> list[_Schur]:
+    """Return each shot with its nuisances eliminated."""
+    found: dict[int, _Schur] = {}
+    for rows in _alike(blocks):
+        s = blocks[rows[0]].chain.shape[0]
+        chain = np.array([blocks[i].chain for i in rows])
+        matrix = np.array([blocks[i].matrix for i in rows])
+        vector = np.array([blocks[i].vector for i in rows])[:, :, None]
+        across = chain.transpose(0, 2, 1)
+        inner = matrix[:, s:, s:].copy()
+        own_size = range(inner.shape[1])
+        inner[:, own_size, own_size] *= 1 + damping
+        cross = matrix[:, :s, s:]
+        solved = np.linalg.solve(inner, np.concatenate([vector[:, s:], matrix[:, s:, :s]], axis=2))
+        own, back = solved[:, :, :1], solved[:, :, 1:]
+        left = across @ (matrix[:, :s, :s] - cross @ back) @ chain
+        load = across @ (vector[:, :s] - cross @ own)
+        parts = zip(left, load[:, :, 0], back @ chain, own[:, :, 0], strict=True)
+        found.update(zip(rows, (_Schur(*part) for part in parts), strict=True))
+    return [found[row] for row in range(len(blocks))]
 
 
 def _gather(
@@ -111,7 +126,7 @@ def _gather(
 ) -> tuple[Array, Array, list[_Schur]]:
     matrix = problem.prior_precision.copy()
     vector = -problem.prior_precision @ (theta - problem.prior_mean)
-    parts = [_eliminate(b, damping) for b in blocks]
+    parts = _eliminate(blocks, damping)
     for part in parts:
         matrix += part.matrix
         vector += part.vector
@@ -202,15 +217,12 @@ def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
 def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
     """Return by how much chi2 would fall if the problem were linear; inf where nobody can tell."""
     try:
-        matrix, vector, _ = _gather(problem, blocks, theta, 0.0)
-        own = sum(
-            float(b.vector[s:] @ np.linalg.solve(b.matrix[s:, s:], b.vector[s:]))
-            for b in blocks
-            for s in (b.chain.shape[0],)
-        )
-        return float(vector @ np.linalg.solve(matrix, vector)) + own
+        matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
+        step = np.linalg.solve(matrix, vector)
     except np.linalg.LinAlgError:
         return math.inf
+    own = (b.vector[b.chain.shape[0] :] @ p.own for b, p in zip(blocks, parts, strict=True))
+    return float(vector @ step) + float(sum(own))
 
 
 def _promised_fall(
@@ -219,9 +231,12 @@ def _promised_fall(
     """Return the fall of the cost if the model were linear."""
     prior = problem.prior_precision
     fall = float(-2 * step @ prior @ (theta - problem.prior_mean) - step @ prior @ step)
-    for block, nuisance in zip(blocks, own, strict=True):
-        local = np.concatenate([block.chain @ step, nuisance])
-        fall += float(2 * block.vector @ local - local @ block.matrix @ local)
+    for rows in _alike(blocks):
+        moved = np.array([blocks[i].chain for i in rows]) @ step
+        local = np.concatenate([moved, own[rows]], axis=1)
+        matrix = np.array([blocks[i].matrix for i in rows])
+        vector = np.array([blocks[i].vector for i in rows])
+        fall += float(np.sum((2 * vector - (matrix @ local[:, :, None])[:, :, 0]) * local))
     return fall
 
 

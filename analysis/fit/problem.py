@@ -19,11 +19,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.campaign import Campaign, Rejected, Sphere, Surface
+from analysis.campaign import Campaign, Rejected, Shot, Sphere, Surface
 from analysis.errors import AnalysisError
 from analysis.fit.fit_shot import (
     ASSUMED_REPEATABILITY,
@@ -76,6 +77,43 @@ def go_on() -> None:
     """Let a fit go on: nobody waits for it."""
 
 
+@dataclass(frozen=True)
+class LocalMap:
+    """How one shot's shared local parameters follow the globals, but for the stiffness of moduli.
+
+    Attributes
+    ----------
+    shot : Shot
+        The recording it holds for.
+    rows, columns : ndarray of int
+        Which of them are a global as it stands, and which global.
+    slopes : ndarray, shape (s, g)
+        Their derivative.
+    fixed_gain, heavy_crystal : int or None
+        Where the shot fixes a parameter of the cell.
+    moduli : tuple of int or None
+        The two globals that make ln K, where they do.
+    inputs : tuple
+        What else the shot depends on, with its place among the globals.
+    follows : ndarray, shape (s, i)
+        How the parameters follow all inputs' distance from where they are stated, beside what
+        moves the shot itself.
+    input_slopes : ndarray, shape (s, g)
+        How they follow inputs altogether.
+    """
+
+    shot: Shot
+    rows: NDArray[np.intp]
+    columns: NDArray[np.intp]
+    slopes: NDArray[np.float64]
+    fixed_gain: int | None
+    heavy_crystal: int | None
+    moduli: tuple[int, int] | None
+    inputs: tuple[tuple[int, Input], ...]
+    follows: NDArray[np.float64]
+    input_slopes: NDArray[np.float64]
+
+
 @dataclass
 class JointProblem:
     """Everything a joint fit needs.
@@ -116,6 +154,13 @@ class JointProblem:
     assumptions: list[str] = field(default_factory=list)
     inputs: tuple[Input, ...] = ()
     checkpoint: Callable[[], None] = go_on
+    _maps: dict[tuple[Any, ...], LocalMap] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    _moved: dict[int, tuple[FitShot, bytes, FitShot]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
+    """Each shot where its inputs were last asked to be, by the shot's identity."""
 
     def is_thinkable(self, theta: NDArray[np.float64]) -> bool:
         """Tell whether the inputs among these globals stand for numbers at all."""
@@ -126,18 +171,38 @@ class JointProblem:
 
     def item_at(self, item: FitShot, theta: NDArray[np.float64]) -> FitShot:
         """Return a shot with masses, heights and the like where these globals have them."""
-        first = len(self.names) - len(self.inputs)
+        if not self.inputs:
+            return item
+        coordinates = theta[len(self.names) - len(self.inputs) :].tobytes()
+        last = self._moved.get(id(item))
+        if last is None or last[0] is not item or last[1] != coordinates:
+            last = self._moved[id(item)] = item, coordinates, self._moved_to(item, theta)
+        return last[2]
+
+    def _moved_to(self, item: FitShot, theta: NDArray[np.float64]) -> FitShot:
         if not self.is_thinkable(theta):  # such a step is refused by `shared_local`
             return item
-        for j, one in enumerate(self.inputs, start=first):
-            if one.acts_on(item):
-                item = one.moved(item, float(theta[j]) - one.stated)
+        for j, one in self.inputs_of(item):
+            item = one.moved(item, float(theta[j]) - one.stated)
         return item
 
-    def inputs_of(self, item: FitShot) -> list[tuple[int, Input]]:
+    def inputs_of(self, item: FitShot) -> tuple[tuple[int, Input], ...]:
         """Return the inputs that a shot depends on, with their places among the globals."""
-        first = len(self.names) - len(self.inputs)
-        return [(first + i, one) for i, one in enumerate(self.inputs) if one.acts_on(item)]
+        return self._map_of(item).inputs if self.inputs else ()
+
+    def _map_of(self, item: FitShot) -> LocalMap:
+        """Return how a shot's shared local parameters follow the globals, wherever these are."""
+        key = (
+            id(item.shot),
+            item.frame.place,
+            item.fixed_gain is None,
+            item.heavy_crystal is None,
+            item.radius_m is None,
+        )
+        found = self._maps.get(key)
+        if found is None:
+            found = self._maps[key] = self._new_map(item)
+        return found
 
     def index(self, name: str) -> int | None:
         """Return a global's position, None where it is no parameter."""
@@ -224,48 +289,81 @@ class JointProblem:
         chain : ndarray, shape (s, g)
             d values / d theta.
         """
-        names = self.model.shared
-        values = np.zeros(len(names))
-        chain = np.zeros((len(names), len(self.names)))
-        keys = self.material_keys(shot)
-        if not self.is_thinkable(theta):
+        at, first = self._map_of(shot), len(self.names) - len(self.inputs)
+        values, chain = np.zeros(len(self.model.shared)), at.slopes.copy()
+        known = theta.tolist()
+        if not all(i.is_thinkable(t) for i, t in zip(self.inputs, known[first:], strict=True)):
             values[0] = -math.inf
             return values, chain
-        if keys is None:
-            j = self.names.index(f"pair.{shot.pair}")
-            values[0], chain[0, j] = theta[j], 1.0
-        else:
+        values[at.rows] = theta[at.columns]
+        if at.fixed_gain is not None and shot.fixed_gain is not None:
+            values[at.fixed_gain] = shot.fixed_gain
+        if at.heavy_crystal is not None and shot.heavy_crystal is not None:
+            values[at.heavy_crystal] = shot.heavy_crystal
+        if at.moduli is not None:
             assert shot.radius_m is not None
-            j, k = (self.names.index(key) for key in keys)
+            j, k = at.moduli
             # no modulus is e^300 Pa: a step that goes there has no trace, and is refused
-            if max(abs(theta[j]), abs(theta[k])) > _LARGEST_LOG:
+            if max(abs(known[j]), abs(known[k])) > _LARGEST_LOG:
                 values[0] = -math.inf
                 return values, chain
-            one, other = math.exp(-theta[j]), math.exp(-theta[k])
+            one, other = math.exp(-known[j]), math.exp(-known[k])
             values[0] = math.log(4 / 3 * math.sqrt(shot.radius_m)) - math.log(one + other)
             chain[0, j] += one / (one + other)
             chain[0, k] += other / (one + other)
+        self._follow_moduli(shot, values, chain)
+        if at.inputs:
+            stated = np.array([one.stated for one in self.inputs])
+            values += at.follows @ (theta[first:] - stated)
+            chain += at.input_slopes
+        return values, chain
+
+    def _new_map(self, shot: FitShot) -> LocalMap:
+        names, size, first = self.model.shared, len(self.names), len(self.names) - len(self.inputs)
+        fixed = {
+            "ln_S": shot.fixed_gain is not None,
+            "ln_M": shot.heavy_crystal is not None,
+            "seen_ms": SEEN not in self.names,
+        }
+        keys = self.material_keys(shot)
+        column_of: dict[int, int] = {}
+        if keys is None:
+            column_of[0] = self.names.index(f"pair.{shot.pair}")
         for row, name in enumerate(names[1:], start=1):
-            column = self.index(f"sensor.{name}")
             if row >= len(SHARED[self.model.kind]):
                 key = self.effect_key(row, shot)
                 if key is not None:
-                    column = self.names.index(key)
-                    values[row], chain[row, column] = theta[column], 1.0
-            elif name == "seen_ms":
-                column = self.index(SEEN)
-                if column is not None:
-                    values[row], chain[row, column] = theta[column], 1.0
-            elif name == "ln_S" and shot.fixed_gain is not None:
-                values[row] = shot.fixed_gain
-            elif name == "ln_M" and shot.heavy_crystal is not None:
-                values[row] = shot.heavy_crystal
-            else:
-                assert column is not None
-                values[row], chain[row, column] = theta[column], 1.0
-        self._follow_moduli(shot, values, chain)
-        self._follow_inputs(shot, theta, values, chain)
-        return values, chain
+                    column_of[row] = self.names.index(key)
+            elif not fixed.get(name, False):
+                column_of[row] = self.names.index(SEEN if name == "seen_ms" else f"sensor.{name}")
+        rows, columns = list(column_of), list(column_of.values())
+        slopes = np.zeros((len(names), size))
+        slopes[rows, columns] = 1.0
+        inputs = tuple(
+            (j, one) for j, one in enumerate(self.inputs, start=first) if one.acts_on(shot)
+        )
+        follows, by_inputs = np.zeros((len(names), len(self.inputs))), np.zeros_like(slopes)
+        for j, known in inputs:
+            of_cell = known.cell_slopes(shot, names)
+            of_shot = known.local_slopes(shot, names, by_moduli=keys is not None)
+            for row, slope in (*of_shot, *of_cell):
+                by_inputs[row, j] += slope
+            # all others have moved the shot itself
+            by_itself = of_shot if known.kind == "converter_gain" else []
+            for row, slope in (*by_itself, *of_cell):
+                follows[row, j - first] += slope
+        return LocalMap(
+            shot.shot,
+            np.array(rows, dtype=np.intp),
+            np.array(columns, dtype=np.intp),
+            slopes,
+            names.index("ln_S") if fixed["ln_S"] else None,
+            names.index("ln_M") if fixed["ln_M"] and "ln_M" in names else None,
+            None if keys is None else (self.names.index(keys[0]), self.names.index(keys[1])),
+            inputs,
+            follows,
+            by_inputs,
+        )
 
     def _follow_moduli(
         self, shot: FitShot, values: NDArray[np.float64], chain: NDArray[np.float64]
@@ -298,24 +396,6 @@ class JointProblem:
                 part = 0.75 * math.exp(ln_k - known.mean) / math.sqrt(shot.radius_m)
                 return (part if sign > 0 else 1.0 - part), sign * part * slope
         return 1.0, chain
-
-    def _follow_inputs(
-        self,
-        shot: FitShot,
-        theta: NDArray[np.float64],
-        values: NDArray[np.float64],
-        chain: NDArray[np.float64],
-    ) -> None:
-        """Add what the inputs do to the shared local parameters, in place."""
-        by_moduli = self.material_keys(shot) is not None
-        for j, known in self.inputs_of(shot):
-            for row, slope in known.local_slopes(shot, self.model.shared, by_moduli=by_moduli):
-                chain[row, j] += slope
-                if known.kind == "converter_gain":  # all others have moved the shot itself
-                    values[row] += slope * (theta[j] - known.stated)
-            for row, slope in known.cell_slopes(shot, self.model.shared):
-                chain[row, j] += slope
-                values[row] += slope * (theta[j] - known.stated)
 
 
 def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prior | None]:

@@ -444,7 +444,6 @@ class ImpactModel:
             for e in self.effects
         }
 
-    @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def linearise(self, local: Array, frame: ShotFrame) -> tuple[Prediction, Array, Array]:
         """Return the trace with the derivatives of signal and rebound ratio.
 
@@ -470,26 +469,51 @@ class ImpactModel:
         1e-6 leaves about 1e-6 relative of truncation and 1e-8 of rounding. Baseline and free sizes
         are analytic, and so is the gain where nothing reads the signal.
         """
-        model = self.felt_by(frame)
         table = np.zeros((local.size + 1, frame.samples))
+        prediction, gradient = self.differentiate(table, local, frame)
+        return prediction, table[1:].T, gradient
+
+    @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
+    def differentiate(
+        self, table: Array, local: Array, frame: ShotFrame
+    ) -> tuple[Prediction, Array]:
+        """Fill a table with the derivatives of one shot's trace.
+
+        Parameters
+        ----------
+        table : ndarray, shape (p + 1, n)
+            Zeros; each parameter's derivative is written to the row behind its place, and the first
+            row is left to the caller. [unit of the signal per unit of the parameter]
+        local : ndarray, shape (p,)
+            Local parameters.
+        frame : ShotFrame
+            The shot's fixed part.
+
+        Returns
+        -------
+        prediction : Prediction
+            At ``local``.
+        rebound_gradient : ndarray, shape (p,)
+            Derivative of the rebound ratio.
+        """
+        model = self.felt_by(frame)
         try:
             centre = model._column(local, frame)
             steps = model._allowed(model._steps(centre))
             found, gradient = neighbours.fill_neighbours(table, model, frame, centre, steps)
         except OverflowError:  # an effect's numbers that no float can hold
             table[:] = math.nan
-            return _nothing(frame), table[1:].T, np.full(local.size, math.nan)
-        jacobian = table[1:].T
-        jacobian[:, len(self.shared) + 3] = 1.0
-        at = self.first_size
+            return _nothing(frame), np.full(local.size, math.nan)
+        table[len(self.shared) + 4] = 1.0
+        at = self.first_size + 1
         for effect in self.effects:
             if effect.basis is not None:
                 columns = effect.basis(frame.samples, centre.context)
-                jacobian[:, at : at + effect.basis_size] = columns
+                table[at : at + effect.basis_size] = columns.T
                 at += effect.basis_size
         prediction = model._prediction(table[0], found, centre)
-        frame.cut(prediction.signal, jacobian)
-        return prediction, jacobian, gradient
+        frame.cut(prediction.signal, table[1:].T)
+        return prediction, gradient
 
 
 BASES = {
