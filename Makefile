@@ -23,7 +23,7 @@ FAULT_WORKERS ?= 4
 LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
 
-.PHONY: help demo serve bench check test test-faults test-slow test-system soak lint types contracts docstrings \
+.PHONY: help demo serve bench check test test-faults test-slow test-system test-integrations soak lint types contracts docstrings \
   units audit lock sbom clean
 
 help:  ## list the targets
@@ -75,7 +75,7 @@ audit: $(TOOLS)
 check: lint types contracts docstrings units audit  ## ruff, mypy, import contracts, docstrings, systemd units, audit of the packages
 
 test: check  ## `make check`, then the tests with warnings as errors
-	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow" $(ARGS)
+	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow and not integration" $(ARGS)
 
 test-faults: $(TOOLS)  ## every injected fault, with its figures at the end; half an hour
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
@@ -83,7 +83,10 @@ test-faults: $(TOOLS)  ## every injected fault, with its figures at the end; hal
 	  -m "not soak and not system" $(ARGS)
 
 test-slow: $(TOOLS)  ## all else of tens of seconds: whole diagnoses, the guides, aborts at every seam
-	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow and not soak" --ignore=tests/faults $(ARGS)
+	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow and not soak and not integration" --ignore=tests/faults $(ARGS)
+
+test-integrations: $(TOOLS)  ## all with the programs of a lab, in full: samplers, brokers, catalogues, packages
+	@$(BIN)/pytest -s -n 0 -m integration $(ARGS)
 
 soak: $(TOOLS)  ## the faults whose counts take hours
 	@$(BIN)/pytest -s -m soak $(ARGS)

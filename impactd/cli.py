@@ -22,6 +22,7 @@ from impactd.console import (
     new_command,
     paper_command,
     plot_commands,
+    posterior_command,
     rig_commands,
     schema_command,
     token_commands,
@@ -60,6 +61,7 @@ new_command.add_to(app)
 analysis_commands.add_to(app)
 archive_commands.add_to(app)
 plot_commands.add_to(app)
+posterior_command.add_to(app)
 paper_command.add_to(app)
 schema_command.add_to(app)
 app.add_typer(token_commands.app, name="token")

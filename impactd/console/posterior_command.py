@@ -1,0 +1,90 @@
+"""``impactd posterior``: draws from a fit's posterior, for ArviZ."""
+
+# ruff: noqa: PLC0415 - imported when the command runs: `--help` must not wait for numpy
+
+from __future__ import annotations
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+class Sampler(StrEnum):
+    """Where draws come from."""
+
+    EMCEE = "emcee"
+    LAPLACE = "laplace"
+
+
+_MIXED_BELOW = 1.05
+"""R-hat, the spread of all walkers over that of one. A share of 5 % in the spread is what an
+uncertainty of two digits can bear."""
+
+
+def add_to(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command()(posterior)
+
+
+def posterior(  # noqa: PLR0917 - the framework fills them by name
+    campaign: Annotated[Path, typer.Argument(help="A campaign folder or its campaign.json.")],
+    out: Annotated[
+        Path, typer.Option("--out", metavar="OUT.nc", help="Where ArviZ's InferenceData goes.")
+    ],
+    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2, and effects.")] = "kv2",
+    sampler: Annotated[
+        Sampler, typer.Option("--sampler", help="The posterior itself, or the fit's Gaussian.")
+    ] = Sampler.EMCEE,
+    steps: Annotated[
+        int, typer.Option("--steps", min=20, help="Of each walker; or draws of the Gaussian.")
+    ] = 150,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the random numbers.")] = 1,
+) -> None:
+    """Draw from the posterior of a fit, and write it for ArviZ.
+
+    Needs the extra `mcmc`. Prints each modulus with the interval that the draws give beside the
+    stated one.
+    """
+    from analysis import fit_campaign, load_campaign
+    from analysis.posterior.draws import interval95, laplace_draws, posterior_draws
+    from analysis.posterior.inference_data import inference_data
+    from impactd.console.failure import Failure
+    from impactd.console.progress_bar import progress
+    from impactd.console.tables import table
+
+    try:
+        import arviz
+    except ImportError:
+        raise Failure("this needs ArviZ and emcee: pip install 'impactd[mcmc]'.") from None
+    fit = fit_campaign(
+        load_campaign(campaign), model, progress=lambda text, share: progress(text, share=share)
+    )
+    if sampler is Sampler.LAPLACE:
+        draws = laplace_draws(fit, steps, seed=seed)
+    else:
+        draws = posterior_draws(
+            fit, steps, seed=seed, progress=lambda text, share: progress(text, share=share)
+        )
+    progress("", last=True)
+    found = inference_data(fit, draws, seed=seed + 1)
+    found.to_netcdf(str(out), engine="h5netcdf")
+    rows = []
+    for material, stated in fit.moduli().items():
+        quantity = stated["youngs_modulus_Pa"]
+        if quantity is not None:
+            drawn = interval95(
+                found["posterior"]["youngs_modulus_Pa"].sel(material=material).values
+            )
+            rows.append(
+                (material, *(f"{end / 1e9:.4g}" for end in (*drawn, *quantity["interval95"])))
+            )
+    heads = ("E/GPa (95 %)", "drawn from", "to", "stated from", "to")
+    print(table(heads, rows))
+    if sampler is Sampler.EMCEE:
+        worst = float(arviz.rhat(found, var_names=["parameter"])["parameter"].max())
+        least = float(arviz.ess(found, var_names=["parameter"])["parameter"].min())
+        print(f"Least effective number of draws {least:.0f}, largest R-hat {worst:.2f}.")
+        if worst > _MIXED_BELOW:
+            print("The walkers have not mixed: take more --steps, or a nested sampler.")
