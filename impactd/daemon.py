@@ -31,6 +31,7 @@ from impactd.data_lock import DataLock
 from impactd.events import EventBus
 from impactd.jobs.orders import request_diagnosis, request_fit
 from impactd.jobs.runner import JobRunner
+from impactd.moduli.control_chart import PairChart
 from impactd.moduli.service import ModuliAnswer, ModuliService
 from impactd.rig.build import build_rig
 from impactd.rig.rig import Rig
@@ -255,6 +256,14 @@ class Daemon:
         return self._moduli.answer(
             self.materials, specimen=specimen, since=since, until=until, model=name
         )
+
+    def charts(
+        self, *, since: str | None, until: str | None, model: str | None
+    ) -> dict[tuple[str, str], PairChart]:
+        """Return the control chart of every pair; parameters as for `moduli`."""
+        name = model or self.archive.models.active()
+        check_model(name)
+        return self._moduli.charts(since=since, until=until, model=name)
 
     def moduli_budget(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None

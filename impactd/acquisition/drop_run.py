@@ -270,6 +270,7 @@ class DropRun:
     def _release(self) -> None:
         self._pulse()
         limit_s = self._impact_limit_s + self._settings.valve.timeout_s + _CLOSING_S
+        self.seen.may_have_fallen = True
         report = self.seen.valve = self._guard.open(self._accepted, limit_s)
         if self._rig.valve.can_confirm and not report.confirmed:
             raise refusals.valve_unconfirmed()

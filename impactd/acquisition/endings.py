@@ -33,11 +33,20 @@ def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
     """
     if not run.aborting.is_set():
         return "failed", failure.problem
-    detail = f"{run.aborted_by} aborted drop {run.drop.number} while it {run.doing}."
+    detail = f"Drop {run.drop.number} was aborted by {run.aborted_by} while it {run.doing}."
     if failure.problem.type != "aborted":
         detail += f" Besides: {failure.problem.detail}"
-    remedy = "Ask for a new drop; the sphere may have fallen, so look at the coupon first."
+    remedy = "The sphere was not released; ask for a new drop."
+    if run.seen.may_have_fallen:
+        remedy = "Look at the coupon first, the sphere may have fallen; then ask for a new drop."
     return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
+
+
+def aftermath_of(run: DropRun) -> str:
+    """Return what to look at after a drop that brought no shot, before the next one is hung."""
+    if not run.seen.may_have_fallen:
+        return ""
+    return f"drop {run.drop.number} ended after its release: look at the coupon first"
 
 
 def voided_problem(error: RequestAbortedError) -> Problem:

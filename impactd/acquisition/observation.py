@@ -27,6 +27,8 @@ class Observation:
         When the drop began, on both clocks.
     vacuum : VacuumReading or None
         The gauge before the release.
+    may_have_fallen : bool
+        The valve was told to open, whatever came of it.
     valve : ValveReport or None
         Of the release.
     baseline : Baseline or None
@@ -42,6 +44,7 @@ class Observation:
     started_utc: str = field(default_factory=utc_now)
     started_monotonic_ns: int = field(default_factory=time.monotonic_ns)
     vacuum: VacuumReading | None = None
+    may_have_fallen: bool = False
     valve: ValveReport | None = None
     baseline: Baseline | None = None
     environment: Environment | None = None

@@ -22,6 +22,7 @@ from impactd.acquisition.drop_run import DropRun
 from impactd.acquisition.endings import (
     Rows,
     about_drop,
+    aftermath_of,
     ending_of,
     keep_evidence,
     not_ready_problem,
@@ -73,6 +74,8 @@ class RigLoop:
         The present drop; read and written under `present`.
     fault : Failure or None
         Why the rig is in doubt.
+    aftermath : str
+        What to look at after the last drop; empty once another one begins.
     watch : IdleWatch
         What was found at the last look.
     beat_s : float
@@ -96,6 +99,7 @@ class RigLoop:
         self.present = threading.Lock()
         self.run: DropRun | None = None
         self.fault: Failure | None = None
+        self.aftermath = ""
         self.watch = IdleWatch(rig, settings)
         self.beat_s = time.monotonic()
         self.changed = threading.Condition()
@@ -249,6 +253,7 @@ class RigLoop:
             run = self._queue.get_nowait()
         except queue.Empty:
             return False
+        self.aftermath = ""
         try:
             shot = run.run()
         except RescuedError as error:
@@ -391,6 +396,7 @@ class RigLoop:
         fault = worst_of(failure, unsafe, stuck)
         with self.present:
             self.run = None
+            self.aftermath = aftermath_of(run)
             self.fault = fault
             self.machine.apply(Event.MADE_SAFE if fault is None else Event.RIG_DOUBTED)
         self._tell_end(number, state, problem, kept)

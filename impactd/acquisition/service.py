@@ -342,7 +342,7 @@ class AcquisitionService:
         """Return the one honest light and what is behind it."""
         with self._loop.present:
             run, state = self._loop.run, self._loop.machine.state
-            reservation = self._admission.reservation
+            reservation, aftermath = self._admission.reservation, self._loop.aftermath
         calibration = self._admission.calibration()
         checks = (*self._loop.watch.findings.checks, *self._admission.quick_checks(calibration))
         owner = run.drop.owner if run else reservation.owner if reservation else None
@@ -357,6 +357,7 @@ class AcquisitionService:
                 checks=checks,
                 calibration=calibration,
                 alarms=(*self._interruptions(), *self._admission.alarms(calibration)),
+                aftermath=aftermath,
             )
         )
 

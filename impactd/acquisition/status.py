@@ -31,6 +31,8 @@ class ServiceStatus:
         Of the load cell.
     alarms : tuple of str
         What needs attention although drops are possible.
+    attention : str
+        What to look at before the next sphere is hung; empty when nothing.
     """
 
     ready: bool
@@ -41,6 +43,7 @@ class ServiceStatus:
     checks: tuple[Check, ...]
     calibration: CalibrationState
     alarms: tuple[str, ...]
+    attention: str = ""
 
 
 @dataclass(frozen=True)
@@ -67,6 +70,8 @@ class Facts:
         Of the load cell.
     alarms : tuple of str
         What needs attention.
+    aftermath : str
+        What the last drop left to be looked at.
     """
 
     state: State
@@ -78,6 +83,7 @@ class Facts:
     checks: tuple[Check, ...]
     calibration: CalibrationState
     alarms: tuple[str, ...]
+    aftermath: str = ""
 
 
 def status_of(facts: Facts) -> ServiceStatus:
@@ -98,7 +104,8 @@ def status_of(facts: Facts) -> ServiceStatus:
         sentence = f"NOT READY: {why_not}"
     else:
         sphere = next((c.sentence for c in facts.checks if c.name == "sphere"), "")
-        found = "; ".join(part for part in (sphere, facts.calibration.sentence) if part)
+        parts = facts.aftermath, sphere, facts.calibration.sentence
+        found = "; ".join(part for part in parts if part)
         sentence = f"READY: ask for a drop ({found})."
     return ServiceStatus(
         ready=not why_not,
@@ -109,6 +116,7 @@ def status_of(facts: Facts) -> ServiceStatus:
         checks=facts.checks,
         calibration=facts.calibration,
         alarms=facts.alarms,
+        attention="" if why_not else facts.aftermath,
     )
 
 

@@ -16,6 +16,9 @@ LARGE_READS = frozenset(
     {
         "/v1/moduli",
         "/v1/moduli/budget",
+        "/v1/results",
+        "/v1/results/chart",
+        "/v1/results/export",
         "/v1/calibrations",
         "/v1/shots/{number}.h5",
         "/v1/shots/{number}.csv",

@@ -301,7 +301,7 @@ class CalibrationRunner:
         if reservation.aborted.is_set():
             by = reservation.aborted_by
             raise _EndedEarlyError(
-                _aborted(run, Problem("aborted", "", 409, f"{by} aborted the series.", ""))
+                _aborted(run, Problem("aborted", "", 409, f"the series was aborted by {by}.", ""))
             )
         if self._ending.is_set():
             raise _EndedEarlyError(

@@ -1,5 +1,7 @@
 """What import, export, verify and reindex do."""
 
+# ruff: noqa: PLC0415 - imported when a campaign is exported: the fits need a second to load
+
 from __future__ import annotations
 
 from collections.abc import Sequence
@@ -10,6 +12,7 @@ from impactd.console.failure import Failure
 from impactd.console.options import open_archive, settings_of
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json
+from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive
 
 
@@ -83,11 +86,22 @@ def export(
         Print the files as JSON.
     """
     with open_archive(config, data) as archive:
-        files = [str(path) for path in archive.export(numbers, form, out)]
+        if form == "campaign":
+            files = [str(_campaign(archive, numbers, out, settings_of(config, data)))]
+        else:
+            files = [str(path) for path in archive.export(numbers, form, out)]
     if as_json:
         print_json({"format": form, "shots": list(numbers), "files": files})
     else:
         print("\n".join(files))
+
+
+def _campaign(archive: Archive, numbers: Sequence[int], out: Path, settings: Settings) -> Path:
+    from impactd.jobs.campaign_export import export_campaign
+    from impactd.settings.materials import load_materials
+
+    materials = load_materials(settings.materials.file)
+    return export_campaign(archive, numbers, out, settings=settings, materials=materials)
 
 
 def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:

@@ -57,7 +57,7 @@ def offline(
     from impactd.diagnosis.run import diagnose
     from impactd.storage.campaign_folder import read_campaign
 
-    campaign = read_campaign(path)
+    campaign = read_campaign(path, calibrated=False)
     document = diagnose(campaign, base, budget_s=budget_s, progress=progress_by_step())
     progress("", last=True)
     if report is not None:

@@ -247,13 +247,21 @@ def moduli_table(moduli: dict[str, Any]) -> str:
                 measured(young, scale=1e-9),
                 _interval(young),
                 measured(plane, scale=1e-9),
-                modulus.get("reason") or "",
+                _note(modulus),
             )
         )
     return table(
         ("material", "status", "E +- U (95 %)/GPa", "95 % interval/GPa", "E/(1-nu^2)/GPa", "note"),
         rows,
     )
+
+
+def _note(modulus: dict[str, Any]) -> str:
+    """Return why a modulus is withheld, or what was stated of a reference beforehand."""
+    stated = modulus.get("stated_youngs_modulus_Pa")
+    if stated:
+        return f"stated {measured(stated, scale=1e-9)}"
+    return str(modulus.get("reason") or "")
 
 
 def _interval(quantity: dict[str, Any] | None) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Campaign
 from impactd.console.client import connect
 from impactd.console.progress_bar import progress
+from impactd.jobs.orders import calibrated
 from impactd.jobs.rebound import with_restitution
 from impactd.storage.exchange import archive_campaign
 from impactd.storage.shot_store import read_shot
@@ -72,9 +72,7 @@ def with_calibration(campaign: Campaign, *, url: str | None) -> Campaign:
     )
     if result is None:
         return campaign
-    known = sensor_from_json(result)
-    rigid = known.hsd_n_per_v or campaign.sensor.hsd_n_per_v
-    return replace(campaign, sensor=replace(known, hsd_n_per_v=rigid))
+    return replace(campaign, sensor=calibrated(result, campaign.sensor))
 
 
 def campaign_of_files(files: Sequence[Path]) -> Campaign:

@@ -15,7 +15,7 @@ from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Sensor
 from impactd.settings.materials import Materials
 from impactd.settings.settings import Settings
-from impactd.storage.archive import Archive, ArchiveError, Shot
+from impactd.storage.archive import Archive, ArchiveError, Calibration, Shot
 from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 from impactd.storage.materials_json import sensor_to_json, sphere_to_json, surface_to_json
@@ -279,9 +279,29 @@ def _knowledge(
     # A calibration starts from the certificate, not from the last calibration: were that a prior,
     # a drifting cell would hide its own drift.
     calibration = archive.calibrations.current() if with_calibration else None
+    return knowledge(calibration, settings, materials)
+
+
+def knowledge(calibration: Calibration | None, settings: Settings, materials: Materials) -> Json:
+    """Return what a fit is told of the cell, the release and the materials.
+
+    Parameters
+    ----------
+    calibration : Calibration or None
+        Whose cell is meant; that of the certificate without one.
+    settings : Settings
+        Certificate of the cell, gravity, release.
+    materials : Materials
+        Spheres and surfaces.
+
+    Returns
+    -------
+    dict
+        JSON-ready, part of an order.
+    """
     known = settings.sensor.sensor()
     if calibration is not None and calibration.result is not None:
-        known = _calibrated(calibration.result, known)
+        known = calibrated(calibration.result, known)
     return {
         "sensor": sensor_to_json(known),
         "calibration": None if calibration is None else calibration.number,
@@ -293,7 +313,8 @@ def _knowledge(
     }
 
 
-def _calibrated(result: Json, certificate: Sensor) -> Sensor:
+def calibrated(result: Json, certificate: Sensor) -> Sensor:
+    """Return the cell of a calibration; what it did not find is the certificate's."""
     found = sensor_from_json(result)
     if found.hsd_n_per_v is not None or certificate.hsd_n_per_v is None:
         return found

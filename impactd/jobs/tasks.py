@@ -64,7 +64,7 @@ def fit_shot(order: Json) -> Json:
         ``fits``: one result for each model.
     """
     (stored,) = _read(order)
-    campaign = _campaign(order, [stored])
+    campaign = campaign_of(order, [stored])
     fits = []
     for position, model in enumerate(order["models"]):
         report(f"fitting {model}", position / len(order["models"]))
@@ -100,7 +100,7 @@ def fit_campaign(order: Json) -> Json:
         ``fit``: ``impactd-fit/1``.
     """
     shots = _read(order)
-    campaign, model = _campaign(order, shots), order["model"]
+    campaign, model = campaign_of(order, shots), order["model"]
     definition = _definition(order, model)
     if _holds_for_bounces(model, definition):
         campaign = with_bounces(campaign)
@@ -125,7 +125,7 @@ def calibrate(order: Json) -> Json:
         ``calibration``: ``impactd-calibration/1``.
     """
     shots = _read(order)
-    campaign, model = _campaign(order, shots), order["model"]
+    campaign, model = campaign_of(order, shots), order["model"]
     if _holds_for_bounces(model, _definition(order, model)):
         campaign = with_bounces(campaign)
     result = analysis_calibrate(campaign, model, progress=report)
@@ -157,7 +157,7 @@ def diagnose(order: Json) -> Json:
 
     shots = _read(order)
     found = close_the_loop(
-        _campaign(order, shots),
+        campaign_of(order, shots),
         order["base"],
         budget_s=order.get("budget_s"),
         progress=report,
@@ -223,8 +223,21 @@ def _read(order: Json) -> list[StoredShot]:
     return [read_shot(Path(one["path"]), one["sha256"]) for one in order["shots"]]
 
 
-def _campaign(order: Json, shots: list[StoredShot]) -> Campaign:
-    """Return the shots with all that is known today, restitution from the bounce included."""
+def campaign_of(order: Json, shots: list[StoredShot]) -> Campaign:
+    """Return shots with all that an order knows of them.
+
+    Parameters
+    ----------
+    order : dict
+        ``shots`` and what `orders.knowledge` tells.
+    shots : list of StoredShot
+        As read from their files.
+
+    Returns
+    -------
+    Campaign
+        In the order of the numbers; the restitution from the bounce included.
+    """
     known = _Known(
         {name: sphere_from_json(name, _fields(one)) for name, one in order["spheres"].items()},
         {name: surface_from_json(name, _fields(one)) for name, one in order["surfaces"].items()},

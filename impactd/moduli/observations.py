@@ -16,6 +16,9 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from impactd.moduli.control_chart import PairChart
 from impactd.storage.archive import Archive
 from impactd.storage.fits import ShotFit
 
@@ -107,11 +110,41 @@ class Observations:
             May be empty.
         """
         return [
-            use
-            for _, use in sorted(self._uses.items())
-            if (since is None or use.started_utc >= since)
-            and (until is None or use.started_utc < until)
+            use for _, use in sorted(self._uses.items()) if _within(use.started_utc, since, until)
         ]
+
+    def charts(self, since: str | None, until: str | None) -> dict[tuple[str, str], PairChart]:
+        """Return the control chart of every pair, of the shots that take part.
+
+        Parameters
+        ----------
+        since, until : str or None
+            As in `chosen`.
+
+        Returns
+        -------
+        dict
+            By sphere and surface, in alphabetical order.
+        """
+        found: dict[tuple[str, str], list[tuple[int, ShotUse, PairObservation]]] = {}
+        for number, use in sorted(self._uses.items()):
+            seen = use.observation
+            if seen is None or not _within(use.started_utc, since, until):
+                continue
+            found.setdefault((seen.sphere, seen.surface), []).append((number, use, seen))
+        return {
+            pair: PairChart(
+                tuple(number for number, _, _ in group),
+                tuple(use.started_utc for _, use, _ in group),
+                np.array([seen.log_reduced_modulus for _, _, seen in group]),
+                np.array([seen.u_random for _, _, seen in group]),
+            )
+            for pair, group in sorted(found.items())
+        }
+
+
+def _within(moment: str, since: str | None, until: str | None) -> bool:
+    return (since is None or moment >= since) and (until is None or moment < until)
 
 
 def _use(found: ShotFit) -> ShotUse:

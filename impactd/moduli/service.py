@@ -19,6 +19,7 @@ import structlog
 
 from analysis.base_models import DEFAULT_BASE
 from impactd.moduli.adjustment import adjusted, at_temperature, calibrations_of_other_bases
+from impactd.moduli.control_chart import PairChart
 from impactd.moduli.observations import Observations, ShotUse
 from impactd.settings.materials import Materials
 from impactd.storage.archive import Archive, Calibration
@@ -163,7 +164,9 @@ class ModuliService:
         head = {
             **found,
             "moduli": {
-                key: entry | {"calibration_overdue": state["overdue"]}
+                key: entry
+                | _stated(network, key, entry)
+                | {"calibration_overdue": state["overdue"]}
                 for key, entry in found["moduli"].items()
             },
             "warnings": found["warnings"] + ([state["sentence"]] if state["sentence"] else []),
@@ -174,6 +177,15 @@ class ModuliService:
             "software": software(),
         }
         return ModuliAnswer(head, network.lists)
+
+    def charts(
+        self, *, since: str | None = None, until: str | None = None, model: str = DEFAULT_BASE
+    ) -> dict[tuple[str, str], PairChart]:
+        """Return the control chart of every pair; see `Observations.charts`."""
+        with self._lock:
+            observations = self._observations_of(model)
+            observations.update()
+            return observations.charts(since, until)
 
     def _network(
         self, materials: Materials, model: str, since: str | None, until: str | None
@@ -290,6 +302,18 @@ class ModuliService:
             "shots": len(network.seen),
             "software": software(),
         }
+
+
+def _stated(network: _Network, key: str, entry: Json) -> Json:
+    """Return the modulus that was stated beforehand, beside the one that all shots adjusted."""
+    if entry["status"] != "reference":
+        return {}
+    known = network.stated.spheres if entry["side"] == "sphere" else network.stated.surfaces
+    material = known.get(key.removeprefix(f"{entry['side']}:"))
+    stated = None if material is None else material.youngs_modulus_pa
+    if stated is None:
+        return {}
+    return {"stated_youngs_modulus_Pa": {"value": stated.value, "u": stated.u, "unit": "Pa"}}
 
 
 def _lists(uses: Sequence[ShotUse]) -> dict[str, bytes]:

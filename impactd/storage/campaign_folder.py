@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from analysis.campaign import Campaign, Rejected, Sphere, Surface, Uncertainty
+from analysis.campaign import Campaign, Rejected, Sensor, Sphere, Surface, Uncertainty
 from impactd.storage import ranges
 from impactd.storage.campaign_shot import SHOT_KEYS, CampaignShot, read_campaign_shot, shot_to_json
 from impactd.storage.errors import ArchiveError, CampaignError
@@ -56,11 +56,13 @@ CAMPAIGN_KEYS = (
     "sample_rate_u_relative",
     "environment",
     "sensor",
+    "calibration",
     "spheres",
     "surfaces",
     "assumptions",
     "shots",
 )
+CALIBRATION_KEYS = ("number", "model", "finished_utc", "valid_until_utc", "sensor")
 
 
 @dataclass(frozen=True)
@@ -70,22 +72,29 @@ class CampaignFolder:
     Attributes
     ----------
     campaign : Campaign
-        As the analysis sees it.
+        As the analysis sees it: with the calibrated cell where the folder carries one.
+    certificate : Sensor
+        What was known of the load cell before any calibration.
     shots : tuple of CampaignShot
         The same shots in the same order.
     """
 
     campaign: Campaign
     shots: tuple[CampaignShot, ...]
+    certificate: Sensor
 
 
-def read_campaign(path: Path) -> Campaign:
+def read_campaign(path: Path, *, calibrated: bool = True) -> Campaign:
     """Return a campaign folder as the analysis sees it.
 
     Parameters
     ----------
     path : Path
         The folder or its ``campaign.json``.
+    calibrated : bool
+        Whether the load cell is the one of the folder's ``calibration``, as a fit wants it. A
+        diagnosis starts from the certificate: a calibration made under the model in question
+        would vouch for it.
 
     Returns
     -------
@@ -97,7 +106,8 @@ def read_campaign(path: Path) -> Campaign:
     CampaignError
         If the folder cannot be used as a whole, or none of its shots can.
     """
-    return read_campaign_folder(path).campaign
+    folder = read_campaign_folder(path)
+    return folder.campaign if calibrated else replace(folder.campaign, sensor=folder.certificate)
 
 
 def load_campaign(path: str | os.PathLike[str]) -> Campaign:
@@ -146,11 +156,12 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
         root.refuse("format", f"is {root.value('format')!r}; this program reads {FORMAT!r}.")
     gravity, u_gravity = root.measured("gravity_m_per_s2", ranges.GRAVITY_M_PER_S2)
     release = root.child("release", known=RELEASE_KEYS)
+    certificate = sensor_from_json(root.child("sensor", known=SENSOR_KEYS))
     header = Campaign(
         shots=(),
         spheres=_spheres(root),
         surfaces=_surfaces(root),
-        sensor=sensor_from_json(root.child("sensor", known=SENSOR_KEYS)),
+        sensor=_calibrated(root) or certificate,
         gravity_m_per_s2=STANDARD_GRAVITY_M_PER_S2 if gravity is None else gravity,
         speed_repeatability=release.number("speed_repeatability", ranges.REPEATABILITY),
         u_gravity_m_per_s2=u_gravity,
@@ -158,7 +169,17 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
         u_sample_rate_relative=root.uncertainty("sample_rate_u_relative", ranges.RELATIVE_U),
         environment=environment_from_json(root.child("environment", known=ENVIRONMENT_KEYS)),
     )
-    return _with_shots(root, header, file)
+    return _with_shots(root, header, certificate, file)
+
+
+def _calibrated(root: Fields) -> Sensor | None:
+    """Return the cell that the folder's calibration found, ``None`` where it carries none."""
+    if not root.has("calibration"):
+        return None
+    calibration = root.child("calibration", known=CALIBRATION_KEYS)
+    if not calibration.has("sensor"):
+        calibration.refuse("sensor", "is missing: what the calibration found of the load cell.")
+    return sensor_from_json(calibration.child("sensor", known=SENSOR_KEYS))
 
 
 def _refuse_recordings(path: Path, file: Path) -> None:
@@ -188,7 +209,7 @@ def _refuse_recordings(path: Path, file: Path) -> None:
         )
 
 
-def _with_shots(root: Fields, header: Campaign, file: Path) -> CampaignFolder:
+def _with_shots(root: Fields, header: Campaign, certificate: Sensor, file: Path) -> CampaignFolder:
     good: list[CampaignShot] = []
     rejected: list[Rejected] = []
     for position, value in enumerate(root.array("shots")):
@@ -203,7 +224,7 @@ def _with_shots(root: Fields, header: Campaign, file: Path) -> CampaignFolder:
         first = f" The first: {rejected[0].path}: {rejected[0].reason}" if rejected else ""
         root.refuse("shots", f"none of {len(rejected)} shots can be used.{first}")
     campaign = replace(header, shots=tuple(one.shot for one in good), rejected=tuple(rejected))
-    return CampaignFolder(campaign, tuple(good))
+    return CampaignFolder(campaign, tuple(good), certificate)
 
 
 def release_to_json(repeatability: float | None, offset: Uncertainty | None) -> dict[str, object]:
@@ -239,6 +260,7 @@ def write_campaign(
     *,
     assumptions: Sequence[str] = (),
     sources: Sequence[Mapping[str, object]] = (),
+    calibration: Mapping[str, object] | None = None,
 ) -> Path:
     """Write a campaign as a folder that `read_campaign` reads back.
 
@@ -255,6 +277,8 @@ def write_campaign(
         Sentences on what was taken to be so.
     sources : sequence of mapping, optional
         For each shot more keys that say where it comes from.
+    calibration : mapping, optional
+        Keys of ``calibration``; the campaign's own sensor is the certificate then.
 
     Returns
     -------
@@ -289,6 +313,7 @@ def write_campaign(
         "sample_rate_u_relative": None if time_base is None else time_base.u,
         "environment": environment_to_json(campaign.environment),
         "sensor": sensor_to_json(campaign.sensor),
+        **({"calibration": dict(calibration)} if calibration else {}),
         "spheres": {name: sphere_to_json(one) for name, one in campaign.spheres.items()},
         "surfaces": {name: surface_to_json(one) for name, one in campaign.surfaces.items()},
         **({"assumptions": list(assumptions)} if assumptions else {}),

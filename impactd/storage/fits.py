@@ -208,6 +208,32 @@ class FitTable:
             for row in rows
         ]
 
+    def noise_of_newest(self, limit: int) -> list[tuple[int, str, float]]:
+        """Return number, start and noise before the trigger [V rms] of the newest own shots.
+
+        Parameters
+        ----------
+        limit : int
+            At most so many.
+
+        Returns
+        -------
+        list of tuple
+            Oldest first; shots without a fit that tells it are left out.
+        """
+        rows = self._index.rows(
+            "SELECT number, started_utc, (SELECT json_extract(result, '$.noise_rms') FROM fits "
+            "WHERE shot = number ORDER BY id DESC LIMIT 1) AS noise FROM "
+            "(SELECT * FROM shots WHERE source = 'drop' ORDER BY number DESC LIMIT ?) "
+            "ORDER BY number",
+            (limit,),
+        )
+        return [
+            (row["number"], row["started_utc"], row["noise"])
+            for row in rows
+            if row["noise"] is not None
+        ]
+
     def of_job(self, job: int) -> list[Fit]:
         """Return the fits that a job wrote."""
         rows = self._index.rows("SELECT * FROM fits WHERE job=? ORDER BY id", (job,))

@@ -19,7 +19,8 @@ _VIEWS = (
     "rig",
     "shots",
     "shots/{last}",
-    "moduli",
+    "results",
+    "health",
     "compare/{some}",
     "calibration",
     "diagnoses",
@@ -89,7 +90,7 @@ def _look(visitor: Visitor, folder: Path, name: str) -> None:
     for view in _VIEWS:
         address = view.format(last=last, some=f"{last - 3},{last - 2},{last}")
         page.goto(f"{visitor.daemon.url}/#/{address}")
-        if view == "moduli":
+        if view == "results":
             page.locator("summary").first.click()
             page.get_by_role("table").first.wait_for()
         if view in _WITH_CHART or "/" in view:

@@ -44,7 +44,7 @@ def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     visitor.arm_and_drop()
     page.locator(".instruction").get_by_text("Load the sphere: acetal").wait_for()
     page.keyboard.press("Escape")
-    page.locator(".instruction.bad").get_by_text("aborted drop").wait_for()
+    page.locator(".instruction.bad").get_by_text("was aborted by").wait_for()
     page.locator("#light[data-light=ready]").wait_for()
     assert _latest(visitor) == 1
     visitor.arm_and_drop()

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import shutil
+from dataclasses import asdict
 from typing import Any
 
 from fastapi import APIRouter
 
+from impactd.api.rig_schemas import Device, Disk, NoiseTrend, RigCheck, RigHealth
 from impactd.api.security import TheDaemon
 
 router = APIRouter(prefix="/v1/rig", tags=["rig"])
@@ -38,3 +41,43 @@ def rig(daemon: TheDaemon) -> dict[str, Any]:
         "calibration_plan": [one.model_dump(mode="json") for one in settings.calibration.plan],
         "remind_days": settings.calibration.remind_days,
     }
+
+
+_TREND_SHOTS = 200
+"""Shots of the noise's trend: some days of work."""
+
+
+@router.get("/health")
+def health(daemon: TheDaemon) -> RigHealth:
+    """Show what the rig was found like: its checks, gauge, devices, disk, noise and calibration.
+
+    The gain's trend is the `series` of `GET /v1/calibrations`.
+    """
+    settings, status = daemon.settings, daemon.service.status()
+    free = daemon.archive.free_bytes()
+    each = 2 * round(settings.trigger.record_s * settings.digitizer.sample_rate_hz)
+    noise = daemon.archive.fits.noise_of_newest(_TREND_SHOTS)
+    return RigHealth(
+        sentence=status.sentence,
+        attention=status.attention,
+        checks=[RigCheck(**asdict(check)) for check in status.checks],
+        devices=[
+            Device(name=check.name, sentence=check.sentence, answers=check.ok)
+            for check in status.checks
+            if check.name in {"digitizer", "valve"}
+        ],
+        disk=Disk(
+            free_bytes=free + daemon.archive.reserve_bytes,
+            reserve_bytes=daemon.archive.reserve_bytes,
+            total_bytes=shutil.disk_usage(daemon.archive.directory).total,
+            shots_left=max(0, free) // each,
+        ),
+        noise=NoiseTrend(
+            numbers=[number for number, _, _ in noise],
+            started_utc=[started for _, started, _ in noise],
+            noise_rms_V=[value for _, _, value in noise],
+            highest_allowed_V=settings.preflight.noise_max_v,
+        ),
+        calibration=asdict(status.calibration),
+        valve_has_gauge=settings.valve.adc_channel is not None,
+    )

@@ -117,7 +117,7 @@ def test_a_second_technician_is_told_of_the_first_and_may_abort_at_once(ready: R
         assert ended.json()["state"] in ("aborted", "requested")
         dropped = ready.ended(number)
         assert dropped["state"] == "aborted"
-        assert "sam aborted drop" in dropped["problem"]["detail"]
+        assert "was aborted by sam" in dropped["problem"]["detail"]
     print(f"abort over HTTP, slowest of {len(took_s)}: {max(took_s) * 1e3:.0f} ms")
     assert max(took_s) < ABORT_LIMIT_S
 

@@ -174,7 +174,7 @@ def test_an_abort_ends_a_drop_in_every_state(laboratory: Laboratory, state: Stat
     ended = laboratory.service.wait(drop.number, 20.0)
     assert ended.state == "aborted"
     assert ended.problem is not None
-    assert "cd aborted drop 1" in ended.problem.detail
+    assert "Drop 1 was aborted by cd" in ended.problem.detail
     reading = laboratory.rig.valve.vacuum()
     assert reading is not None
     assert reading.volts > 1.0  # the pump is connected again

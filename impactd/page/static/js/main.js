@@ -13,21 +13,23 @@ import { showRig } from "../views/rig.js";
 import { showShots } from "../views/shots.js";
 import { showShot } from "../views/shot.js";
 import { showCompare } from "../views/compare.js";
-import { showModuli } from "../views/moduli.js";
+import { showResults } from "../views/results.js";
 import { showCalibration } from "../views/calibration.js";
 import { showDiagnoses } from "../views/diagnoses.js";
 import { showModels } from "../views/models.js";
 import { showLog } from "../views/log.js";
+import { showHealth } from "../views/health.js";
 import { showSignIn } from "../views/sign_in.js";
 
 addView(/^\/rig$/, "Drop", showRig);
 addView(/^\/shots$/, "Shots", showShots);
 addView(/^\/shots\/(\d+)$/, (match) => `Shot ${match[1]}`, showShot);
 addView(/^\/compare\/([\d,]+)$/, "Compare shots", showCompare);
-addView(/^\/moduli$/, "Moduli", showModuli);
+addView(/^\/(?:results|moduli)$/, "Results", showResults);
 addView(/^\/calibration$/, "Calibration", showCalibration);
 addView(/^\/diagnoses$/, "Diagnoses", showDiagnoses);
 addView(/^\/models$/, "Models", showModels);
+addView(/^\/health$/, "Rig", showHealth);
 addView(/^\/log$/, "Log", showLog);
 
 let signedIn = false;

@@ -29,6 +29,15 @@ export function significant(value, digits = 3) {
   return String(Number(value.toPrecision(digits)));
 }
 
+/** Return "0.21 %"; `signed` writes a plus, too. What rounds to nothing is "< 0.01 %", never 0.00. */
+export function percent(fraction, signed = false) {
+  if (fraction === null || fraction === undefined || !Number.isFinite(fraction)) return "–";
+  const size = Math.abs(fraction) * 100;
+  if (size < 0.01) return "< 0.01 %";
+  const sign = fraction < 0 ? "−" : signed ? "+" : "";
+  return `${sign}${size >= 100 ? Math.round(size) : size.toPrecision(2)} %`;
+}
+
 export const millimetres = (metres) => (metres === null || metres === undefined ? "–" : `${significant(metres * 1e3, 4)} mm`);
 
 /** Return a duration in words: "about 40 s", "about 3 min". */

@@ -41,7 +41,7 @@ export function showView({ quietly = false } = {}) {
 export function endView() { ending.abort(); }
 
 function markWay(view) {
-  const address = view.replace(/^\/compare/, "/shots"); // which has no way of its own
+  const address = view.replace(/^\/compare/, "/shots").replace(/^\/moduli/, "/results"); // which has no way of its own
   for (const link of document.querySelectorAll("#nav a")) {
     const leads = address.startsWith(link.hash.slice(1));
     if (leads) link.setAttribute("aria-current", "page");

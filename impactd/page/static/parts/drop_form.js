@@ -16,8 +16,8 @@ export function dropForm(rig, latest, onGo) {
   const low = rig.min_drop_height_m * 1e3;
   const high = rig.max_drop_height_m * 1e3;
   const known = (list, name) => (list.some((one) => one.name === name) ? name : list[0]?.name);
-  const height = stepper({ label: "Drop height", unit: "mm", value: within(before.drop_height_m * 1e3 || 30, low, high), min: low, max: high, step: 1 });
-  const count = stepper({ label: "Drops", unit: "", value: 1, min: 1, max: MOST_DROPS, step: 1 });
+  const height = stepper({ label: "Drop height", unit: "mm", value: within(before.drop_height_m * 1e3 || 30, low, high), min: low, max: high, step: 1, hint: `${millimetres(rig.min_drop_height_m)} to ${millimetres(rig.max_drop_height_m)}` });
+  const count = stepper({ label: "Drops", unit: "", value: 1, min: 1, max: MOST_DROPS, step: 1, hint: `1 to ${MOST_DROPS}` });
   const operator = field("Operator", { value: recall("operator", session.name ?? ""), maxlength: 64, required: true, autocomplete: "name" });
   const around = readings();
   const wrong = h("p", { class: "wrong", role: "alert" });

@@ -16,9 +16,9 @@ export function tiles({ legend, name, options, value, onChange }) {
 }
 
 /** Return a number with buttons beside it; its `.input` is the field. */
-export function stepper({ label, unit, value, min, max, step, coarse = step }) {
+export function stepper({ label, unit, value, min, max, step, coarse = step, hint }) {
   const id = freshId();
-  const input = h("input", { id, type: "number", inputmode: "decimal", value, min, max, step: "any", required: true });
+  const input = h("input", { id, type: "number", inputmode: "decimal", value, min, max, step: "any", required: true, "aria-describedby": hint ? `${id}-hint` : null });
   const move = (by) => () => {
     const next = Math.round((Number(input.value) + by) / step) * step;
     input.value = Number(Math.min(max, Math.max(min, next)).toFixed(6));
@@ -30,7 +30,8 @@ export function stepper({ label, unit, value, min, max, step, coarse = step }) {
     h("div", { class: "stepper" },
       h("button", { class: "button", type: "button", "aria-label": `Less ${what}`, on: { click: move(-coarse) } }, "−"),
       input,
-      h("button", { class: "button", type: "button", "aria-label": `More ${what}`, on: { click: move(coarse) } }, "+")));
+      h("button", { class: "button", type: "button", "aria-label": `More ${what}`, on: { click: move(coarse) } }, "+")),
+    hint && h("p", { class: "soft", id: `${id}-hint` }, hint));
   element.input = input;
   return element;
 }

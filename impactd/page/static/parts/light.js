@@ -20,7 +20,7 @@ export function startLight() {
     const at = status.sentence.indexOf(":");
     const word = status.sentence.slice(0, at + 1);
     const busy = !status.ready && status.owner !== null && status.state !== "FAULT";
-    show(status.ready ? "ready" : busy ? "busy" : "not-ready", word, status.sentence.slice(at + 1).trim());
+    show(status.ready && status.attention ? "look" : status.ready ? "ready" : busy ? "busy" : "not-ready", word, status.sentence.slice(at + 1).trim());
     byId("rig-name").textContent = status.rig?.name ?? "";
     byId("abort").dataset.underWay = String(busy);
     if (word !== said) say(status.sentence);

@@ -5,9 +5,10 @@ import { byId, fill, h } from "../js/dom.js";
 const VIEWS = [
   ["#/rig", "Drop"],
   ["#/shots", "Shots"],
-  ["#/moduli", "Moduli"],
+  ["#/results", "Results"],
   ["#/calibration", "Calibration"],
   ["#/diagnoses", "Diagnoses"],
+  ["#/health", "Rig"],
   ["#/models", "Models"],
   ["#/log", "Log"],
 ];

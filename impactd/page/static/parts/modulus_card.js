@@ -1,14 +1,12 @@
-// Moduli: what all shots together say about each material, how certain that is, and whether it passes.
+// A material's modulus as a card: the number, what its uncertainty is made of, and whether it passes.
 
 import { get, withQuery } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
-import { on } from "../js/live.js";
 import { modulus } from "../js/numbers.js";
-import { material, modelName } from "../js/words.js";
-import { budgetsOf, decision } from "../parts/budget.js";
-import { choice, field } from "../parts/fields.js";
+import { material } from "../js/words.js";
+import { budgetsOf, decision } from "./budget.js";
+import { choice, field } from "./fields.js";
 
-const ORDER = ["fitted", "reference", "withheld"];
 const STATUS = {
   fitted: ["good", "measured"],
   reference: ["", "reference"],
@@ -21,35 +19,8 @@ const RULES = [
   ["simple", "No guard band"],
 ];
 
-export async function showModuli(place, { signal }) {
-  const about = h("p", {});
-  const warnings = h("ul", { class: "soft" });
-  const list = h("div", { class: "cards" });
-  fill(place, h("h1", {}, "Moduli"), about, warnings, list);
-  const load = async () => {
-    try {
-      const found = await get("/v1/moduli");
-      if (signal.aborted) return;
-      about.textContent = `What all stored shots together say about each material, fitted with ${modelName(found.model)}; ± is the expanded uncertainty (95 %).`;
-      fill(warnings, found.warnings.map((one) => h("li", {}, one)));
-      // Drawn only when something changed: an open budget must not close under a reader.
-      const text = JSON.stringify([found.model, found.moduli]);
-      if (text === list.dataset.drawn) return;
-      list.dataset.drawn = text;
-      const names = Object.keys(found.moduli).sort((a, b) => ORDER.indexOf(found.moduli[a].status) - ORDER.indexOf(found.moduli[b].status));
-      const budgets = once(() => get("/v1/moduli/budget", { timeoutMs: 60000 }));
-      fill(list, names.length ? names.map((name) => card(name, found.moduli[name], budgets)) : h("p", { class: "empty" }, "No modulus yet: drop a sphere on a reference and on the specimen."));
-    } catch (problem) {
-      if (!list.hasChildNodes()) fill(list, h("p", { class: "wrong" }, problem.message));
-    }
-  };
-  on("happened", ({ kind }) => { if (["drop.analysed", "calibration.done", "model.chosen"].includes(kind)) load(); }, signal);
-  on("found", load, signal);
-  await load();
-}
-
 /** Return a function that asks at its first call, and again only after a failure. */
-function once(asked) {
+export function once(asked) {
   let answer = null;
   return () => {
     answer ??= asked().catch((problem) => { answer = null; throw problem; });
@@ -57,7 +28,8 @@ function once(asked) {
   };
 }
 
-function card(name, entry, budgets) {
+/** Return a material's card; `budgets()` resolves with all budgets when one is unfolded. */
+export function modulusCard(name, entry, budgets) {
   const [badge, word] = STATUS[entry.status];
   const young = modulus(entry.youngs_modulus_Pa);
   const plane = modulus(entry.plane_strain_modulus_Pa);
@@ -67,6 +39,7 @@ function card(name, entry, budgets) {
       h("span", { class: `badge ${badge}` }, word)),
     (young || plane) && h("p", { class: "modulus" }, h("small", {}, young ? "E " : "E/(1−ν²) "), young ?? plane),
     young && plane && h("p", { class: "soft" }, `E/(1−ν²) = ${plane}`),
+    entry.stated_youngs_modulus_Pa && h("p", { class: "soft" }, `Stated beforehand: ${modulus(entry.stated_youngs_modulus_Pa)}; above is what all shots make of it.`),
     entry.reason && h("p", { class: "soft" }, entry.reason),
     (young || plane) && uncertainty(name, entry, budgets));
 }

@@ -14,7 +14,7 @@ def test_a_budget_is_unfolded_and_a_limit_decided(visitor):
         visitor.arm_and_drop()
         page.get_by_text(f"acetal on {surface} from 30 mm").nth(1).wait_for()
         page.locator(".modulus").wait_for()
-    visitor.go("Moduli")
+    visitor.go("Results")
     card = page.get_by_role("region", name="specimen", exact=True)
     card.locator(".modulus").wait_for()
     assert not any("budget" in url for url in asked)
@@ -42,4 +42,37 @@ def test_a_budget_is_unfolded_and_a_limit_decided(visitor):
     assert not page.get_by_role("navigation").is_visible()
     assert table.is_visible()
     page.emulate_media(media="screen")
+    visitor.assert_clean()
+
+
+def test_pairs_have_charts_and_a_selection_is_taken_away(visitor):
+    """Mean and scatter of a pair, its control chart, and the CSV of what is shown."""
+    page = visitor.page
+    visitor.sign_in()
+    visitor.choose("acetal", "polycarbonate", 25)
+    visitor.arm_and_drop()
+    page.locator(".modulus").first.wait_for()
+    visitor.go("Results")
+    row = page.get_by_role("row").filter(has_text="acetal on polycarbonate")
+    row.get_by_role("button", name="Chart of acetal on polycarbonate").click()
+    page.get_by_role("heading", name="Control chart of acetal on polycarbonate").wait_for()
+    page.locator("section .chart .main-svg").first.wait_for(state="attached")
+    taken = page.get_by_role("region", name="Take away")
+    taken.get_by_label("Pair").select_option(label="acetal on polycarbonate")
+    with page.expect_download() as caught:
+        taken.get_by_role("link", name="Download").click()
+    text = caught.value.path().read_text()
+    assert "# surface: polycarbonate" in text
+    assert "acetal,polycarbonate" in text
+    visitor.assert_clean()
+
+
+def test_the_rig_is_shown_as_it_was_found(visitor):
+    """Six checks in words, the disk, the noise of the latest shots."""
+    page = visitor.page
+    visitor.sign_in()
+    visitor.go("Rig")
+    page.locator("[data-check=good]").nth(5).wait_for()
+    page.get_by_text("more shots").wait_for()
+    page.get_by_role("heading", name="Noise before the trigger").wait_for()
     visitor.assert_clean()

@@ -1,0 +1,85 @@
+"""Results over HTTP: pairs, control charts, selections to take away."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import hashlib
+import io
+import json
+import math
+import zipfile
+
+
+def test_a_pair_has_mean_scatter_and_chart(rig, shot):
+    """The mean is that of the moduli; the chart holds each shot with its time."""
+    found = rig.reader.get("/v1/results").json()
+    moduli = rig.reader.get("/v1/moduli").json()
+    assert found["moduli"] == moduli["moduli"]
+    pair = next(one for one in found["pairs"] if one["surface"] == shot["surface"])
+    mean = moduli["pairs"][f"{pair['sphere']}/{pair['surface']}"]["reduced_modulus_Pa"]
+    assert pair["reduced_modulus_Pa"] == mean
+    query = {"sphere": pair["sphere"], "surface": pair["surface"]}
+    chart = rig.reader.get("/v1/results/chart", params=query).json()
+    assert shot["number"] in chart["numbers"]
+    assert len(chart["numbers"]) == len(chart["reduced_modulus_Pa"]) == pair["shots"]
+    at = chart["numbers"].index(shot["number"])
+    fit = next(one for one in shot["fits"] if one["model"] == "kv2")
+    modulus = fit["result"]["reduced_modulus_Pa"]["value"]
+    assert math.isclose(chart["reduced_modulus_Pa"][at], modulus, rel_tol=1e-9)
+
+
+def test_a_pair_that_was_never_dropped_is_not_found(rig, shot):
+    """404 with its names."""
+    answer = rig.reader.get("/v1/results/chart", params={"sphere": "a", "surface": "b"})
+    assert answer.status_code == 404
+    assert "'a' on 'b'" in answer.json()["detail"]
+
+
+def test_a_selection_leaves_with_the_numbers_of_the_page(rig, shot):
+    """CSV, packed CSV and JSON say what the shot itself says; the head tells what it is."""
+    at = "/v1/results/export"
+    number = shot["number"]
+    text = rig.reader.get(at, params={"shots": str(number)}).text
+    assert text.startswith("# software: impactd")
+    rows = list(csv.DictReader(line for line in text.splitlines() if not line.startswith("#")))
+    (row,) = rows
+    fit = next(one for one in shot["fits"] if one["model"] == row["model"])
+    modulus = fit["result"]["reduced_modulus_Pa"]
+    assert float(row["reduced_modulus_Pa"]) == modulus["value"]
+    assert float(row["expanded_95_Pa"]) == modulus["expanded"]["U"]
+    assert row["advice"] == shot["advice"]
+    packed = rig.reader.get(at, params={"shots": str(number), "format": "csv.gz"})
+    assert gzip.decompress(packed.content).decode() == text
+    said = json.loads(rig.reader.get(at, params={"shots": str(number), "format": "json"}).text)
+    assert said["shots"][0]["reduced_modulus_Pa"] == modulus["value"]
+
+
+def test_a_zip_holds_the_files_as_they_were_stored(rig, shot):
+    """Each file has its SHA-256, and the table lies beside them."""
+    number = shot["number"]
+    answer = rig.reader.get("/v1/results/export", params={"shots": str(number), "format": "hdf5"})
+    assert answer.headers["content-type"] == "application/zip"
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as found:
+        content = found.read(f"shots/shot-{number:06d}.h5")
+        assert hashlib.sha256(content).hexdigest() == shot["sha256"]
+        assert found.read("results.csv").startswith(b"# software")
+
+
+def test_a_list_that_is_none_is_refused(rig, shot):
+    """422 with how to write one; nothing chosen is 404."""
+    wrong = rig.reader.get("/v1/results/export", params={"shots": "3..5"})
+    assert wrong.status_code == 422
+    assert "3, 5, 8-19" in wrong.json()["remedy"]
+    assert rig.reader.get("/v1/results/export", params={"shots": "9999"}).status_code == 404
+
+
+def test_the_rig_says_how_it_was_found(rig, shot):
+    """Six checks, two devices, the noise of each fitted shot, and how many shots fit the disk."""
+    found = rig.reader.get("/v1/rig/health").json()
+    names = [one["name"] for one in found["checks"]]
+    assert sorted(names) == ["calibration", "digitizer", "disk", "input", "sphere", "valve"]
+    assert [one["name"] for one in found["devices"]] == ["digitizer", "valve"]
+    assert shot["number"] in found["noise"]["numbers"]
+    assert all(0 < value < 0.02 for value in found["noise"]["noise_rms_V"])
+    assert found["disk"]["shots_left"] > 0
