@@ -32,6 +32,12 @@ class ProgressBar:
         if share is not None:
             bar.update(task, completed=min(max(share, 0.0), 1.0))
 
+    def say(self, line: str) -> bool:
+        """Write a line above the bar; return whether there is one."""
+        if self._shown is not None:
+            self._shown[0].console.print(line, markup=False, highlight=False)
+        return self._shown is not None
+
     def close(self) -> None:
         """Take the bar away."""
         if self._shown is not None:

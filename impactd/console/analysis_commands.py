@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from analysis.base_models import DEFAULT_BASE
+from impactd.console import completions
 from impactd.console.options import (
     Csv,
     DecisionRule,
@@ -62,7 +63,14 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
             help="A campaign folder's file, fitted here; or shot numbers, fitted by the daemon.",
         ),
     ],
-    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = DEFAULT_BASE,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            help="hsd, kv or kv2, with effects after a plus.",
+            autocompletion=completions.models,
+        ),
+    ] = DEFAULT_BASE,
     json_out: Annotated[
         Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
     ] = None,
@@ -99,7 +107,14 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
     campaign: Annotated[
         Path, typer.Argument(metavar="CAMPAIGN.json", help="A campaign folder's file.")
     ],
-    model: Annotated[str, typer.Option("--model", help="hsd, kv or kv2.")] = DEFAULT_BASE,
+    model: Annotated[
+        str,
+        typer.Option(
+            "--model",
+            help="hsd, kv or kv2, with effects after a plus.",
+            autocompletion=completions.models,
+        ),
+    ] = DEFAULT_BASE,
     draws: Annotated[
         int | None,
         typer.Option(

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from impactd.console import completions
 from impactd.console.options import Config, Data, Json
 
 
@@ -95,7 +96,11 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option("--model", help="Repeatable; those of every new shot without it."),
+        typer.Option(
+            "--model",
+            help="Repeatable; those of every new shot without it.",
+            autocompletion=completions.models,
+        ),
     ] = None,
     label: Annotated[
         str, typer.Option("--label", help="Another label fits again what is done already.")

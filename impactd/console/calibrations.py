@@ -6,10 +6,12 @@ import csv
 from pathlib import Path
 from typing import Any
 
+from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
+from impactd.console.drops import hang_words
 from impactd.console.failure import Failure
-from impactd.console.progress_bar import progress
+from impactd.console.progress_bar import progress, tell
 from impactd.console.tables import print_json
 from impactd.reports.numbers import measured
 
@@ -40,12 +42,7 @@ def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_j
         calibration = client.send("POST", "/v1/calibrations", body, key=slot or fresh_key())
         number = calibration["number"]
         if wait:
-            calibration = client.wait(
-                f"/v1/calibrations/{number}",
-                lambda answer: answer["state"] in ("done", "failed"),
-                lambda state, share: progress(f"calibration {number}: {state}", share=share),
-            )
-            progress("", last=True)
+            calibration = _watch(client, number)
     if as_json:
         print_json(calibration)
     else:
@@ -53,6 +50,46 @@ def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_j
     if calibration["state"] == "failed":
         problem: dict[str, Any] = calibration["problem"] or {"detail": "no reason", "remedy": ""}
         raise Failure(f"calibration {number}: {problem['detail']} {problem['remedy']}".strip())
+
+
+def _watch(client: Connection, number: int) -> dict[str, Any]:
+    """Return a run once it has ended; say meanwhile which sphere to hang, and how many are left."""
+    said = -1
+
+    def follow(state: str, share: float | None) -> None:
+        """Tell each new drop once, and move the bar."""
+        nonlocal said
+        series = client.get("/v1/status").get("series")
+        if state != "running" or not series or series["number"] != number:
+            progress(f"calibration {number}: {state}", share=share)
+            return
+        done, of = series["done"], series["of"]
+        if done != said:
+            said = done
+            tell(next_drop(series), in_a_pipe=True)
+        progress(f"calibration {number}: drop {done + 1} of {of}", share=done / of)
+
+    try:
+        return client.wait(
+            f"/v1/calibrations/{number}",
+            lambda answer: answer["state"] in ("done", "failed"),
+            follow,
+        )
+    except KeyboardInterrupt:
+        raise Failure(
+            f"calibration {number} goes on without you; `impactd abort` ends it."
+        ) from None
+    finally:
+        progress("", last=True)
+
+
+def next_drop(series: dict[str, Any]) -> str:
+    """Return which sphere to hang now, as how many of how many, and how long it takes yet."""
+    wanted = series["next"]
+    left = series.get("remaining_s")
+    words = hang_words(wanted["sphere"], wanted["surface"], wanted["drop_height_m"])
+    about = "" if left is None else f" (about {left:.0f} s left)"
+    return f"Drop {series['done'] + 1} of {series['of']}: {words}{about}."
 
 
 def weights(

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from impactd.console import completions
 from impactd.console.options import Config, Data, Json, settings_of
 
 # A daemon that ends holds the port until its last words are out, and a board that was reset takes a
@@ -77,7 +78,12 @@ def demo(
         int | None, typer.Option("--seed", min=0, help="Of everything drawn; fresh without it.")
     ] = None,
     effect: Annotated[
-        str, typer.Option("--effect", help="What the rig hides: an effect's id, random, or none.")
+        str,
+        typer.Option(
+            "--effect",
+            help="What the rig hides: an effect's id, random, or none.",
+            autocompletion=completions.effects,
+        ),
     ] = "random",
     out: Annotated[Path, typer.Option("--out", help="Where the results go.")] = Path(
         "impactd-demo"

@@ -11,7 +11,7 @@ from impactd.client.connection import Connection
 from impactd.client.talk import compared_shot, fresh_key, watch_drop
 from impactd.console.client import connect
 from impactd.console.failure import Failure
-from impactd.console.progress_bar import progress
+from impactd.console.progress_bar import progress, tell
 from impactd.console.shots import advice_words
 from impactd.console.tables import print_json
 from impactd.reports.numbers import measured
@@ -99,9 +99,28 @@ def run(
         raise Failure(f"drop {number}: {problem['detail']} {problem['remedy']}".strip())
 
 
+def hang_words(sphere: str, surface: str, drop_height_m: float) -> str:
+    """Return what somebody is asked to hang where."""
+    return f"hang the {sphere} sphere {drop_height_m * 1e3:.1f} mm above the {surface} coupon"
+
+
 def _watch(client: Connection, number: int) -> dict[str, Any]:
+    asked = False
+
+    def follow(text: str, share: float | None) -> None:
+        """Say once which sphere to hang, when the rig waits for it."""
+        nonlocal asked
+        if text.endswith("requested") and not asked:
+            rig = client.get("/v1/status")
+            if rig["drop"] == number and rig["state"] == "LOADING":
+                asked = True
+                drop = client.get(f"/v1/drops/{number}")
+                words = hang_words(drop["sphere"], drop["surface"], drop["drop_height_m"])
+                tell(f"Drop {number}: {words}; it falls by itself once it is held.")
+        progress(text, share=share)
+
     try:
-        return client.run(watch_drop(number, lambda state, share: progress(state, share=share)))
+        return client.run(watch_drop(number, follow))
     except KeyboardInterrupt:
         raise Failure(f"drop {number} goes on without you; `impactd abort` ends it.") from None
     finally:

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import typer
 
+from impactd.console import completions
 from impactd.console.options import Json, Url
 
 
@@ -53,7 +54,11 @@ def plot(  # noqa: PLR0917 - the framework fills them by name
     ] = None,
     model: Annotated[
         list[str] | None,
-        typer.Option("--model", help="Repeatable; a trace shows the base models without it."),
+        typer.Option(
+            "--model",
+            help="Repeatable; a trace shows the base models without it.",
+            autocompletion=completions.models,
+        ),
     ] = None,
     shot: Annotated[
         str | None,

@@ -30,6 +30,22 @@ def progress(text: str, *, share: float | None = None, last: bool = False) -> No
         _bar.show(text, share)
 
 
+def tell(line: str, *, in_a_pipe: bool = False) -> None:
+    """Write a line that stays: what a person has to do now.
+
+    Parameters
+    ----------
+    line : str
+        On standard error, above the bar.
+    in_a_pipe : bool, optional
+        Also where that is no terminal, as in the log of a nightly run.
+    """
+    if _bar.say(line):
+        return
+    if in_a_pipe or sys.stderr.isatty():
+        print(line, file=sys.stderr, flush=True)
+
+
 def progress_by_step() -> Callable[[str, float | None], None]:
     """Return what to tell how far a command of minutes is.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from impactd.advice import in_words
 from impactd.console.client import connect
 from impactd.console.tables import LIGHTS, paint, print_json, table
 from impactd.reports.numbers import measured
@@ -62,7 +63,7 @@ def show(number: int, *, url: str | None, as_json: bool) -> None:
         print()
         print(
             table(
-                ("fit", "model", "E* +- U (95 %)/GPa", "R2", "flags"),
+                ("fit", "model", "E* +- U (95 %)/GPa", "R2", "mind that"),
                 [_fit_row(fit) for fit in fits],
             )
         )
@@ -84,5 +85,5 @@ def _fit_row(fit: dict[str, Any]) -> tuple[Any, ...]:
         fit["model"],
         measured(result.get("reduced_modulus_Pa"), scale=1e-9),
         result.get("r2"),
-        ", ".join(str(flag) for flag in result.get("flags") or []),
+        " ".join(in_words(str(flag)) for flag in result.get("flags") or []),
     )

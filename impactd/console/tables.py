@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 import os
 import sys
+import textwrap
 from collections.abc import Sequence
 from typing import Any
 
 import typer
 
+WIDTH = 100
+"""Of a table, in columns: two windows beside each other on a usual screen."""
+_NARROWEST = 20
+"""Of a last column that is wrapped: less would be a ladder of words."""
+
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return rows under headings, in aligned columns.
+    """Return rows under headings, in aligned columns; a long last column is wrapped.
 
     Parameters
     ----------
@@ -33,6 +39,8 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     ]
     columns = list(zip(headings, *cells, strict=True))
     widths = [max(len(cell) for cell in column) for column in columns]
+    widths[-1] = min(widths[-1], max(_NARROWEST, WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)))
+    cells = [line for row in cells for line in _wrapped(row, widths[-1])]
     lines = [
         "  ".join(
             cell.rjust(width) if to_right else cell.ljust(width)
@@ -41,6 +49,13 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
         for line in (list(headings), ["-" * width for width in widths], *cells)
     ]
     return "\n".join([paint(lines[0]), *lines[1:]])
+
+
+def _wrapped(row: list[str], width: int) -> list[list[str]]:
+    """Return a row, and below it rows with what its last cell has no room for."""
+    parts = textwrap.wrap(row[-1], width, break_long_words=False) or [""]
+    rest = [[*([""] * (len(row) - 1)), part] for part in parts[1:]]
+    return [[*row[:-1], parts[0]], *rest]
 
 
 def _cell(value: Any) -> str:

@@ -12,6 +12,8 @@ from pathlib import Path
 import pytest
 
 from impactd.cli import app
+from impactd.console.calibrations import next_drop
+from impactd.console.tables import WIDTH, table
 
 STEPS = (
     "from impactd.console.progress_bar import progress, progress_by_step\n"
@@ -144,3 +146,28 @@ def test_bash_itself_completes(tmp_path: Path):
         ["bash", str(script)], capture_output=True, text=True, check=False, timeout=60
     )
     assert made.stdout.strip() == "export", made.stderr
+
+
+def test_a_shell_completes_models_and_effects():
+    """Bases, effects after a plus, and what the demo may hide."""
+    assert complete("impactd fit x.json --model k", 4).split() == ["kv", "kv2"]
+    assert "kv2+finite_thickness" in complete("impactd fit x.json --model kv2+finite", 4)
+    assert complete("impactd demo --effect ran", 3).split() == ["random"]
+
+
+def test_no_table_is_wider_than_its_place():
+    """A long last column is wrapped under itself, and no word of it is lost."""
+    words = "it seems to be something of the contact that nobody has named until now " * 3
+    lines = table(("a", "note"), [("one", words), ("two", "short")]).splitlines()
+    assert max(len(line) for line in lines) <= WIDTH
+    assert lines[3].startswith("   ")
+    assert " ".join(line[5:].strip() for line in lines[2:-1]).split() == words.split()
+
+
+def test_a_calibration_says_which_sphere_to_hang():
+    """As how many of how many, and how long the rest takes."""
+    wanted = {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.025}
+    said = next_drop({"done": 2, "of": 8, "remaining_s": 31.2, "next": wanted})
+    assert said == (
+        "Drop 3 of 8: hang the acetal sphere 25.0 mm above the aluminium coupon (about 31 s left)."
+    )
