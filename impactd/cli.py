@@ -19,6 +19,7 @@ from impactd.console import (
     analysis_commands,
     archive_commands,
     daemon_commands,
+    material_commands,
     new_command,
     paper_command,
     plot_commands,
@@ -57,6 +58,7 @@ def _root(
 
 daemon_commands.add_to(app)
 rig_commands.add_to(app)
+material_commands.add_to(app)
 new_command.add_to(app)
 analysis_commands.add_to(app)
 archive_commands.add_to(app)

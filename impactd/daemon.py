@@ -36,7 +36,8 @@ from impactd.moduli.service import ModuliAnswer, ModuliService
 from impactd.rig.build import build_rig
 from impactd.rig.rig import Rig
 from impactd.sd_notify import notify, watchdog_interval_s
-from impactd.settings.materials import Materials, load_materials
+from impactd.settings.material_book import MaterialBook, MaterialChange, Role
+from impactd.settings.materials import Materials
 from impactd.settings.settings import Settings
 from impactd.storage import rescue
 from impactd.storage.archive import Archive, ArchiveError
@@ -60,6 +61,8 @@ class Daemon:
         As given.
     archive : Archive
         Shots, drops, fits, tokens.
+    book : MaterialBook
+        Spheres and surfaces, with their changes.
     rig : Rig
         Digitizer and valve, real or simulated.
     bus : EventBus
@@ -85,7 +88,6 @@ class Daemon:
         self.settings = settings
         self.lock = DataLock(settings.storage.directory)
         try:
-            self.materials: Materials = load_materials(settings.materials.file)
             self.archive = Archive.open(
                 settings.storage.directory,
                 reserve_bytes=settings.storage.reserve_bytes,
@@ -94,9 +96,16 @@ class Daemon:
         except BaseException:
             self.lock.release()
             raise
+        try:
+            self.book = MaterialBook(settings.materials.file, settings.storage.directory)
+        except BaseException:
+            self.archive.close()
+            self.lock.release()
+            raise
         self.bus = EventBus(self.archive.events)
         try:
-            self.rig: Rig = build_rig(settings, self.materials)
+            # As first stated: a label that is corrected changes no simulated sphere.
+            self.rig: Rig = build_rig(settings, self.book.first_stated())
         except BaseException:
             self.archive.close()
             self.lock.release()
@@ -108,6 +117,21 @@ class Daemon:
         self.calibrations = CalibrationRunner(self.service, self.archive, settings)
         self._moduli = ModuliService(self.archive)
         self._heart = Heart(self)
+
+    @property
+    def materials(self) -> Materials:
+        """Spheres and surfaces as they are now."""
+        return self.book.current
+
+    def change_material(
+        self, role: Role, name: str, entry: dict[str, Any], *, by: str, note: str
+    ) -> MaterialChange:
+        """Change or add a material for all drops and fits from now on; see `MaterialBook`."""
+        made = self.book.change(role, name, entry, by=by, note=note)
+        self.service.use_materials(self.book.current)
+        self.jobs.use_materials(self.book.current)
+        self.bus.publish("material.changed", {"role": role, "name": name, "by": by, "note": note})
+        return made
 
     def start(self) -> None:
         """Start the worker, then the acquisition; interrupted drops are marked, never repeated."""

@@ -122,6 +122,10 @@ class RigLoop:
 
     # For other threads
 
+    def use_materials(self, materials: Materials) -> None:
+        """Take these for drops that begin later; one under way keeps what it began with."""
+        self._materials = materials
+
     def start(self) -> None:
         """Open the devices in the loop's own thread."""
         self.ending.clear()

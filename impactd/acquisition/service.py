@@ -331,6 +331,11 @@ class AcquisitionService:
         """Raise `DropHeightError` unless the rig allows a height. [m]"""
         self._admission.check_height(drop_height_m)
 
+    def use_materials(self, materials: Materials) -> None:
+        """Take these for the drops that are asked for from now on."""
+        self._materials = materials
+        self._loop.use_materials(materials)
+
     @property
     def materials(self) -> Materials:
         """What may be dropped on what."""

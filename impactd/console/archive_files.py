@@ -98,10 +98,10 @@ def export(
 
 def _campaign(archive: Archive, numbers: Sequence[int], out: Path, settings: Settings) -> Path:
     from impactd.jobs.campaign_export import export_campaign
-    from impactd.settings.materials import load_materials
+    from impactd.settings.material_book import MaterialBook
 
-    materials = load_materials(settings.materials.file)
-    return export_campaign(archive, numbers, out, settings=settings, materials=materials)
+    book = MaterialBook(settings.materials.file, archive.directory)
+    return export_campaign(archive, numbers, out, settings=settings, book=book)
 
 
 def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:

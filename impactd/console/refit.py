@@ -16,7 +16,7 @@ from impactd.jobs.executors import WorkerExecutor, dask_executor
 from impactd.jobs.tasks import warm_up
 from impactd.jobs.worker_process import WorkerLimits
 from impactd.refit import CHUNK, refit
-from impactd.settings.materials import load_materials
+from impactd.settings.material_book import MaterialBook
 from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive
 
@@ -59,7 +59,8 @@ def run(
         If shots could not be fitted.
     """
     settings = settings_of(config, data)
-    materials = load_materials(settings.materials.file)
+    book = MaterialBook(settings.materials.file, settings.storage.directory)
+    materials = book.current
     storage = settings.storage
     with (
         Archive.open(storage.directory, reserve_bytes=storage.reserve_bytes) as archive,

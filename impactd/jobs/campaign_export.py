@@ -14,12 +14,13 @@ from pathlib import Path
 from impactd.advice import best_fit
 from impactd.jobs.orders import calibrated, knowledge, shot_places
 from impactd.jobs.tasks import campaign_of
-from impactd.settings.materials import Materials
+from impactd.settings.material_book import MaterialBook
 from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Calibration
 from impactd.storage.campaign_folder import write_campaign
 from impactd.storage.errors import NotFoundError
 from impactd.storage.materials_json import sensor_to_json
+from impactd.storage.shot_metadata import StoredShot
 
 
 def export_campaign(
@@ -28,7 +29,7 @@ def export_campaign(
     out: Path,
     *,
     settings: Settings,
-    materials: Materials,
+    book: MaterialBook,
 ) -> Path:
     """Write stored shots as a campaign folder.
 
@@ -42,8 +43,8 @@ def export_campaign(
         A folder; created when absent.
     settings : Settings
         Certificate of the cell and release.
-    materials : Materials
-        Spheres and surfaces, as the daemon's fits take them.
+    book : MaterialBook
+        Spheres and surfaces; the folder gets them as the shots' fits took them.
 
     Returns
     -------
@@ -62,7 +63,7 @@ def export_campaign(
         # Recorded elsewhere: no calibration of ours, and nothing beside what the files remember.
         return archive.export(numbers, "campaign", out)[0]
     calibration, told = _calibration(archive, [one.shot.number for one in shots])
-    order = knowledge(None, settings, materials)
+    order = knowledge(None, settings, book.at(_materials_version(archive, shots, book)))
     order["shots"] = shot_places(archive, [one.shot.number for one in shots])
     campaign = campaign_of(order, shots)
     return write_campaign(
@@ -99,6 +100,13 @@ def _calibration(
             "given with it. `impactd refit` brings the archive's numbers up to date.",
         )
     return chosen, ()
+
+
+def _materials_version(archive: Archive, shots: Sequence[StoredShot], book: MaterialBook) -> int:
+    """Return the newest version of the book that the shots' fits were made with."""
+    fits = [best_fit(archive.fits.for_shot(one.shot.number)) for one in shots]
+    known = [int(fit.result.get("materials_version", 0)) for fit in fits if fit is not None]
+    return max(known, default=book.version)
 
 
 def _series_of(archive: Archive, number: int) -> int | None:

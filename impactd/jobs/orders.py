@@ -308,6 +308,7 @@ def knowledge(calibration: Calibration | None, settings: Settings, materials: Ma
         "gravity_m_per_s2": settings.release.gravity_m_per_s2,
         "speed_repeatability": settings.release.speed_repeatability,
         "height_offset_u_m": settings.release.height_offset_u_m,
+        "materials_version": materials.version,
         "spheres": {name: sphere_to_json(one) for name, one in materials.spheres.items()},
         "surfaces": {name: surface_to_json(one) for name, one in materials.surfaces.items()},
     }

@@ -112,6 +112,10 @@ class JobRunner:
         self._unwanted: set[int] = set()
         self._progress: dict[int, tuple[str, float]] = {}
 
+    def use_materials(self, materials: Materials) -> None:
+        """Take these for the fits that begin from now on."""
+        self._materials = materials
+
     def start(self) -> None:
         """Start the workers, which warm up in the background, and begin to take jobs."""
         if self._lanes:

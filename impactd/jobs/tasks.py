@@ -315,6 +315,7 @@ def _shot_result(result: FitResult, stored: StoredShot) -> Json:
 def _provenance(order: Json, shots: list[StoredShot]) -> Json:
     return {
         "calibration": order["calibration"],
+        "materials_version": order.get("materials_version", 0),
         "shot_numbers": [one.shot.number for one in shots],
         "file_sha256": [one.shot.sha256 for one in shots],
         "software": software(),

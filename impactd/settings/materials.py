@@ -5,10 +5,10 @@ from __future__ import annotations
 import difflib
 import math
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -47,7 +47,7 @@ class UnknownMaterialError(Exception):
         hint = f" Did you mean {close[0]!r}?" if close else ""
         super().__init__(
             f"There is no {role} called {name!r}.{hint} Known: {', '.join(known)}. "
-            "Others are added to the materials file."
+            "Others are added on the page, with `impactd materials set`, or in the materials file."
         )
 
 
@@ -63,12 +63,15 @@ class Materials:
         By name.
     reference_spheres, reference_surfaces : frozenset of str
         Those whose modulus counts as known: calibrations may rest on them.
+    version : int
+        Changes since the materials file, see `impactd.settings.material_book`.
     """
 
     spheres: dict[str, Sphere]
     surfaces: dict[str, Surface]
     reference_spheres: frozenset[str] = field(default=frozenset())
     reference_surfaces: frozenset[str] = field(default=frozenset())
+    version: int = 0
 
     def check(self, sphere: str, surface: str) -> None:
         """Raise `UnknownMaterialError` unless both are known.
@@ -226,12 +229,39 @@ def load_materials(file: Path) -> Materials:
     SettingsError
         If the file cannot be read, or a key is unknown, missing or wrong.
     """
+    return materials_of(read_entries(file), file)
+
+
+def read_entries(file: Path) -> dict[str, Any]:
+    """Return the tables of a materials file, unchecked; raise SettingsError when it is no TOML."""
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
+        return tomllib.loads(file.read_text(encoding="utf-8"))
     except tomllib.TOMLDecodeError as error:
         raise SettingsError(file, "", f"this is not valid TOML: {error}") from None
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(file, "", f"cannot be read: {error}") from None
+
+
+def materials_of(content: Mapping[str, Any], file: Path | None) -> Materials:
+    """Return the spheres and surfaces of tables as a materials file holds them.
+
+    Parameters
+    ----------
+    content : mapping
+        Tables ``sphere`` and ``surface``, by name.
+    file : Path or None
+        Named in messages.
+
+    Returns
+    -------
+    Materials
+        Ready for requests and for the analysis.
+
+    Raises
+    ------
+    SettingsError
+        If a key is unknown, missing or wrong.
+    """
     try:
         entries = _MaterialsFile.model_validate(content)
     except ValidationError as error:
@@ -253,7 +283,7 @@ def load_materials(file: Path) -> Materials:
     )
 
 
-def _check_references(entries: _MaterialsFile, file: Path) -> None:
+def _check_references(entries: _MaterialsFile, file: Path | None) -> None:
     for table, members in (("sphere", entries.sphere), ("surface", entries.surface)):
         for name, entry in members.items():
             if entry.reference and entry.youngs_modulus_pa is None:

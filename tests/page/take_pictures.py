@@ -21,6 +21,7 @@ _VIEWS = (
     "shots/{last}",
     "results",
     "health",
+    "materials",
     "compare/{some}",
     "calibration",
     "diagnoses",

@@ -8,7 +8,17 @@ from tests.page.conftest import DESKTOP, TABLET, Visitor
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe")
 
-VIEWS = ("Drop", "Shots", "Results", "Calibration", "Diagnoses", "Rig", "Models", "Log")
+VIEWS = (
+    "Drop",
+    "Shots",
+    "Results",
+    "Calibration",
+    "Diagnoses",
+    "Rig",
+    "Materials",
+    "Models",
+    "Log",
+)
 TOO_SMALL = """() => [...document.querySelectorAll('a, button, input, select, summary')]
   .filter((one) => one.offsetParent && !one.closest('.tile, .check, .modebar, .skip'))
   .filter((one) => one.getBoundingClientRect().height < 47.5)

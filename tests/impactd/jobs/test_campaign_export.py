@@ -44,7 +44,7 @@ def exported(rig: Rig, numbers: list[int], out: Path) -> Path:
         numbers,
         out,
         settings=rig.daemon.settings,
-        materials=rig.daemon.materials,
+        book=rig.daemon.book,
     )
 
 

@@ -17,6 +17,7 @@ import { showResults } from "../views/results.js";
 import { showCalibration } from "../views/calibration.js";
 import { showDiagnoses } from "../views/diagnoses.js";
 import { showModels } from "../views/models.js";
+import { showMaterials } from "../views/materials.js";
 import { showLog } from "../views/log.js";
 import { showHealth } from "../views/health.js";
 import { showSignIn } from "../views/sign_in.js";
@@ -30,6 +31,7 @@ addView(/^\/calibration$/, "Calibration", showCalibration);
 addView(/^\/diagnoses$/, "Diagnoses", showDiagnoses);
 addView(/^\/models$/, "Models", showModels);
 addView(/^\/health$/, "Rig", showHealth);
+addView(/^\/materials$/, "Materials", showMaterials);
 addView(/^\/log$/, "Log", showLog);
 
 let signedIn = false;

@@ -45,6 +45,7 @@ const REQUESTS = [
   [/^POST \/v1\/diagnoses$/, "asked for a diagnosis"],
   [/^DELETE \/v1\/diagnoses\/(\d+)$/, "cancelled diagnosis $1"],
   [/^POST \/v1\/diagnoses\/(\d+)\/next-drop$/, "made the drop that diagnosis $1 asks for"],
+  [/^PUT \/v1\/materials\/(?:sphere|surface)s\/(.+)$/, "changed the material $1"],
   [/^PUT \/v1\/models\/active$/, "chose a model"],
   [/^POST \/v1\/session$/, "signed in"],
   [/^DELETE \/v1\/session$/, "signed out"],
@@ -74,6 +75,7 @@ export function eventSentence({ kind, data }) {
     case "job.failed": return `The analysis of ${data.subject} failed: ${data.reason}`;
     case "job.cancelled": return `The analysis of ${data.subject} was cancelled.`;
     case "model.chosen": return `${data.by} made ${modelName(data.name)} the active model.`;
+    case "material.changed": return `${data.by} changed the ${data.role} ${words(data.name)}.`;
     case "rig.fault": return `Fault: ${data.detail}`;
     case "rig.abort": return `${data.by} aborted. ${data.sentence ?? ""}`;
     case "rig.acknowledged": return `${data.by} acknowledged the fault.`;

@@ -9,6 +9,7 @@ const VIEWS = [
   ["#/calibration", "Calibration"],
   ["#/diagnoses", "Diagnoses"],
   ["#/health", "Rig"],
+  ["#/materials", "Materials"],
   ["#/models", "Models"],
   ["#/log", "Log"],
 ];

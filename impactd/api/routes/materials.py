@@ -1,0 +1,100 @@
+"""Materials: spheres and coupons, changed or added without a restart, with who and when."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path
+
+from impactd.api.materials_schemas import (
+    MaterialAnswer,
+    MaterialBody,
+    MaterialChangeAnswer,
+    MaterialsAnswer,
+)
+from impactd.api.problems import ProblemError
+from impactd.api.security import TheCaller, TheDaemon
+from impactd.daemon import Daemon
+from impactd.settings.ball_grades import grades
+from impactd.settings.errors import SettingsError
+from impactd.settings.material_book import MaterialChange, Role
+
+router = APIRouter(prefix="/v1/materials", tags=["materials"])
+_ROLES: dict[str, Role] = {"spheres": "sphere", "surfaces": "surface"}
+_TOLD_CHANGES = 100
+_Kind = Literal["spheres", "surfaces"]
+_Name = Annotated[str, Path(min_length=1, max_length=64)]
+
+
+@router.get("")
+def list_materials(daemon: TheDaemon) -> MaterialsAnswer:
+    """List spheres and surfaces as drops and fits take them now, and the latest changes."""
+    book = daemon.book
+    return MaterialsAnswer(
+        version=book.version,
+        spheres=[_answer(daemon, "sphere", name) for name in book.entries("sphere")],
+        surfaces=[_answer(daemon, "surface", name) for name in book.entries("surface")],
+        changes=[_change(one) for one in reversed(book.changes[-_TOLD_CHANGES:])],
+        grades=list(grades()),
+    )
+
+
+@router.get("/{kind}/{name}")
+def show_material(kind: _Kind, name: _Name, daemon: TheDaemon) -> MaterialAnswer:
+    """Show one material and every change of it."""
+    role = _ROLES[kind]
+    if name not in daemon.book.entries(role):
+        raise ProblemError("not-found", f"There is no {role} called {name!r}.")
+    return _answer(daemon, role, name)
+
+
+@router.put("/{kind}/{name}")
+def change_material(
+    kind: _Kind, name: _Name, body: MaterialBody, daemon: TheDaemon, caller: TheCaller
+) -> MaterialAnswer:
+    """Change a material or add one; it counts for drops and fits from now on.
+
+    `entry` has the keys of the materials file and is complete, not a difference. Stored fits stay
+    as they are; `impactd refit` makes them anew. The same entry again changes nothing.
+    """
+    role = _ROLES[kind]
+    if daemon.book.entries(role).get(name) != body.entry:
+        try:
+            daemon.change_material(role, name, body.entry, by=caller.name, note=body.note)
+        except SettingsError as error:
+            raise _refused(error, role, name) from error
+    return _answer(daemon, role, name)
+
+
+def _refused(error: SettingsError, role: Role, name: str) -> ProblemError:
+    prefix = f"{role}.{name}."
+    findings = [(one.path_in_file.removeprefix(prefix), one.reason) for one in error.findings]
+    said = "; ".join(f"{at}: {reason[:1].lower()}{reason[1:]}" for at, reason in findings)
+    return ProblemError(
+        "invalid",
+        f"{said}.",
+        remedy="Correct what is named; `GET /v1/materials` shows entries that are well.",
+        errors=[
+            {"pointer": "#/entry/" + at.replace(".", "/"), "reason": reason}
+            for at, reason in findings
+        ],
+    )
+
+
+def _answer(daemon: Daemon, role: Role, name: str) -> MaterialAnswer:
+    book = daemon.book
+    changes = [one for one in book.changes if (one.role, one.name) == (role, name)]
+    last = changes[-1] if changes else None
+    return MaterialAnswer(
+        role=role,
+        name=name,
+        entry=book.entries(role)[name],
+        changed_utc=None if last is None else last.utc,
+        changed_by=None if last is None else last.by,
+        changes=len(changes),
+    )
+
+
+def _change(change: MaterialChange) -> MaterialChangeAnswer:
+    return MaterialChangeAnswer(**asdict(change))
