@@ -14,10 +14,12 @@ from starlette.exceptions import HTTPException
 from impactd import __version__
 from impactd.api.arrivals import Arrivals
 from impactd.api.audit import Audit
+from impactd.api.conditional import Conditional
 from impactd.api.failed_logins import FailedLogins
 from impactd.api.finite import without_nan
 from impactd.api.gate import MAX_BODY_BYTES, Gate
-from impactd.api.links import add_links, mark_open_routes
+from impactd.api.known_query import refuse_unknown_query
+from impactd.api.links import add_links, mark_open_routes, mark_required_keys
 from impactd.api.metrics import Metrics
 from impactd.api.problems import MEDIA_TYPE, ProblemError, document_schema, from_status
 from impactd.api.read_limit import ReadLimit, in_turn
@@ -96,7 +98,7 @@ def create_app(daemon: Daemon) -> FastAPI:
         openapi_url=None,  # see `_add_description`
         docs_url=None,  # the stock pages load scripts from the web; a rig may have none
         redoc_url=None,
-        dependencies=[Depends(authorize), in_turn],
+        dependencies=[Depends(authorize), Depends(refuse_unknown_query), in_turn],
         strict_content_type=True,
         telemetry={"tracing": False},
         responses={
@@ -112,6 +114,7 @@ def create_app(daemon: Daemon) -> FastAPI:
     app.state.read_limit = ReadLimit()
     app.state.arrivals = Arrivals(daemon.service.epoch)
     app.state.metrics = metrics
+    app.add_middleware(Conditional)
     app.add_middleware(
         Gate,
         allowed_hosts=allowed_hosts(daemon),
@@ -222,6 +225,7 @@ def _document_problems(app: FastAPI) -> None:
                 components.pop(name, None)
             add_links(schema)
             mark_open_routes(schema)
+            mark_required_keys(schema)
             for path in schema["paths"].values():
                 for operation in path.values():
                     invalid = operation.get("responses", {}).get("422")

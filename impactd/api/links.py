@@ -38,6 +38,13 @@ _LINKS: dict[tuple[str, str, str], tuple[str, str, tuple[tuple[str, str], ...]]]
 }
 
 
+_KEYS_REQUIRED = (
+    ("post", "/v1/drops"),
+    ("post", "/v1/diagnoses/{diagnosis_id}/next-drop"),
+)
+"""What moves the rig. A calibration takes the timer's `slot` in place of a key."""
+
+
 def add_links(schema: dict[str, Any]) -> None:
     """Add the links to an OpenAPI document.
 
@@ -72,3 +79,28 @@ def mark_open_routes(schema: dict[str, Any]) -> None:
             operation["security"] = []
         elif operation is not None and needed == LOOPBACK:
             operation["security"] = [*operation["security"], {}]
+
+
+def mark_required_keys(schema: dict[str, Any]) -> None:
+    """Say that a request to move needs its ``Idempotency-Key``.
+
+    Without one the answer is 400 with a type of its own, which the framework's check would not
+    give.
+
+    Parameters
+    ----------
+    schema : dict
+        The document; changed in place.
+    """
+    for method, path in _KEYS_REQUIRED:
+        for one in schema["paths"][path][method]["parameters"]:
+            if one["name"] == "Idempotency-Key":
+                one["required"] = True
+                one["schema"] = next(
+                    (
+                        kind
+                        for kind in one["schema"].get("anyOf", [])
+                        if kind.get("type") == "string"
+                    ),
+                    one["schema"],
+                )

@@ -94,6 +94,7 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/metrics"): LOOPBACK,
     ("GET", "/openapi.json"): PUBLIC,
     ("GET", "/"): PUBLIC,
+    ("GET", "/docs"): PUBLIC,
     ("GET", "/page/{folder}/{name}"): PUBLIC,
 }
 
@@ -116,7 +117,8 @@ def methods_of(path: str) -> list[str]:
     matching = [template for template, found in _PATTERNS.items() if found.fullmatch(path)]
     # Both /v1/shots/{number} and /v1/shots/{number}.h5 match a file: the longer one is meant.
     best = max(matching, key=lambda template: (-template.count("{"), len(template)), default="")
-    return sorted(method for method, template in ROUTE_SCOPES if template == best)
+    found = {method for method, template in ROUTE_SCOPES if template == best}
+    return sorted(found | ({"HEAD"} if "GET" in found else set()))
 
 
 ABORT_ROUTES = frozenset({("POST", "/v1/abort"), ("DELETE", "/v1/drops/{number}")})

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from fastapi import APIRouter
 
+from impactd.api.finite import without_nan
+from impactd.api.model_schemas import EffectsAnswer
 from impactd.effect_list import effect_list
 
 router = APIRouter(prefix="/v1/effects", tags=["models"])
 
 
 @router.get("")
-def list_effects() -> dict[str, Any]:
+def list_effects() -> EffectsAnswer:
     """List the effects this version knows, with parameters, bounds, sources and validation."""
-    return {"items": effect_list()}
+    return EffectsAnswer.model_validate({"items": without_nan(effect_list())})

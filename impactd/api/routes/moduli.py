@@ -14,6 +14,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from impactd.api.answers import timestamp
 from impactd.api.finite import without_nan
+from impactd.api.model_schemas import ModuliDocument
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import Moment
 from impactd.api.security import TheDaemon
@@ -25,7 +26,7 @@ _LowerLimit = Annotated[float | None, Query(alias="lower_Pa", description="[Pa]"
 _UpperLimit = Annotated[float | None, Query(alias="upper_Pa", description="[Pa]")]
 
 
-@router.get("", response_model=dict[str, Any])
+@router.get("", response_model=ModuliDocument)
 async def moduli(  # noqa: PLR0917 - the framework fills them by name
     request: Request,
     daemon: TheDaemon,

@@ -34,6 +34,12 @@ def index(request: Request) -> Response:
     return _answer("index.html", request)
 
 
+@router.get("/docs", response_class=HTMLResponse)
+def docs(request: Request) -> Response:
+    """Show the description of the REST API, from this daemon alone."""
+    return _answer("docs.html", request)
+
+
 @router.get("/page/{folder}/{name}", response_class=Response)
 def page_file(folder: str, name: str, request: Request) -> Response:
     """Return one of the page's files."""

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import shutil
 from dataclasses import asdict
-from typing import Any
 
 from fastapi import APIRouter
 
+from impactd.api.model_schemas import RigAnswer
 from impactd.api.rig_schemas import Device, Disk, NoiseTrend, RigCheck, RigHealth
 from impactd.api.security import TheDaemon
 
@@ -15,10 +15,10 @@ router = APIRouter(prefix="/v1/rig", tags=["rig"])
 
 
 @router.get("")
-def rig(daemon: TheDaemon) -> dict[str, Any]:
+def rig(daemon: TheDaemon) -> RigAnswer:
     """Say which spheres, surfaces and heights a drop may name, and what a calibration drops."""
     settings, materials = daemon.settings, daemon.materials
-    return {
+    found = {
         "name": daemon.rig.name,
         "simulated": daemon.rig.simulated,
         "spheres": [
@@ -41,6 +41,7 @@ def rig(daemon: TheDaemon) -> dict[str, Any]:
         "calibration_plan": [one.model_dump(mode="json") for one in settings.calibration.plan],
         "remind_days": settings.calibration.remind_days,
     }
+    return RigAnswer.model_validate(found)
 
 
 _TREND_SHOTS = 200

@@ -82,10 +82,10 @@ def test_open_routes_say_that_they_need_no_token(rig):
 def test_a_wrong_method_is_answered_with_all_right_ones(rig):
     """Allow names the methods of every route of the path."""
     for path, methods in (
-        ("/v1/drops", "GET, POST"),
-        ("/v1/drops/1", "DELETE, GET, PATCH"),
+        ("/v1/drops", "GET, HEAD, POST"),
+        ("/v1/drops/1", "DELETE, GET, HEAD, PATCH"),
         ("/v1/shots/1.h5", "GET, HEAD"),
-        ("/v1/calibrations/current", "GET"),
+        ("/v1/calibrations/current", "GET, HEAD"),
     ):
         answer = rig.admin.put(path)
         assert answer.status_code == 405
