@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from impactd.api.finite import without_nan
-from impactd.api.model_schemas import EffectsAnswer
 from impactd.effect_list import effect_list
+from impactd.wire.model_answers import EffectsAnswer
 
 router = APIRouter(prefix="/v1/effects", tags=["models"])
 

@@ -7,18 +7,18 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path
 
-from impactd.api.materials_schemas import (
-    MaterialAnswer,
-    MaterialBody,
-    MaterialChangeAnswer,
-    MaterialsAnswer,
-)
+from impactd.api.materials_schemas import MaterialBody
 from impactd.api.problems import ProblemError
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.settings.ball_grades import grades
 from impactd.settings.errors import SettingsError
 from impactd.settings.material_book import MaterialChange, Role
+from impactd.wire.material_answers import (
+    MaterialAnswer,
+    MaterialChangeAnswer,
+    MaterialsAnswer,
+)
 
 router = APIRouter(prefix="/v1/materials", tags=["materials"])
 _ROLES: dict[str, Role] = {"spheres": "sphere", "surfaces": "surface"}

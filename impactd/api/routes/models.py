@@ -5,8 +5,8 @@ from __future__ import annotations
 from fastapi import APIRouter
 
 from impactd.api.diagnosis_schemas import ActiveModelBody
-from impactd.api.model_schemas import ModelChoice, ModelItem, ModelsAnswer
 from impactd.api.security import TheCaller, TheDaemon
+from impactd.wire.model_answers import ModelChoice, ModelItem, ModelsAnswer
 
 router = APIRouter(prefix="/v1/models", tags=["models"])
 

@@ -14,11 +14,11 @@ from fastapi import APIRouter, Query, Request, Response
 
 from impactd.api.answers import timestamp
 from impactd.api.finite import without_nan
-from impactd.api.model_schemas import ModuliDocument
 from impactd.api.problems import ProblemError
 from impactd.api.schemas import Moment
 from impactd.api.security import TheDaemon
 from impactd.moduli.service import ModuliAnswer
+from impactd.wire.model_answers import ModuliDocument
 
 router = APIRouter(prefix="/v1/moduli", tags=["moduli"])
 _Text = Annotated[str | None, Query(min_length=1, max_length=200)]

@@ -16,19 +16,19 @@ from fastapi.responses import StreamingResponse
 from impactd.api.answers import timestamp
 from impactd.api.finite import without_nan
 from impactd.api.problems import ProblemError
-from impactd.api.results_schemas import (
-    ChartAnswer,
-    ControlLimits,
-    PairResult,
-    RelativeChange,
-    ResultsAnswer,
-)
 from impactd.api.schemas import Moment
 from impactd.api.security import TheDaemon
 from impactd.daemon import Daemon
 from impactd.moduli.control_chart import PairChart, trend
 from impactd.reports import selection
 from impactd.storage.version import software
+from impactd.wire.results_answers import (
+    ChartAnswer,
+    ControlLimits,
+    PairResult,
+    RelativeChange,
+    ResultsAnswer,
+)
 
 router = APIRouter(prefix="/v1/results", tags=["results"])
 MOST_SHOTS = 20_000

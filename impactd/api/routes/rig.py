@@ -7,9 +7,9 @@ from dataclasses import asdict
 
 from fastapi import APIRouter
 
-from impactd.api.model_schemas import RigAnswer
-from impactd.api.rig_schemas import Device, Disk, NoiseTrend, RigCheck, RigHealth
 from impactd.api.security import TheDaemon
+from impactd.wire.health_answers import Device, Disk, NoiseTrend, RigCheck, RigHealth
+from impactd.wire.model_answers import RigAnswer
 
 router = APIRouter(prefix="/v1/rig", tags=["rig"])
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import Field
 
-from impactd.api.schemas import Answer
+from impactd.wire.answers import Answer
 
 
 class ControlLimits(Answer):
