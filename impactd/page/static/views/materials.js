@@ -42,13 +42,12 @@ function list(kind, materials, edit) {
   return h("section", { class: "card", "aria-label": title },
     h("div", { class: "row spread" }, h("h2", {}, title), may("operate") && h("button", { class: "button", type: "button", on: { click: () => edit(kind, null) } }, `Add a ${one}`)),
     h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": `Table of ${title.toLowerCase()}` }, h("table", {},
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Name"), columns.map(([, name]) => h("th", { scope: "col", class: "number" }, `${name} ± u`)), h("th", { scope: "col" }, "Role"), h("th", { scope: "col", class: "hide-narrow" }, "Changed"), h("td", {}))),
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Name"), h("td", {}), columns.map(([, name]) => h("th", { scope: "col", class: "number" }, `${name} ± u`)), h("th", { scope: "col", class: "hide-narrow" }, "Changed"))),
       h("tbody", {}, materials.map((material) => h("tr", {},
-        h("th", { scope: "row" }, material.name),
+        h("th", { scope: "row" }, material.name, material.entry.reference && h("div", {}, h("span", { class: "badge" }, "reference"))),
+        h("td", {}, may("operate") && h("button", { class: "button", type: "button", on: { click: () => edit(kind, material) } }, "Change", h("span", { class: "unseen" }, ` ${material.name}`))),
         columns.map(([key, , scale]) => h("td", { class: "number" }, shown(material.entry[key], scale))),
-        h("td", {}, material.entry.reference ? h("span", { class: "badge" }, "reference") : ""),
-        h("td", { class: "hide-narrow" }, material.changed_utc ? `${moment(material.changed_utc)}, ${material.changed_by}` : "as in the file"),
-        h("td", {}, may("operate") && h("button", { class: "button", type: "button", on: { click: () => edit(kind, material) } }, "Change", h("span", { class: "unseen" }, ` ${material.name}`)))))))));
+        h("td", { class: "hide-narrow" }, material.changed_utc ? `${moment(material.changed_utc)}, ${material.changed_by}` : "as in the file")))))));
 }
 
 function shown(value, scale) {
@@ -128,8 +127,8 @@ function form(kind, material, grades, done) {
   };
   return h("form", { class: "card", novalidate: true, "aria-label": material ? `Change ${material.name}` : `Add a ${one}`, on: { submit } },
     h("h2", {}, material ? `Change ${material.name}` : `Add a ${one}`),
-    h("div", { class: "filters" }, name, values.map(([, part]) => part), grade, lot),
-    h("label", { class: "check" }, reference, h("span", {}, "Its modulus counts as known: calibrations may rest on it")),
+    h("div", { class: "material-fields" }, name, values.map(([, part]) => part), grade, lot),
+    h("label", { class: "row" }, reference, h("span", {}, "Its modulus counts as known: calibrations may rest on it")),
     source, note, wrong,
     h("div", { class: "row" },
       h("button", { class: "button main-action", type: "submit" }, "Keep it"),

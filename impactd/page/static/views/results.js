@@ -81,7 +81,7 @@ function dayAfter(text) {
 /** Say whether the pairs agree on one modulus for each material. */
 function networkWords(network) {
   if (!network || !network.degrees_of_freedom) return "";
-  const said = `The pairs were adjusted together: chi² ${significant(network.chi2)} at ${network.degrees_of_freedom} degrees of freedom, p = ${significant(network.p_value, 2)}.`;
+  const said = `The pairs were adjusted together: chi² ${significant(network.chi2)} at ${network.degrees_of_freedom} ${network.degrees_of_freedom === 1 ? "degree" : "degrees"} of freedom, p = ${significant(network.p_value, 2)}.`;
   const dark = network.dark_uncertainty > 0 ? ` They scatter by ${percent(network.dark_uncertainty)} more than their uncertainties explain; this is part of every ±.` : "";
   const odd = network.contradicting?.length ? ` At odds with the others: ${network.contradicting.map((one) => (typeof one === "string" ? one : one.pair ?? one.name)).join(", ")}.` : "";
   return said + dark + odd;
