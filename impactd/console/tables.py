@@ -53,7 +53,7 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
 
 def _wrapped(row: list[str], width: int) -> list[list[str]]:
     """Return a row, and below it rows with what its last cell has no room for."""
-    parts = textwrap.wrap(row[-1], width, break_long_words=False) or [""]
+    parts = textwrap.wrap(row[-1], max(width, 1), break_long_words=False) or [""]
     rest = [[*([""] * (len(row) - 1)), part] for part in parts[1:]]
     return [[*row[:-1], parts[0]], *rest]
 
