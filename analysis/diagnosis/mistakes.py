@@ -1,10 +1,10 @@
 """Numbers written down wrong, and changes half-way: the campaign as it would be stated without.
 
 Each is one number more: a mass, a radius, a height of a series, the modulus of a reference, a gain
-or a coupon that is another from some shot on, a gain that drifts. By how much each would lower the
-squares follows from the normal equations; the few that promise most are stated otherwise, and the
-base is fitted again. One that leaves noise is named if no effect of the library does as well. It is
-never applied: the campaign stays as it is written.
+or a coupon that is another from some shot on, a gain that drifts; or another name (`labels`). By
+how much each would lower the squares follows from the normal equations; the few that promise most
+are stated otherwise, and the base is fitted again. One that leaves noise is named if no effect of
+the library does as well. It is never applied: the campaign stays as it is written.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Selection, Step
+from analysis.diagnosis.labels import likely_labels
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot
@@ -65,6 +66,11 @@ class Mistake:
         """Whether early and late shots differ by it, and nothing else tells them apart."""
         return self.id in ("change_point", "drift_in_time")
 
+    @property
+    def is_discrete(self) -> bool:
+        """Whether it leaves no number free, so that it cannot follow what is another effect's."""
+        return not self.parameters
+
 
 @dataclass(frozen=True)
 class Named:
@@ -86,11 +92,12 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     structure = step.score_test.beyond_labels
     if structure is None:
         structure = step.score_test.left
-    for likely in _likeliest(step, CRITERIA.structure.odd_part * structure):
+    least = CRITERIA.structure.odd_part * structure
+    for likely in (*_likeliest(step, least), *_labels(step)):
         progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
         again = fit_base(likely.restated)[0].last
         if not (again.impossible or again.score_test.structured):
-            paid = CRITERIA.comparison.price_of_number * len(likely.parameters)
+            paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
             found.append((dataclasses.replace(likely, cost=again.fitted.cost + paid), again))
     if not found:
         return None
@@ -100,6 +107,18 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     return Named(best, tuple(m for m, _ in found[1:] if m.cost < within), again)
 
 
+def _labels(step: Step) -> list[Mistake]:
+    """Return names that are wrong in a whole group, asked where they can be: far from noise."""
+    samples = sum(item.data for item in step.problem.shots)
+    if step.fitted.cost < CRITERIA.search.far_squares_per_sample * samples:
+        return []
+    return [
+        Mistake("wrong_label", one.side, one.group, {}, one.sentence, one.campaign)
+        for one in likely_labels(step.problem)
+    ]
+
+
+@np.errstate(over="ignore", invalid="ignore")  # far from the records a motion may run away
 def _likeliest(step: Step, least: float) -> list[Mistake]:
     """Return the mistakes that promise at least so many squares, each with its number, in order."""
     known = _Known.at(step)

@@ -1,6 +1,6 @@
 r"""Effects that the records show by themselves, whatever the contact and the mounting are.
 
-Where no model of the impact comes near, as on a rig built otherwise, a fit names nothing. Three
+Where no model of the impact comes near, as on a rig built otherwise, a fit names nothing. Four
 things show without one:
 
 Clipping. The top of a pulse is a parabola, of which the part within a share e of its height is
@@ -15,6 +15,10 @@ straight line to either.
 Hum. The mean waveform of all hits, of free size, shift, stretch and offset, holds what an impact
 causes. Hum has another phase in every record and is left over; of all frequencies a multiple of
 none but the mains' own explains most.
+
+Low-pass. What cuts the band cuts the noise with it (`roll_off`). Noise may have that colour of
+itself; so this is asked only where the mean waveform of all hits leaves less of them than the
+model. A model that follows the records better shows a low-pass itself.
 """
 
 from __future__ import annotations
@@ -27,15 +31,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
+from scipy.special import eval_legendre as legendre
 
 from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.mean_waveform import Hit, aligned_mean
+from analysis.diagnosis.roll_off import roll_off
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
+from analysis.fit.shot_fit import collect
 from analysis.fit.window import MAX_SAMPLES, quiet_part, rail
 
 Array = NDArray[np.float64]
@@ -53,6 +60,11 @@ CONTACT_ENDS = 0.02
 """Share of the height at which a pulse is over."""
 MOST_POINTS = 500
 """Of an impulse's course: it is smooth."""
+SMOOTH_ORDER = 4
+"""Of a polynomial that follows all of an impulse's course but what rings about it."""
+FEW, STEPS = 12, 25
+"""Shots, and steps of a fit, in which an effect whose number is known comes to rest. A choice of
+time: 99 shots took 50 s for each of four fits, and a number that is held does not wait for it."""
 HELD = 1e-5
 """Share by which a number may move from what the records say of it: a model that is far from them
 has millions of squares to win."""
@@ -69,19 +81,26 @@ class Shown:
     form: str  # id of the effect's form
     values: dict[str, float]  # its numbers, as the records say; empty for a free signal
     sentence: str  # what was seen
+    in_noise: bool = False  # whether it was seen there, where no model of an impact has a part
 
     def on_top_of(self, problem: JointProblem, fitted: joint.Fitted, usual: joint.Fitted) -> Refit:
         """Return a model with this effect, held at what the records say of it.
 
         Where the model is far from the records, the best fit would bend the effect after them. It
-        begins from the fit without the effect and from the usual place, and the better one counts.
+        begins from the fit without the effect and from the usual place; which begin and which form
+        is asked of a few shots that stand for all.
         """
+        rows = np.unique(np.linspace(0, len(problem.shots) - 1, FEW).astype(int))
+        few = dataclasses.replace(problem, shots=[problem.shots[row] for row in rows])
         tries = [
-            self._held(problem, fitted, form, begin)
+            (self._held(few, _of_rows(fitted, rows), form, _of_rows(begin, rows), known), form, at)
             for form in self._forms
-            for begin in (fitted, usual)
+            for at, (begin, known) in enumerate(((fitted, ()), (usual, KNOWN_BEFORE)))
         ]
-        return min(tries, key=lambda one: one.fitted.cost)
+        best, form, at = min(tries, key=lambda one: one[0].fitted.cost)
+        begin = (fitted, usual)[at]
+        near = dataclasses.replace(begin, theta=best.fitted.theta[: begin.theta.size])
+        return self._held(problem, fitted, form, near, ((), KNOWN_BEFORE)[at])
 
     def freed(self, held: Refit, problem: JointProblem, fitted: joint.Fitted) -> Refit:
         """Return that model with nothing held, fitted on from there."""
@@ -90,7 +109,12 @@ class Shown:
         return refitted(dataclasses.replace(held, problem=larger, fitted=result), problem, fitted)
 
     def _held(
-        self, problem: JointProblem, fitted: joint.Fitted, effect: Effect, begin: joint.Fitted
+        self,
+        problem: JointProblem,
+        fitted: joint.Fitted,
+        effect: Effect,
+        begin: joint.Fitted,
+        known: tuple[str, ...],
     ) -> Refit:
         starts = self._starts(effect)
         larger, theta, nuisances = extended(problem, begin, effect, starts)
@@ -98,9 +122,8 @@ class Shown:
             at = larger.names.index(name)
             larger.prior_mean[at] = coordinate
             larger.prior_precision[at, at] = (HELD * coordinate) ** -2
-        kept = () if begin is fitted else KNOWN_BEFORE
-        nuisances = settle(larger, theta, nuisances, kept=kept)
-        result = joint.fit(larger, nuisances, theta=theta)
+        nuisances = settle(larger, theta, nuisances, kept=known)
+        result = joint.fit(larger, nuisances, theta=theta, max_iterations=STEPS)
         bare = Refit(effect, self.effect_id, "rig", larger, result, 0.0, 0, False, 0.0)
         return refitted(bare, problem, fitted)
 
@@ -108,7 +131,7 @@ class Shown:
     def _forms(self) -> list[Effect]:
         """Return the form that was seen and those that the same numbers describe."""
         seen = effect_named(self.form)
-        if not self.values:
+        if self.in_noise or not self.values:
             return [seen]
         every = (seen, *effect_named(self.effect_id).variants)
         return [one for one in every if {p.name for p in one.parameters} == set(self.values)]
@@ -120,12 +143,54 @@ class Shown:
         }
 
 
-def shown_by_records(shots: Sequence[FitShot]) -> list[Shown]:
-    """Return the effects that records of one quantity show by themselves."""
+def _of_rows(fitted: joint.Fitted, rows: NDArray[np.int_]) -> joint.Fitted:
+    """Return what a fit says of some of its shots."""
+    blocks = [fitted.blocks[row] for row in rows] if fitted.blocks else []
+    cost = sum(block.cost for block in blocks) if blocks else math.inf
+    nuisances = fitted.nuisances[rows]
+    return dataclasses.replace(fitted, nuisances=nuisances, blocks=blocks, cost=cost)
+
+
+def shown_by_records(shots: Sequence[FitShot], left_by_model: float = 0.0) -> list[Shown]:
+    """Return the effects that records of one quantity show by themselves.
+
+    ``left_by_model`` is the rms that the model at hand leaves of them. [unit of the signal]
+    """
     if len({item.shot.quantity for item in shots}) != 1 or len(shots) < FEWEST_HITS:
         return []
-    found = (_clipping(shots), _highpass(shots), _hum(shots))
+    found = [_clipping(shots), _highpass(shots), _hum(shots)]
+    if _left_by_mean(shots) < left_by_model:
+        found.append(_lowpass(shots))
     return [one for one in found if one is not None]
+
+
+def left_by_model(problem: JointProblem, fitted: joint.Fitted) -> float:
+    """Return the rms that a fitted model leaves of all fit windows. [unit of the signal]"""
+    return _rms([one.residual for one in collect(problem, fitted, scale=1.0)])
+
+
+def _left_by_mean(shots: Sequence[FitShot]) -> float:
+    hits = [Hit.of(item) for item in shots]
+    wave, placed = aligned_mean(hits)
+    return _rms([wave.residual(hit, one) for hit, one in zip(hits, placed, strict=True)])
+
+
+def _rms(residuals: Sequence[Array]) -> float:
+    return float(np.sqrt(np.mean(np.square(np.concatenate(residuals)))))
+
+
+def _lowpass(shots: Sequence[FitShot]) -> Shown | None:
+    found = roll_off([item.shot for item in shots])
+    if found is None:
+        return None
+    return Shown(
+        "amplifier_lowpass",
+        found.form,
+        {"cutoff_hz": found.cutoff_hz},
+        f"the noise {found.stretch} falls off as white noise does behind a low-pass of about "
+        f"{found.cutoff_hz:.2g} Hz, and what cuts the noise cuts the signal",
+        in_noise=True,
+    )
 
 
 def _level(item: FitShot) -> Array:
@@ -202,28 +267,28 @@ def _highpass(shots: Sequence[FitShot]) -> Shown | None:
     courses = [course for item in shots if (course := _impulse(item)) is not None]
     if len(courses) < max(FEWEST_HITS, len(shots) / 2):
         return None
-    constant = sum(_left(t, impulse, [np.ones_like(t)]) for t, impulse in courses)
+    # about a smooth course the mounting rings, which speaks neither for a high-pass nor against it
+    constant, rings = (
+        sum(_left(t, y, columns(t)) for t, y in courses) for columns in (_constant, _smooth)
+    )
 
-    def dying(ln_tau: float) -> float:
-        return sum(_left(t, y, [_decay(t, math.exp(ln_tau))]) for t, y in courses)
+    def unexplained(ln_tau: float) -> float:
+        decay = math.exp(ln_tau)
+        dying = sum(_left(t, y, [_decay(t, decay)]) for t, y in courses)
+        smooth = min(rings, sum(_left(t, y, [_decay(t, decay), *_smooth(t)]) for t, y in courses))
+        return (dying - smooth) / (constant - smooth) if constant > smooth else 1.0
 
     longest = float(np.median([t[-1] - t[0] for t, _ in courses]))
     step = float(np.median([np.diff(t).mean() for t, _ in courses]))
     grid = np.log(np.geomspace(4.0 * step, longest, 24))
-    best = int(np.argmin([dying(float(at)) for at in grid]))
-    bounds = (grid[max(0, best - 1)], grid[min(grid.size - 1, best + 1)])
-    ln_tau = float(minimize_scalar(dying, bounds=bounds, method="bounded").x)
-    tau = math.exp(ln_tau)
-    rest = []
-    for t, y in courses:
-        columns = np.column_stack([_decay(t, tau), np.ones_like(t), t])
-        dies, stays, _ = np.linalg.lstsq(columns, y, rcond=None)[0]
-        rest.append(stays / dies if dies != 0.0 else math.inf)
-    stays = abs(float(np.median(rest)))
-    left = dying(ln_tau) / constant if constant > 0.0 else 1.0
-    if left > CRITERIA.model_free.unexplained_share or stays > CRITERIA.model_free.lasting_share:
-        return None
+    best = int(np.argmin([unexplained(float(at)) for at in grid]))
     if not 0 < best < grid.size - 1:
+        return None
+    found = minimize_scalar(unexplained, bounds=(grid[best - 1], grid[best + 1]), method="bounded")
+    tau = math.exp(float(found.x))
+    stays = abs(float(np.median([_lasting(t, y, tau) for t, y in courses])))
+    limits = CRITERIA.model_free
+    if found.fun > limits.unexplained_share or stays > limits.lasting_share:
         return None
     return Shown(
         "coupler_highpass",
@@ -232,6 +297,22 @@ def _highpass(shots: Sequence[FitShot]) -> Shown | None:
         f"after the pulse the impulse dies away to nothing with a time constant of about "
         f"{1e3 * tau:.2g} ms in {len(courses)} of {len(shots)} records",
     )
+
+
+def _constant(t: Array) -> list[Array]:
+    return [np.ones_like(t)]
+
+
+def _smooth(t: Array) -> list[Array]:
+    u = np.linspace(-1.0, 1.0, t.size)
+    return [legendre(order, u) for order in (0, *range(2, SMOOTH_ORDER + 1))]
+
+
+def _lasting(t: Array, y: Array, tau: float) -> float:
+    """Return what stays of an impulse over what dies away."""
+    columns = np.column_stack([_decay(t, tau), np.ones_like(t), t])
+    dies, stays, _ = np.linalg.lstsq(columns, y, rcond=None)[0]
+    return float(stays / dies) if dies != 0.0 else math.inf
 
 
 def _impulse(item: FitShot) -> tuple[Array, Array] | None:

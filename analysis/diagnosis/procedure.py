@@ -20,7 +20,7 @@ from analysis.diagnosis.forward_selection import Selection, Step, make_step, try
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.mistakes import Mistake, named_mistake
-from analysis.diagnosis.model_free import Shown, shown_by_records
+from analysis.diagnosis.model_free import Shown, left_by_model, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
@@ -197,7 +197,8 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
     if named is None:
         return None
     as_good = []
-    if not named.best.in_time or not _repeated_in_time(selection.last.problem):
+    in_time = named.best.in_time and _repeated_in_time(selection.last.problem)
+    if not (in_time or named.best.is_discrete):
         try_effects(selection.last, usual, told)
     for one in useful(selection.last)[:1]:
         effect = selection.on(one)
@@ -378,11 +379,12 @@ def _with_what_shows(selection: Selection, usual: joint.Fitted) -> Selection:
 
 def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[Shown]]:
     """Return a selection with the effects that records show without any model, and these."""
-    shown = []
-    for one in shown_by_records(selection.last.problem.shots):
+    shown, last = [], selection.last
+    left = left_by_model(last.problem, last.fitted)
+    for one in shown_by_records(last.problem.shots, left):
         # to its end, whatever the time: it is all that can be said where a search found nothing
         found = one.on_top_of(unwatched(selection.last.problem), selection.last.fitted, usual)
-        if found.fitted.blocks and found.gain > 0.0:
+        if found.fitted.blocks and (found.gain > 0.0 or one.in_noise):
             step = make_step(found.problem, found.fitted)
             selection = Selection([*selection.steps, step], [*selection.chosen, found])
             shown.append(one)

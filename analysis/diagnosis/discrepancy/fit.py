@@ -450,6 +450,7 @@ def _block(training: _Training, point: _Point, row: int) -> _Block | None:
     )  # fmt: skip
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
 def _reach(training: _Training, point: _Point) -> _Reached | None:
     """Return a point with its cost, None where there is no trace."""
     blocks = []

@@ -16,6 +16,7 @@ from scipy.stats import spearmanr
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned
+from analysis.diagnosis.document.before_and_after import said_before_and_after
 from analysis.diagnosis.document.wording import frequency, times_noise, two_digits
 from analysis.diagnosis.forward_selection import Step
 from analysis.effects.contact_closure import ELASTIC_POWERS, RATE_POWERS
@@ -56,11 +57,12 @@ def describe(result: FitResult) -> Json:
         "share_that_repeats": _share_that_repeats(shots),
         "stacks": stacks_json(shots),
     }
-    return {"said": _sentences(found), **found}
+    records = said_before_and_after([shot.item for shot in shots])
+    return {"said": _sentences(found, records), **found}
 
 
-def _sentences(found: Json) -> list[str]:
-    """Return a description in words, one thought each."""
+def _sentences(found: Json, records: list[str]) -> list[str]:
+    """Return a description in words, one thought each, what the records say among them."""
     share = found["share_that_repeats"]
     repeats = "" if share is None else f"{share:.0%} of its energy repeats from shot to shot"
     ratio = {n: p["chi2_per_sample"] for n, p in found["phases"].items() if p["chi2_per_sample"]}
@@ -76,6 +78,7 @@ def _sentences(found: Json) -> list[str]:
         if ratio["before"] >= CRITERIA.words.residual_ratio:
             quiet = f"{times_noise(ratio['before'])} times the noise"
         said.append(f"Before touch-down it is {quiet}.")
+    said += records
     peak = found["spectrum"]
     if peak["peak_ratio"] > CRITERIA.words.spectrum_ratio:
         said.append(

@@ -1,0 +1,116 @@
+"""What records hold before a touch-down and after a pulse, where no contact can have made it.
+
+Both are seen in the records themselves, without a model: what comes before cannot be caused by what
+comes after, and a pulse that is over leaves a record where it began.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.document.wording import two_digits
+from analysis.fit.fit_shot import FitShot
+
+Array = NDArray[np.float64]
+
+FEWEST_HITS = 3
+"""That must agree."""
+ENDS = 0.02
+"""Share of the height at which a pulse is over."""
+MARGIN = 0.25
+"""Pulse widths between what is looked at and where a pulse exceeds 5 % of its height. A Hertz pulse
+begins 0.05^(2/3) of its rise before, 0.07 widths."""
+LONGEST_AFTER = 8.0
+"""Pulse widths over which the level after a pulse is taken: a ring has its mean there."""
+REPEATED = 0.5
+"""Share of the energy before touch-down that is the same in every hit. Of noise it is 0 +- 0.3 in
+three hits of 7 samples, and less in more."""
+
+
+def said_before_and_after(shots: Sequence[FitShot]) -> list[str]:
+    """Return a sentence for what the hits show before they touch, and one for where they end."""
+    looks = [look for item in shots if (look := _Look.at(item)) is not None]
+    if len(looks) < FEWEST_HITS:
+        return []
+    return [*_before(looks), *_after(looks)]
+
+
+@dataclass(frozen=True)
+class _Look:
+    """One record beside its pulse, in heights of the pulse."""
+
+    before: Array
+    """The pulse width before touch-down."""
+    noise: float
+    """Rms of noise."""
+    after: float | None
+    """Level behind the pulse."""
+    impulse_s: float
+    """Of the pulse over its height."""
+
+    @classmethod
+    def at(cls, item: FitShot) -> _Look | None:
+        """Return it; None where the record begins too late."""
+        window = item.window
+        x = (window.polarity * item.shot.signal - window.baseline) / window.peak
+        rate_hz = item.shot.sample_rate_hz
+        width = max(2, round(window.width_s * rate_hz))
+        rise, top = window.first + window.rise_index, window.first + window.peak_index
+        last = rise - max(1, round(MARGIN * width))
+        over = np.flatnonzero(x[top:] < ENDS)
+        if last < width or not over.size:
+            return None
+        end = top + int(over[0])
+        level = x[end + width : end + width + round(LONGEST_AFTER * width)]
+        return cls(
+            x[last - width : last],
+            item.noise.rms / window.peak,
+            float(level.mean()) if level.size >= 2 * width else None,
+            float(x[rise:end].sum()) / rate_hz,
+        )
+
+
+def _before(looks: Sequence[_Look]) -> list[str]:
+    length = min(look.before.size for look in looks)
+    each = np.array([look.before[-length:] for look in looks])
+    own = float(np.sum(each**2))
+    whole = each.sum(axis=0)
+    # products of different hits only: noise does not repeat
+    share = (float(whole @ whole) - own) / (own * (len(looks) - 1)) if own > 0.0 else 0.0
+    rms = math.sqrt(own / each.size)
+    noise = math.sqrt(float(np.mean([look.noise**2 for look in looks])))
+    if share < REPEATED or rms**2 < CRITERIA.words.residual_ratio * noise**2:
+        return []
+    size = two_digits(100.0 * float(np.abs(each.mean(axis=0)).max()))
+    return [
+        f"Before touch-down the records already leave their line, by up to {size} % of the peak "
+        "and alike in every hit. No contact makes that: it is a zero-phase or linear-phase filter, "
+        "or a precursor."
+    ]
+
+
+def _after(looks: Sequence[_Look]) -> list[str]:
+    levels = np.array([look.after for look in looks if look.after is not None])
+    if levels.size < FEWEST_HITS:
+        return []
+    level, u = float(levels.mean()), float(levels.std(ddof=1)) / math.sqrt(levels.size)
+    if abs(level) <= CRITERIA.structure.excess_deviations * u:
+        return []
+    where = "below" if level < 0.0 else "above"
+    said = (
+        f"After the pulse the records lie {two_digits(100.0 * abs(level))} % of the peak {where} "
+        f"where they began (+- {two_digits(100.0 * u)} %)"
+    )
+    if level > 0.0:
+        return [f"{said}: something creeps or warms, or is still pressed."]
+    droop_s = float(np.median([look.impulse_s for look in looks])) / -level
+    return [
+        f"{said}: a droop, as a high-pass of about {two_digits(1e3 * droop_s)} ms leaves, or "
+        "something that swings back slowly."
+    ]

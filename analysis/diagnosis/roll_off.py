@@ -1,0 +1,144 @@
+r"""A low-pass that the noise of records shows: what cuts the band cuts the noise with it.
+
+The quietest stretch of the records, before the pulses or at their ends, is taken as noise. Its
+spectrum S is that of white noise behind a filter of one number, where Whittle's likelihood
+
+.. math:: 2 \ln L = -2 K \sum_j \left( P_j / S_j + \ln S_j \right)
+
+of K averaged periodograms P says so: the filter explains what any smooth spectrum explains beyond a
+flat one. Noise that is coloured as a mounting moves, or falls at one end of the band alone, is no
+such filter's.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize, minimize_scalar
+from scipy.signal import butter, freqz, welch
+
+from analysis.campaign import Shot
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.fit.window import quiet_part
+
+Array = NDArray[np.float64]
+
+SEGMENT = 64
+"""Samples of a periodogram: so many are there before most pulses."""
+OVER_RATE = np.arange(4, SEGMENT // 2) / SEGMENT
+"""Frequencies over the sampling rate. Below are drift, hum and what still rings; half the rate
+itself counts only half."""
+ALIKE = 1.0 + 2.0 * (4.0 / 9.0 + 1.0 / 36.0)
+"""How many neighbouring lines of Hann's window make one that is independent."""
+SMOOTH_NUMBERS = 6
+"""Cosines of a smooth logarithm of a spectrum, besides its mean: the wall of a low-pass of two
+poles at a third of the rate is followed within 1 dB."""
+HIGHEST = 0.49
+"""Cut-off over the sampling rate, from which the spectrum is flat."""
+FORMS = {
+    "sampled": "amplifier_lowpass",
+    "first": "amplifier_lowpass",
+    "second": "amplifier_lowpass:second_order",
+}
+"""A resistor and a capacitor before the converter; digital filters of one and two poles."""
+
+
+@dataclass(frozen=True)
+class RollOff:
+    """The low-pass that noise has gone through."""
+
+    form: str
+    """Id of the effect's form."""
+    cutoff_hz: float
+    stretch: str
+    """Where the noise is."""
+
+
+@dataclass(frozen=True)
+class _Floor:
+    """The mean periodogram of a stretch of all records."""
+
+    power: Array
+    count: float
+    """How many periodograms it is the mean of, were all lines independent."""
+    stretch: str
+
+    def squares(self, spectrum: Array) -> float:
+        """Return minus twice the logarithm of the likelihood, at the best size."""
+        at_best = spectrum * np.mean(self.power / spectrum)
+        return float(2.0 * self.count * np.sum(self.power / at_best + np.log(at_best)))
+
+    def smooth_squares(self) -> float:
+        """Return the same of the best smooth spectrum."""
+        cosines = np.cos(2.0 * np.pi * np.outer(OVER_RATE, np.arange(SMOOTH_NUMBERS + 1)))
+        start = np.linalg.lstsq(cosines, np.log(self.power), rcond=None)[0]
+
+        def squares(coefficients: Array) -> float:
+            ln = cosines @ coefficients
+            return float(2.0 * self.count * np.sum(self.power * np.exp(-ln) + ln))
+
+        return float(minimize(squares, start).fun)
+
+
+def roll_off(shots: Sequence[Shot]) -> RollOff | None:
+    """Return the low-pass that the noise of records of one rate shows; None where it shows none."""
+    if len({shot.sample_rate_hz for shot in shots}) != 1:
+        return None
+    floor = _quietest(shots)
+    if floor is None:
+        return None
+    flat = floor.squares(np.ones_like(OVER_RATE))
+    beyond_flat = flat - floor.smooth_squares()
+    fits = [(*_best_cutoff(floor, form), form) for form in FORMS]
+    squares, cutoff, form = min(fits)
+    gain = flat - squares
+    least = CRITERIA.comparison.least_lead + CRITERIA.comparison.price_of_number
+    if not 1.01 * OVER_RATE[0] < cutoff < 0.99 * HIGHEST:
+        return None  # on a bound it is no cut-off
+    if gain < least or gain < (1.0 - CRITERIA.model_free.unexplained_share) * beyond_flat:
+        return None
+    return RollOff(FORMS[form], cutoff * shots[0].sample_rate_hz, floor.stretch)
+
+
+def _quietest(shots: Sequence[Shot]) -> _Floor | None:
+    ends = [shot.signal[-(shot.signal.size // 3) :] for shot in shots]
+    before = [quiet_part(shot) for shot in shots]
+    floors = [
+        floor
+        for stretches, where in ((before, "before the pulses"), (ends, "at the records' ends"))
+        if (floor := _floor(stretches, where)) is not None
+    ]
+    return min(floors, key=lambda floor: float(floor.power.mean()), default=None)
+
+
+def _floor(stretches: list[Array], where: str) -> _Floor | None:
+    kept = [one for one in stretches if one.size >= SEGMENT]
+    if not kept:
+        return None
+    counts = [2 * (one.size // SEGMENT) - 1 for one in kept]
+    powers = [welch(one - one.mean(), nperseg=SEGMENT)[1] for one in kept]
+    power = np.average(powers, axis=0, weights=counts)[4:-1]
+    return _Floor(power, sum(counts) / ALIKE, where) if np.all(power > 0.0) else None
+
+
+def _best_cutoff(floor: _Floor, form: str) -> tuple[float, float]:
+    found = minimize_scalar(
+        lambda ln: floor.squares(_spectrum(form, math.exp(ln))),
+        bounds=(math.log(OVER_RATE[0]), math.log(HIGHEST)),
+        method="bounded",
+    )
+    return float(found.fun), math.exp(float(found.x))
+
+
+def _spectrum(form: str, cutoff: float) -> Array:
+    """Return what a filter leaves of white noise; ``cutoff`` is over the sampling rate."""
+    if form == "sampled":
+        decay = math.exp(-2.0 * math.pi * cutoff)
+        angles = 2.0 * np.pi * OVER_RATE
+        return np.asarray(1.0 / (1.0 - 2.0 * decay * np.cos(angles) + decay**2))
+    b, a = butter(1 if form == "first" else 2, cutoff, fs=1.0)
+    return np.asarray(np.abs(freqz(b, a, worN=OVER_RATE, fs=1.0)[1]) ** 2)
