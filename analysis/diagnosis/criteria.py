@@ -95,8 +95,6 @@ class Search:
 class Grouping:
     """Does a residual, or an effect, belong to one material? Squares are those beyond the noise."""
 
-    asked_above: float = 300.0
-    """Squares from which the question is worth asking. Chosen by trial."""
     outside_share: float = 0.02
     """Of the squares, that may lie outside the one material's shots. Chosen by trial."""
     unrelated_share: float = 1e-3

@@ -34,7 +34,7 @@ from analysis.diagnosis.discrepancy.mean_waveform import (
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import heldout_or_none
 from analysis.diagnosis.linearised import Explained, Linearised, linearise
-from analysis.diagnosis.progress import MethodStep, Progress
+from analysis.diagnosis.progress import MethodStep, Progress, unwatched
 from analysis.effects.effect import SLOTS
 
 FORMULA_TERMS = 2
@@ -166,19 +166,23 @@ class Located:
 
 
 def locate(step: Step, progress: Progress) -> Located:
-    """Return where the structure that a model leaves lives, and what repairs it."""
+    """Return where the structure that a model leaves lives, and what repairs it.
+
+    Where it lives is told to first order whatever the time: without a name it is the answer. Where
+    the time is over, no discrepancy repairs it, or the best of those learned by then.
+    """
     progress(MethodStep.VERDICT.told("where does it live?"), 0.0)
-    linearised = linearise(step.problem, step.fitted, wanted=FAMILIES)
+    whole = unwatched(step.problem)
+    linearised = linearise(whole, step.fitted, wanted=FAMILIES)
     gains = gains_by_family(linearised)
     discrepancy = _explains_most(linearised, gains)
-    # where the time is over from here on: no discrepancy, or the best of those learned by then
-    before = heldout_or_none(step.problem, step.fitted)
+    before = heldout_or_none(whole, step.fitted)
     by_columns = best_discrepancy(step, linearised, gains, before, progress)
     known = gains | _heldout_gain(step, by_columns, before, foretold=set(gains))
     by_slot = gains_by_slot(known)
     odds = slot_probabilities(step.linearised, known)
     progress(MethodStep.VERDICT.told("is it better than a mean of the other hits?"), 0.99)
-    mean = mean_waveform(step.problem, MOST_MODES)
+    mean = mean_waveform(whole, MOST_MODES)
     return Located(
         slot=max(odds, key=lambda slot: odds[slot]),
         probabilities=odds,

@@ -266,12 +266,15 @@ def chance(problem: JointProblem) -> float:
     return CRITERIA.structure.excess_deviations * math.sqrt(2.0 * _samples(problem))
 
 
+def _is_far(present: PresentModel) -> bool:
+    """Tell whether slopes at the present fit mislead; where they do not, they tell the materials."""
+    least = CRITERIA.search.far_squares_per_sample * _samples(present.problem)
+    return present.fitted.cost > least
+
+
 def far_begin(present: PresentModel) -> joint.Fitted:
     """Return where fits to a part of the shots begin: at the whole's best unless that is ruined."""
-    if (
-        present.fitted.cost > CRITERIA.search.far_squares_per_sample * _samples(present.problem)
-        and not present.problem.model.effects
-    ):
+    if _is_far(present) and not present.problem.model.effects:
         return dataclasses.replace(present.usual, theta=present.problem.start)
     return present.fitted
 
@@ -279,9 +282,9 @@ def far_begin(present: PresentModel) -> joint.Fitted:
 def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
     """Return the campaign without each material in turn, what leaves least first.
 
-    Empty where the residual is too small for the question.
+    Empty where the sizes that each material asks for to first order tell it.
     """
-    if not excess(present.problem, present.fitted) > CRITERIA.grouping.asked_above:
+    if not _is_far(present):
         return []
     begin, every = far_begin(present), set(range(len(present.problem.shots)))
     found = []

@@ -336,22 +336,21 @@ def _judge(selection: Selection, usual: joint.Fitted, progress: Watch) -> Diagno
     standing = _standing(steps[len(crystal) :], rest)
     if standing:
         kept = len(crystal) + standing
-        located = _located(steps[kept], progress)
+        located = locate(steps[kept], progress)
         slot = rest[0].effect.slot
         return Diagnosis("partial", steps[: kept + 1], chosen[:kept], slot=slot, located=located)
     seen, shown = _shown(Selection(steps[: len(crystal) + 1], crystal), usual)
     if shown:
-        located = _located(seen.last, progress)
+        located = locate(seen.last, progress)
         slot = seen.chosen[len(crystal)].effect.slot
         return Diagnosis(
             "partial", seen.steps, seen.chosen, slot=slot, located=located, shown=tuple(shown)
         )
-    located = _located(steps[len(crystal)], progress)
+    located = locate(steps[len(crystal)], progress)
     if crystal:
         slot, known = crystal[0].effect.slot, steps[: len(crystal) + 1]
         return Diagnosis("partial", known, crystal, slot=slot, located=located)
-    where = None if located is None else located.slot
-    return Diagnosis("unknown", steps[:1], [], slot=where, located=located)
+    return Diagnosis("unknown", steps[:1], [], slot=located.slot, located=located)
 
 
 def _with_what_shows(selection: Selection, usual: joint.Fitted) -> Selection:
@@ -389,14 +388,6 @@ def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[S
             selection = Selection([*selection.steps, step], [*selection.chosen, found])
             shown.append(one)
     return selection, shown
-
-
-def _located(step: Step, progress: Watch) -> Located | None:
-    """Return where a residual lives, None where the time is over before any slot was asked."""
-    try:
-        return locate(step, progress)
-    except BudgetSpentError:
-        return None
 
 
 def _standing(steps: list[Step], chosen: list[Refit]) -> int:

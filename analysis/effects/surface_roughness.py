@@ -28,6 +28,15 @@ indentation, as Greenwood, Johnson & Matsubara, Wear 100 (1984) 47, have it. Val
 solved for its pressures; those 7 %; DOP853 of the coupled equations; limit sigma -> 0. All in the
 tests.
 
+The form ``surface_roughness:toe`` counts the indentation from the highest asperities, which are
+flat once s is passed:
+
+.. math:: F = K \delta^{3/2} (1 - e^{-\delta/s})
+
+Against the Hertz curve of the heavy loads it is soft at the first touch where Greenwood & Tripp's
+is hard, whose bulk is met only below that plane. Source of the form: a common engineering closure;
+not derived from heights of asperities. Validation: DOP853; its force written out, in the tests.
+
 Scope: the surface's finish. Fitted as a logarithm, because nothing is left of the effect but a late
 touch-down as sigma vanishes.
 """
@@ -76,31 +85,48 @@ def _term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-d
     return elastic * (left * root - 1.0), lost * (math.sqrt(root) * share - 1.0), 0.0, 0.0
 
 
+@njit(TERM, cache=True)
+def _toe(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-def]  # noqa: PLR0917 - TERM has them
+    return -elastic * math.exp(-max(delta, 0.0) * p0), 0.0, 0.0, 0.0
+
+
 def _pack(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
     dashpot = context.alpha * math.sqrt(context.mass_kg * context.stiffness)
     return 1.0 / values["roughness_m"], dashpot, 0.0, 0.0
 
 
+def _pack_toe(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
+    return 1.0 / values["roughness_m"], 0.0, 0.0, 0.0
+
+
+def _height(meaning: str) -> EffectParameter:
+    starts = (3e-7, 6e-8, 1.2e-6)
+    return EffectParameter(
+        "roughness_m", "m", "surface", "log", 1e-6, 1e-8, 1e-5, starts, meaning
+    )
+
+
 EFFECT = Effect(
     id="surface_roughness",
     slot="contact",
-    title="the contact starts soft",
-    tell_tale="soft toe, worse at low speed",
+    title="asperities carry the first touch",
+    tell_tale="another toe of the pulse, worse at low speed",
     source="Greenwood & Tripp 1967; Greenwood & Williamson 1966",
     validation="the model solved for its pressures; Greenwood et al. 1984; DOP853",
-    parameters=(
-        EffectParameter(
-            "roughness_m",
-            "m",
-            "surface",
-            "log",
-            1e-6,
-            1e-8,
-            1e-5,
-            (3e-7, 6e-8, 1.2e-6),
-            "standard deviation of the asperities' heights, sigma",
-        ),
-    ),
+    parameters=(_height("standard deviation of the asperities' heights, sigma"),),
     contact=_term,
     pack=_pack,
+    variants=(
+        Effect(
+            id="surface_roughness:toe",
+            slot="contact",
+            title="the contact starts soft",
+            tell_tale="soft toe, worse at low speed",
+            source="common engineering closure",
+            validation="DOP853; its force written out",
+            parameters=(_height("indentation at which asperities are flat, s"),),
+            contact=_toe,
+            pack=_pack_toe,
+        ),
+    ),
 )

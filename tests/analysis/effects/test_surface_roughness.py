@@ -96,3 +96,24 @@ def test_a_smooth_surface_is_hertz() -> None:
     found = np.array([bulk_depth(float(d)) for d in depths])
     assert found[:, 1] == pytest.approx(np.gradient(found[:, 0], depths, edge_order=2), abs=1e-3)
     assert np.all(found[:, 1] > 0)
+
+
+def soft_toe(s: float) -> Law:
+    """Return Hertz times what of the asperities is flat."""
+
+    def law(d: float, r: float, z: Any) -> tuple[float, float, tuple[()]]:
+        if d <= 0.0:
+            return 0.0, 0.0, ()
+        return RIG.stiffness * d**1.5 * -math.expm1(-d / s), RIG.dashpot(d, r), ()
+
+    return law
+
+
+@pytest.mark.parametrize("s", [1e-7, 1e-6])
+def test_an_impact_on_asperities_that_flatten_is_that_of_dop853(s: float) -> None:
+    """The form with a soft toe, integrated in time."""
+    found = RIG.predict("kv+surface_roughness:toe", {"surface_roughness:toe.roughness_m": s})
+    wanted = RIG.reference(law=soft_toe(s))
+    assert apart(found.signal, wanted.compression) < 2e-6
+    assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=1e-6)
+
