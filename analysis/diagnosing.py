@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import diagnose_campaign
@@ -15,7 +14,7 @@ Json = dict[str, Any]
 
 def diagnose(
     campaign: Campaign,
-    base: str = DEFAULT_BASE,
+    base: str | None = None,
     *,
     software: str = "analysis",
     progress: Progress | None = None,
@@ -28,7 +27,7 @@ def diagnose(
     campaign : Campaign
         Recordings and what is known.
     base : str, optional
-        ``kv2``, ``kv`` or ``hsd``.
+        ``kv2``, ``kv`` or ``hsd``; by default ``kv2``, or ``kv`` where the records obey that.
     software : str, optional
         Who asks, with version; stands in the document.
     progress : callable, optional

@@ -12,7 +12,6 @@ if it were alone; on that material's shots it is then known.
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -25,7 +24,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test import check_residual
+from analysis.diagnosis.score_test import chance_of, check_residual
 from analysis.diagnosis.successive_halving import PresentModel, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
@@ -263,11 +262,11 @@ def excess(problem: JointProblem, fitted: joint.Fitted) -> float:
 
 def chance(problem: JointProblem) -> float:
     """Return the squares beyond the noise that are no sign of more. [1]"""
-    return CRITERIA.structure.excess_deviations * math.sqrt(2.0 * _samples(problem))
+    return chance_of(_samples(problem))
 
 
 def _is_far(present: PresentModel) -> bool:
-    """Tell whether slopes at the present fit mislead; where they do not, they tell the materials."""
+    """Tell whether slopes at the present fit mislead; else they tell the materials."""
     least = CRITERIA.search.far_squares_per_sample * _samples(present.problem)
     return present.fitted.cost > least
 

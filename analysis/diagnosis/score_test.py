@@ -159,6 +159,11 @@ def run_score_test(linearised: Linearised) -> ScoreTest:
     return ScoreTest(p, answers, surplus)
 
 
+def chance_of(samples: int) -> float:
+    """Return the squares beyond so many samples' own that are no sign of more than noise. [1]"""
+    return CRITERIA.structure.excess_deviations * math.sqrt(2.0 * samples)
+
+
 def _surplus(linearised: Linearised) -> tuple[float, float]:
     """Return the squares beyond the noise's own and their p-value; 0 and 1 of what noise may have.
 

@@ -28,6 +28,7 @@ from analysis.diagnosis.multistart import (
     where_it_rings,
 )
 from analysis.diagnosis.progress import MethodStep, Progress
+from analysis.diagnosis.score_test import chance_of
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint
@@ -77,10 +78,10 @@ def ranked(
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     step = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
+    explained = False
     for at, effect_id in enumerate(order):
-        least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
-        if at >= ALWAYS_TRIED and least - samples < CRITERIA.search.curved_squares:
-            break  # nothing is left for another to explain
+        if explained and at >= ALWAYS_TRIED:
+            break
         progress(step.told(f"trying {effect_id}"), 0.6 * at / len(order))
         tries = [
             refit(
@@ -98,12 +99,17 @@ def ranked(
                 entries[effect_id],
                 few,
                 base,
-                bent=bent,
-                begins=begins,
+                # who ties with what leaves noise is as near as that
+                bent=bent and not explained,
+                begins=[] if explained else begins,
                 earlier=present.earlier.get(effect_id),
             )
         ]
-        best += _best_forms(tries, base, bent=bent, far=far)
+        best += _best_forms(tries, base, bent=bent and not explained, far=far and not explained)
+        if not explained:
+            best = _leader_ended(best, base, samples)
+            least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
+            explained = least - samples < chance_of(samples)
     last = [] if whole is None else whole
 
     def told(what: str, share: float) -> None:
@@ -111,6 +117,18 @@ def ranked(
         progress(step.told(what), share)
 
     return _later_rounds(present, best, Part(places, base), told, last, bent=bent, far=far)
+
+
+def _leader_ended(best: list[Refit], base: joint.Fitted, samples: int) -> list[Refit]:
+    """Return refits of which the best physical one, if it explains more than it leaves, has ended.
+
+    Only then is it known whether it leaves noise.
+    """
+    leader = min((r for r in best if not r.at_bound), key=rank, default=None)
+    if leader is None or leader.fitted.converged or leader.gain < leader.fitted.cost - samples:
+        return best
+    ended = continued(base, leader, max_iterations=AFAR_STEPS)
+    return [ended if r is leader else r for r in best]
 
 
 def _begins(

@@ -101,9 +101,7 @@ def _pack_toe(values: Values, context: ShotContext) -> tuple[float, float, float
 
 def _height(meaning: str) -> EffectParameter:
     starts = (3e-7, 6e-8, 1.2e-6)
-    return EffectParameter(
-        "roughness_m", "m", "surface", "log", 1e-6, 1e-8, 1e-5, starts, meaning
-    )
+    return EffectParameter("roughness_m", "m", "surface", "log", 1e-6, 1e-8, 1e-5, starts, meaning)
 
 
 EFFECT = Effect(

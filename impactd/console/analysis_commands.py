@@ -36,9 +36,6 @@ class BaseModel(StrEnum):
     HSD = "hsd"
 
 
-DEFAULT = BaseModel(DEFAULT_BASE)
-
-
 def _positive(seconds: float | None) -> float | None:
     """Return seconds as given; anything but a positive number is wrong usage."""
     if seconds is not None and not (math.isfinite(seconds) and seconds > 0):
@@ -162,7 +159,12 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
             "shots, diagnosed by the daemon.",
         ),
     ] = None,
-    base: Annotated[BaseModel, typer.Option("--base", help="Model to start from.")] = DEFAULT,
+    base: Annotated[
+        BaseModel | None,
+        typer.Option(
+            "--base", help="Model to start from; by default kv2, or kv where a campaign obeys that."
+        ),
+    ] = None,
     budget_s: Annotated[
         float | None,
         typer.Option(
@@ -193,7 +195,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
         numbers = [int(item) for item in given]
         diagnoses.by_the_daemon(
             numbers,
-            base.value,
+            base or DEFAULT_BASE,
             budget_s=budget_s,
             json_out=json_out,
             csv_out=csv_out,
@@ -203,7 +205,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     elif len(given) == 1:
         diagnoses.offline(
             Path(given[0]),
-            base.value,
+            base,
             budget_s=budget_s,
             json_out=json_out,
             csv_out=csv_out,

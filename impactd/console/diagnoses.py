@@ -30,7 +30,7 @@ _UNITS = {"voltage": "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 def offline(
     path: Path,
-    base: str,
+    base: str | None,
     *,
     budget_s: float | None,
     json_out: Path | None,
@@ -43,8 +43,8 @@ def offline(
     ----------
     path : Path
         ``campaign.json`` or its folder.
-    base : str
-        ``kv2``, ``kv`` or ``hsd``.
+    base : str or None
+        ``kv2``, ``kv`` or ``hsd``; None takes ``kv2``, or ``kv`` where the records obey that.
     budget_s : float or None
         How long it may search. [s]
     json_out : Path or None

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Any
 
 from analysis import diagnosing
-from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.diagnosis.progress import TimeBudget
 from impactd.storage.version import software
@@ -17,7 +16,7 @@ Json = dict[str, Any]
 
 def diagnose(
     campaign: Campaign,
-    base: str = DEFAULT_BASE,
+    base: str | None = None,
     *,
     budget_s: float | None = None,
     progress: Callable[[str, float], None] | None = None,
@@ -28,8 +27,8 @@ def diagnose(
     ----------
     campaign : Campaign
         Recordings and what is known.
-    base : str
-        ``kv2``, ``kv`` or ``hsd``.
+    base : str, optional
+        ``kv2``, ``kv`` or ``hsd``; by default ``kv2``, or ``kv`` where the records obey that.
     budget_s : float, optional
         How long it may search, from now on; more than 0. [s]
     progress : callable, optional

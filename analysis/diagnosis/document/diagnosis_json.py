@@ -76,6 +76,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     turns = [_turn(diagnosis, step) for step in diagnosis.steps]
     ended = diagnosis.watch.ended
     said = [
+        *wording.base_sentences(diagnosis),
         *wording.set_aside_sentences(diagnosis.set_aside),
         wording.verdict_sentence(diagnosis, before, after),
         *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),

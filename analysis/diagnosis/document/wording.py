@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import kruskal, norm, spearmanr
 
+from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import shot_words
 from analysis.diagnosis.basis.proposals import scopes_of
 from analysis.diagnosis.candidate import Refit
@@ -111,6 +112,18 @@ def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
     count = len(said)
     rest = "The rest is judged without " + ("it." if count == 1 else f"these {count}.")
     return [*said, rest] if said else []
+
+
+def base_sentences(diagnosis: Diagnosis) -> list[str]:
+    """Return a sentence where the records chose another base model than the default."""
+    base = diagnosis.steps[0].problem.model.base
+    if diagnosis.base_asked is not None or base == DEFAULT_BASE:
+        return []
+    return [
+        f"These records obey {base} rather than the closed {DEFAULT_BASE} (a dashpot that does not "
+        "load the crystal, a coupon without mass), as simulated ones may and no real rig can: the "
+        f"diagnosis starts from {base}."
+    ]
 
 
 def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:

@@ -217,7 +217,8 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
     campaign = through_a_folder(simulated)
     seen = visibility(plan, campaign)
     clock = _Clock()
-    stated = diagnose(campaign, plan.base, budget_s=budget_s, progress=clock)
+    base = None if plan.base == plan.whole else plan.base  # as somebody who does not know the rig
+    stated = diagnose(campaign, base, budget_s=budget_s, progress=clock)
     ended = time.perf_counter()
     before, after = stated["before"], stated["after"]
     evidence: list[Json] = next(

@@ -12,6 +12,7 @@ import pytest
 from analysis.campaign import Campaign, Uncertainty
 from analysis.diagnosis.candidate import is_there_before
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
+from analysis.diagnosis.grouping_search import sizes_of
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.named_model import definition_of, model_of
 from analysis.diagnosis.one_material import (
@@ -150,9 +151,11 @@ def test_hum_is_believed_only_where_it_is_there_before(swinging: Diagnosis) -> N
 
 
 def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path) -> None:
-    """Without either's shots the rest is noise; both groups are asked, and the sphere fits."""
+    """Its size is that sphere's alone, or next to nothing on the other."""
     soft = make_effect("plastic_yield", {"yield_pressure_pa": 8e7}, Scope(sphere="acetal_small"))
     found = diagnose_campaign(campaign(tmp_path, soft))
     assert [r.effect_id for r in found.chosen] == ["plastic_yield"]
-    assert found.chosen[0].effect.only == ActsOn("sphere", ("acetal_small",))
+    sizes = sizes_of(found.chosen[0], "sphere")
+    assert sizes is not None
+    assert np.flatnonzero(sizes.values).tolist() == [sizes.names.index("acetal_small")]
     assert found.verdict in ("identified", "family")

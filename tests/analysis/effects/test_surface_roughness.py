@@ -116,4 +116,3 @@ def test_an_impact_on_asperities_that_flatten_is_that_of_dop853(s: float) -> Non
     wanted = RIG.reference(law=soft_toe(s))
     assert apart(found.signal, wanted.compression) < 2e-6
     assert found.contact_time_s == pytest.approx(wanted.contact_time, rel=1e-6)
-

@@ -1,4 +1,4 @@
-"""From a rigid cell, the base with a cell that rings is found that the rig obeys."""
+"""Which base model a diagnosis starts from, and goes on with."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from analysis.diagnosing import diagnose
 from analysis.diagnosis.procedure import diagnose_campaign
 
 from .conftest import small_campaign
@@ -17,3 +18,13 @@ def test_the_base_that_a_rig_obeys_is_found_from_hsd(tmp_path: Path, rig: str, b
     found = diagnose_campaign(small_campaign(tmp_path, rig=rig), "hsd")
     assert (found.verdict, found.effect_ids) == ("identified", ["crystal_dynamics"])
     assert found.steps[-1].problem.model.base == base
+
+
+@pytest.mark.parametrize(("rig", "base"), [("closed", "kv2"), ("paper", "kv")])
+def test_without_a_base_the_one_is_taken_that_a_rig_obeys(
+    tmp_path: Path, rig: str, base: str
+) -> None:
+    """A clean rig is adequate under its own base, which is named where it is not the default."""
+    document = diagnose(small_campaign(tmp_path, rig=rig))
+    assert (document["verdict"], document["before"]["model"]) == ("adequate", base)
+    assert ("obey kv rather than" in document["sentence"]) == (base == "kv")
