@@ -32,6 +32,9 @@ from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.model.impact_model import ImpactModel
 
+MOST_STEPS = 40
+"""Of a fit without an effect: what creeps on after these is far behind the fit with it."""
+
 
 def without_needless(selection: Selection) -> Selection:
     """Return a selection without an effect that another has made needless.
@@ -154,7 +157,7 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
         prior_precision=step.problem.prior_precision[keep][:, keep],
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
-    fitted = joint.fit(problem, nuisances, theta=problem.start)
+    fitted = joint.fit(problem, nuisances, theta=problem.start, max_iterations=MOST_STEPS)
     return make_step(problem, fitted) if fitted.blocks else None
 
 

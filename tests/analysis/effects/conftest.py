@@ -106,8 +106,10 @@ class Rig:
             "ln_v0": math.log(self.speed),
             "ln_e": math.log(self.restitution),
             "t0_us": self.touch_down_us,
-            f"finite_thickness.{COUPON_SHARE}": self.coupon_share,
         }
+        own |= dict.fromkeys(
+            (name for name in model.names if name.endswith(COUPON_SHARE)), self.coupon_share
+        )
         for effect in model.effects:
             for p in effect.parameters:
                 own[f"{effect.id}.{p.name}"] = p.coordinate(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from analysis.effects.finite_thickness import stiffer
+from analysis.effects.finite_thickness import series, stiffer
 
 from .conftest import Rig, apart
 from .layer_by_pressures import compliance_less_one, contact
@@ -80,3 +80,30 @@ def test_the_force_rises_with_depth_wherever_a_fit_may_look() -> None:
             force = np.array([stiffer(float(v), share, nu) * v**3 for v in x])
             assert np.all(np.diff(force) > 0)
             assert np.all(np.diff(force, 2) > -1e-3 * force[1:-1])
+
+
+def test_the_series_of_dimitriadis_has_its_coefficients() -> None:
+    """1.133, 1.283, 0.769 and -0.0974 at nu = 0.5, and 0.938 for the first at nu = 0.37."""
+    for X in (0.05, 0.3, 0.8):
+        wanted = np.polyval([-0.0974, 0.769, 1.283, 1.133, 1.0], X)
+        assert series(X, 0.5, False) == pytest.approx(wanted, rel=1e-3)
+    assert (series(1e-6, 0.37, False) - 1.0) / 1e-6 == pytest.approx(0.938, abs=1e-3)
+
+
+@pytest.mark.parametrize("form", ["dimitriadis", "whole_contact"])
+def test_an_impact_by_a_series_is_that_of_dop853(form: str) -> None:
+    """The coupon's part, or the whole contact, stiffened by the series, integrated in time."""
+    rig = RIG.but(coupon_share=0.6, poissons_ratio=0.4)
+    share, nu, quoted = (0.6, 0.4, False) if form == "dimitriadis" else (1.0, 0.5, True)
+    slope = np.sqrt(rig.radius) / 3e-3
+
+    def law(d: float, r: float, z: object) -> tuple[float, float, tuple[()]]:
+        if d <= 0.0:
+            return 0.0, 0.0, ()
+        factor = 1.0 / (1.0 - share + share / series(slope * np.sqrt(d), nu, quoted))
+        return rig.stiffness * d**1.5 * factor, rig.dashpot(d, r), ()
+
+    name = f"finite_thickness:{form}"
+    found = rig.predict(f"kv+{name}", {f"{name}.thickness_m": 3e-3})
+    wanted = rig.reference(law=law)
+    assert apart(found.signal, wanted.compression) < 2e-6
