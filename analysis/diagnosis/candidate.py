@@ -30,6 +30,8 @@ KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
 HELD = 1e-3
 """How far an effect's coordinates may move from a far start while the rest comes near."""
+MOST_HALVINGS = 8
+"""Of a start's size: a step 256 times too long is no promise any more."""
 COORDINATE_U = 20.0
 """Width that only keeps an effect's coordinate finite."""
 NOTHING = Price()
@@ -189,10 +191,30 @@ def refit(
     if begin is not None:
         nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
         theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
+    elif coefficients and proposal.amplitude is not None:
+        size = f"{effect.id}.{effect.parameters[proposal.amplitude].name}"
+        theta = _no_worse_than_none(larger, theta, nuisances, size, fitted.cost)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     result = fitted_below_one(larger, result, max_iterations)
     bare = Refit(effect, proposal.effect_id, scope, larger, result, 0.0, 0, False, linear_gain)
     return refitted(bare, problem, fitted)
+
+
+def _no_worse_than_none(
+    problem: JointProblem, theta: Array, nuisances: Array, size: str, cost: float
+) -> Array:
+    """Return a start whose sizes are so small that it is no worse than no effect.
+
+    A slope overshoots where a law is bent; from beyond its valley a fit runs away. At the neutral
+    value, zero in these coordinates, the cost is that of no effect.
+    """
+    at = [j for j, name in enumerate(problem.names) if name.partition("[")[0] == size]
+    theta = theta.copy()
+    for _ in range(MOST_HALVINGS):
+        if joint.total_cost(problem, theta, nuisances) <= cost:
+            break
+        theta[at] *= 0.5
+    return theta
 
 
 def _drawn_near(

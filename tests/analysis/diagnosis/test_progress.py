@@ -121,11 +121,11 @@ def test_a_step_is_told_once_for_all_that_it_does() -> None:
 
 
 def test_less_time_than_the_base_fit_takes_still_gives_a_document(leaking: Campaign) -> None:
-    """The base fit is made; without a search nothing is named, and no modulus is stated."""
+    """The base fit is made, and where its residual lives; nothing is named, no modulus stated."""
     found = diagnosed_until(leaking, MethodStep.NOISE.heading)
     assert found["verdict"] == "unknown"
     assert found["effects"] == []
-    assert found["slot"] is None
+    assert found["slot"] == "electronics"
     assert found["ended_early"]["after_s"] == pytest.approx(BUDGET_S + 2.5)
     assert "best verdict after 12.5 s; the search had not ended" in found["sentence"]
     assert found["before"]["chi2_per_dof"] > 2

@@ -145,6 +145,7 @@ def neutral(effect: Effect) -> dict[str, float]:
     """Return the effect's neutral values: 0, infinity, or the limit where it is one."""
     limits = {
         "surface_roughness.roughness_m": 1e-16,
+        "surface_roughness:toe.roughness_m": 1e-16,
         "recontact.speed_ratio": 1e-9,
         "recontact:ringing.speed_ratio": 1e-9,
     }
