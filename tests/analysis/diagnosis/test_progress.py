@@ -125,7 +125,7 @@ def test_less_time_than_the_base_fit_takes_still_gives_a_document(leaking: Campa
     found = diagnosed_until(leaking, MethodStep.NOISE.heading)
     assert found["verdict"] == "unknown"
     assert found["effects"] == []
-    assert found["slot"] == "electronics"
+    assert "electronics" in {found["slot"], *found["also_possible_slots"]}
     assert found["ended_early"]["after_s"] == pytest.approx(BUDGET_S + 2.5)
     assert "best verdict after 12.5 s; the search had not ended" in found["sentence"]
     assert found["before"]["chi2_per_dof"] > 2
