@@ -184,8 +184,6 @@ class ModelFree:
     sets of others' recordings, and nothing but rounding where a top is cut."""
     unexplained_share: float = 0.1
     """Of the squares of an impulse's course, that its dying away may leave. Chosen by trial."""
-    lasting_share: float = 0.1
-    """Of an impulse, that may last. Chosen by trial."""
 
 
 @dataclass(frozen=True)
