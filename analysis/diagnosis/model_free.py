@@ -287,8 +287,10 @@ def _highpass(shots: Sequence[FitShot]) -> Shown | None:
     found = minimize_scalar(unexplained, bounds=(grid[best - 1], grid[best + 1]), method="bounded")
     tau = math.exp(float(found.x))
     stays = abs(float(np.median([_lasting(t, y, tau) for t, y in courses])))
-    limits = CRITERIA.model_free
-    if found.fun > limits.unexplained_share or stays > limits.lasting_share:
+    if (
+        found.fun > CRITERIA.model_free.unexplained_share
+        or stays > CRITERIA.model_free.lasting_share
+    ):
         return None
     return Shown(
         "coupler_highpass",

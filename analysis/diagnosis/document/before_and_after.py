@@ -28,9 +28,6 @@ MARGIN = 0.25
 begins 0.05^(2/3) of its rise before, 0.07 widths."""
 LONGEST_AFTER = 8.0
 """Pulse widths over which the level after a pulse is taken: a ring has its mean there."""
-REPEATED = 0.5
-"""Share of the energy before touch-down that is the same in every hit. Of noise it is 0 +- 0.3 in
-three hits of 7 samples, and less in more."""
 
 
 def said_before_and_after(shots: Sequence[FitShot]) -> list[str]:
@@ -85,7 +82,7 @@ def _before(looks: Sequence[_Look]) -> list[str]:
     share = (float(whole @ whole) - own) / (own * (len(looks) - 1)) if own > 0.0 else 0.0
     rms = math.sqrt(own / each.size)
     noise = math.sqrt(float(np.mean([look.noise**2 for look in looks])))
-    if share < REPEATED or rms**2 < CRITERIA.words.residual_ratio * noise**2:
+    if share < CRITERIA.words.repeated_share or rms**2 < CRITERIA.words.residual_ratio * noise**2:
         return []
     size = two_digits(100.0 * float(np.abs(each.mean(axis=0)).max()))
     return [
