@@ -18,6 +18,8 @@ from impactd import blas_threads
 from impactd.console import (
     analysis_commands,
     archive_commands,
+    backup_commands,
+    bridge_commands,
     daemon_commands,
     material_commands,
     new_command,
@@ -62,11 +64,13 @@ material_commands.add_to(app)
 new_command.add_to(app)
 analysis_commands.add_to(app)
 archive_commands.add_to(app)
+backup_commands.add_to(app)
 plot_commands.add_to(app)
 posterior_command.add_to(app)
 paper_command.add_to(app)
 schema_command.add_to(app)
 app.add_typer(token_commands.app, name="token")
+app.add_typer(bridge_commands.app, name="bridge")
 
 
 def main() -> None:

@@ -10,6 +10,7 @@ from prometheus_client.exposition import CONTENT_TYPE_LATEST
 from prometheus_client.registry import Collector
 from starlette.types import Scope
 
+from impactd.api.domain_metrics import DomainMetrics
 from impactd.daemon import Daemon
 
 
@@ -24,6 +25,7 @@ class Metrics(Collector):
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
+        self._domain = DomainMetrics(daemon.archive)
         self._registry = CollectorRegistry()
         self._requests = Counter(
             "impactd_http_requests",
@@ -76,6 +78,7 @@ class Metrics(Collector):
         state = GaugeMetricFamily("impactd_state", "The state the rig is in.", labels=["state"])
         state.add_metric([str(status["state"])], 1.0)
         yield state
+        yield from self._domain.collect()
 
     def describe(self) -> list[Metric]:
         """Return nothing: the registry must not read the rig while it registers."""

@@ -115,13 +115,26 @@ class AsyncRig:
         Shot
             With fits, advice and reasons; its record is read by `record`.
         """
+        number = await self.begin_drop(sphere, surface, height_m, operator=operator, key=key)
+        async with self._aborted_on_error(talk.send("DELETE", f"/v1/drops/{number}")):
+            answer = await self.connection.run(talk.shot_of_drop(number, self._tell))
+        return Shot.of(answer, self._files)
+
+    async def begin_drop(
+        self,
+        sphere: str,
+        surface: str,
+        height_m: float,
+        *,
+        operator: str | None = None,
+        key: str | None = None,
+    ) -> int:
+        """Ask for a drop and return its number at once; the parameters are those of `drop`."""
         body = asking.drop_body((sphere, surface, height_m), operator or self.operator)
         begun = await self.connection.run(
             talk.send("POST", "/v1/drops", body, key=key or fresh_key())
         )
-        async with self._aborted_on_error(talk.send("DELETE", f"/v1/drops/{begun['number']}")):
-            answer = await self.connection.run(talk.shot_of_drop(begun["number"], self._tell))
-        return Shot.of(answer, self._files)
+        return int(begun["number"])
 
     async def series(
         self,

@@ -19,6 +19,7 @@ class Schema(StrEnum):
     FIT = "fit"
     BUDGET = "budget"
     DIAGNOSIS = "diagnosis"
+    EVENT = "event"
     SETTINGS = "settings"
 
 
@@ -33,7 +34,7 @@ def schema(
 ) -> None:
     """Print the JSON Schema of what is exchanged.
 
-    A campaign, a fit, a budget, a diagnosis or the settings.
+    A campaign, a fit, a budget, a diagnosis, an event as bridges send it, or the settings.
     """
     import json
     from importlib import resources

@@ -1,0 +1,5 @@
+"""From the daemon's events to what else a laboratory speaks: MQTT, webhooks, OPC UA.
+
+Each bridge is a process of its own and a client of the REST API like any other: whatever happens
+to a broker or to a bridge, nothing of it reaches the rig.
+"""
