@@ -86,6 +86,7 @@ test-slow: $(TOOLS)  ## all else of tens of seconds: whole diagnoses, the guides
 	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow and not soak and not integration" --ignore=tests/faults $(ARGS)
 
 test-integrations: $(TOOLS)  ## all with the programs of a lab, in full: samplers, brokers, catalogues, packages
+	@$(PIP) install --editable '.[dev,integrations]'
 	@$(BIN)/pytest -s -n 0 -m integration $(ARGS)
 
 soak: $(TOOLS)  ## the faults whose counts take hours

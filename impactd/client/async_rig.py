@@ -72,6 +72,10 @@ class AsyncRig:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Close its connections."""
         self._files.close()
         await self.connection.close()
 
