@@ -11,7 +11,7 @@ A drop that missed its trigger or was aborted is no alarm: whoever asked for it 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import structlog
 
@@ -25,6 +25,16 @@ Words = tuple[str, str]
 _log = structlog.get_logger("impactd.alarms")
 _CALLING_TYPES = frozenset({"internal", "storage", "disk-full", "overrun", "bad-record"})
 """Failed drops whose reason reaches beyond the drop."""
+
+
+Severity = Literal["major", "minor"]
+_MAJOR = frozenset({"rig.fault", "drop.interrupted", "drop.failed"})
+"""What keeps the rig from dropping, or leaves a sphere nobody knows where."""
+
+
+def severity_of(kind: str) -> Severity:
+    """Return how grave an alarm is: ``major`` stops the work, ``minor`` can wait."""
+    return "major" if kind in _MAJOR else "minor"
 
 
 class Alarms:

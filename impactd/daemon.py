@@ -36,6 +36,7 @@ from impactd.moduli.service import ModuliAnswer, ModuliService
 from impactd.rig.build import build_rig
 from impactd.rig.rig import Rig
 from impactd.sd_notify import notify, watchdog_interval_s
+from impactd.series.run import SeriesRunner
 from impactd.settings.material_book import MaterialBook, MaterialChange, Role
 from impactd.settings.materials import Materials
 from impactd.settings.settings import Settings
@@ -74,7 +75,9 @@ class Daemon:
     jobs : JobRunner
         Fits.
     calibrations : CalibrationRunner
-        Series of drops.
+        Series of drops of known spheres.
+    series : SeriesRunner
+        Queues of planned drops.
 
     Raises
     ------
@@ -115,6 +118,7 @@ class Daemon:
         self.jobs = JobRunner(self.archive, settings, publish, materials=self.materials)
         self.service = AcquisitionService(self.rig, self.archive, settings, self.materials, publish)
         self.calibrations = CalibrationRunner(self.service, self.archive, settings)
+        self.series = SeriesRunner(self.service, settings, publish)
         self._moduli = ModuliService(self.archive)
         self._heart = Heart(self)
 
@@ -157,6 +161,7 @@ class Daemon:
         steps = (
             self.service.stop,
             self.calibrations.stop,
+            self.series.stop,
             self._moduli.stop,
             self.jobs.stop,
             self.rig.close,

@@ -86,7 +86,9 @@ class Admission:
         if not rig.min_drop_height_m <= drop_height_m <= rig.max_drop_height_m:
             raise DropHeightError(drop_height_m, rig.min_drop_height_m, rig.max_drop_height_m)
 
-    def admit(self, calibration: int | None, sentence: str) -> None:
+    def admit(
+        self, calibration: int | None, sentence: str, series: Reservation | None = None
+    ) -> None:
         """Raise unless a drop may begin now; the caller holds the lock.
 
         Parameters
@@ -95,6 +97,8 @@ class Admission:
             The run it belongs to.
         sentence : str
             Of the status, for a rig that is not ready.
+        series : Reservation or None
+            Which this drop belongs to.
 
         Raises
         ------
@@ -111,7 +115,10 @@ class Admission:
         if run is not None:
             raise BusyError(run.drop.owner, run.drop.number)
         held = self.reservation
-        if held is not None and (calibration is None or held.calibration != calibration):
+        own = held is not None and (
+            series is held or (calibration is not None and held.calibration == calibration)
+        )
+        if held is not None and not own:
             raise BusyError(held.owner, None)
         if state is not State.IDLE or self._loop.ending.is_set():
             raise NotReadyError(sentence, REMEDY)

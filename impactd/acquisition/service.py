@@ -148,6 +148,7 @@ class AcquisitionService:
         idempotency_key: str | None = None,
         calibration: int | None = None,
         accepted: int | None = None,
+        series: Reservation | None = None,
     ) -> Drop:
         """Begin a drop; return as soon as its row is durable.
 
@@ -163,6 +164,8 @@ class AcquisitionService:
             The calibration run it belongs to.
         accepted : int, optional
             Abort epoch at which the request was received; now without it.
+        series : Reservation, optional
+            The reservation of the series it belongs to.
 
         Returns
         -------
@@ -192,7 +195,7 @@ class AcquisitionService:
                 if known is not None:
                     return known
             self._check_epoch(epoch)
-            self._admission.admit(calibration, self.status().sentence)
+            self._admission.admit(calibration, self.status().sentence, series)
             self._check_epoch(epoch)
             drop, _ = self._archive.begin_drop(
                 request, owner=owner, idempotency_key=idempotency_key, calibration=calibration

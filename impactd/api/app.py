@@ -39,18 +39,20 @@ from impactd.api.routes import (
     page,
     results,
     rig,
+    series,
     session,
     shots,
     status,
 )
 from impactd.api.security import Limits, authorize, methods_of
-from impactd.api.sessions import Sessions
+from impactd.api.sessions import SESSIONS_NAME, Sessions
 from impactd.api.token_memory import TokenMemory
 from impactd.api.translation import TRANSLATIONS, as_problem
 from impactd.daemon import Daemon
 
 _ROUTERS = (
     drops.router,
+    series.router,
     shots.router,
     fits.router,
     moduli.router,
@@ -108,7 +110,7 @@ def create_app(daemon: Daemon) -> FastAPI:
     metrics = Metrics(daemon)
     app.state.daemon = daemon
     app.state.limits = Limits()
-    app.state.sessions = Sessions()
+    app.state.sessions = Sessions(daemon.archive.directory / SESSIONS_NAME)
     app.state.token_memory = TokenMemory(daemon.archive.tokens)
     app.state.failed_logins = FailedLogins()
     app.state.read_limit = ReadLimit()

@@ -40,6 +40,7 @@ _LINKS: dict[tuple[str, str, str], tuple[str, str, tuple[tuple[str, str], ...]]]
 
 _KEYS_REQUIRED = (
     ("post", "/v1/drops"),
+    ("post", "/v1/series"),
     ("post", "/v1/diagnoses/{diagnosis_id}/next-drop"),
 )
 """What moves the rig. A calibration takes the timer's `slot` in place of a key."""

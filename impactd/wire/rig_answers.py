@@ -60,6 +60,7 @@ class AlarmAnswer(Answer):
 
     id: int
     kind: str = Field(description="The event that raised it.")
+    severity: str = Field(default="minor", description="major stops the work, minor can wait.")
     sentence: str
     remedy: str
     times: int = Field(description="How often it happened while it was open.")

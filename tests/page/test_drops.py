@@ -8,7 +8,8 @@ import pytest
 
 _AFTER_ONE = """() => {
   const card = document.querySelector('section[aria-label=Series]');
-  return card && card.innerText.includes('1 of 2 drops done') && card.innerText;
+  const text = card ? card.innerText : '';
+  return text.includes('1 of 2 drops done') && text.includes('Load') && text;
 }"""
 
 
@@ -127,4 +128,33 @@ def test_a_reading_goes_with_one_press_and_needs_its_uncertainty(visitor):
         "relative_humidity": {"value": 0.45, "u": 0.02},
     }
     assert page.get_by_label("Temperature / °C", exact=True).input_value() == ""
+    visitor.assert_clean()
+
+
+@pytest.mark.slow
+def test_a_series_goes_on_when_the_page_is_loaded_again(calm_hands):
+    """The queue is the daemon's: after a reload it is shown, can be paused, added to and ended."""
+    visitor = calm_hands
+    page = visitor.page
+    visitor.sign_in()
+    visitor.choose("acetal", "specimen", 20, drops=6)
+    visitor.arm_and_drop()
+    card = page.get_by_role("region", name="Series")
+    card.wait_for()
+    page.reload()
+    card.get_by_role("button", name="Pause after this drop").click()
+    card.get_by_text("Paused. the operate paused it.").wait_for()
+    card.get_by_text("still planned").click()
+    card.get_by_role("button", name="Take planned drop 6 out").click()
+    card.get_by_role("button", name="Take planned drop 6 out").wait_for(state="detached")
+    visitor.choose("hdpe", "specimen", 25)
+    page.get_by_role("button", name="Add to the series").click()
+    card.get_by_text("hdpe on specimen from 25 mm").wait_for()
+    card.get_by_role("button", name="Go on").click()
+    page.get_by_role("button", name="Abort").click()
+    card.wait_for(state="detached")
+    drops = _latest(visitor)
+    page.locator("#light[data-light=ready], #light[data-light=look]").wait_for()
+    page.wait_for_timeout(3000)
+    assert _latest(visitor) == drops < 6
     visitor.assert_clean()

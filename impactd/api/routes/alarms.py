@@ -6,8 +6,10 @@ from dataclasses import asdict
 
 from fastapi import APIRouter
 
+from impactd.alarms import severity_of
 from impactd.api.schemas import Number
 from impactd.api.security import TheCaller, TheDaemon
+from impactd.storage.alarms import Alarm
 from impactd.wire.rig_answers import AlarmAnswer, AlarmPage
 
 router = APIRouter(prefix="/v1/alarms", tags=["rig"])
@@ -18,12 +20,16 @@ def list_alarms(daemon: TheDaemon) -> AlarmPage:
     """List the open alarms, and the last ones that were acknowledged; a restart ends none."""
     table = daemon.archive.alarms
     return AlarmPage(
-        open=[AlarmAnswer(**asdict(alarm)) for alarm in table.open()],
-        acknowledged=[AlarmAnswer(**asdict(alarm)) for alarm in table.acknowledged()],
+        open=[_answer(alarm) for alarm in table.open()],
+        acknowledged=[_answer(alarm) for alarm in table.acknowledged()],
     )
 
 
 @router.post("/{number}/acknowledge")
 def acknowledge_alarm(number: Number, daemon: TheDaemon, caller: TheCaller) -> AlarmAnswer:
     """Say that an alarm was seen; this does not clear a fault of the rig."""
-    return AlarmAnswer(**asdict(daemon.alarms.acknowledge(number, by=caller.name)))
+    return _answer(daemon.alarms.acknowledge(number, by=caller.name))
+
+
+def _answer(alarm: Alarm) -> AlarmAnswer:
+    return AlarmAnswer(**asdict(alarm), severity=severity_of(alarm.kind))

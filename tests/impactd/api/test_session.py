@@ -112,3 +112,17 @@ def test_sessions_end_by_time_and_make_room(monkeypatch):
     monkeypatch.setattr(sessions, "LIFE_S", -1.0)
     _, over = kept.begin(token)
     assert kept.find(over) is None
+
+
+def test_a_session_outlives_a_restart_and_its_file_holds_no_secret(tmp_path):
+    """The same cookie finds the same second secret; a damaged file is no session and no error."""
+    file = tmp_path / "sessions.json"
+    token = Token(7, "page", "operate", "", None, None)
+    session, secret = Sessions(file).begin(token)
+    again = Sessions(file).find(secret)
+    assert again == session
+    assert secret not in file.read_text()
+    assert session.csrf not in file.read_text()
+    assert file.stat().st_mode & 0o007 == 0
+    file.write_text("nonsense")
+    assert Sessions(file).find(secret) is None

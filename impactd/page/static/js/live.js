@@ -11,7 +11,7 @@ const KINDS = [
   "rig.state", "rig.fault", "rig.abort", "rig.acknowledged",
   "drop.requested", "drop.arming", "drop.armed", "drop.released", "drop.capturing", "drop.storing",
   "drop.stored", "drop.analysed", "drop.failed", "drop.aborted", "drop.interrupted",
-  "shot.unlike", "fit.done", "job.failed", "job.cancelled", "job.retried",
+  "shot.unlike", "series.changed", "fit.done", "job.failed", "job.cancelled", "job.retried",
   "calibration.started", "calibration.progress", "calibration.fitting", "calibration.done", "calibration.failed",
   "environment.unknown", "diagnosis.done", "model.chosen", "material.changed", "alarm.raised", "alarm.acknowledged",
 ];

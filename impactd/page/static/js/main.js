@@ -60,7 +60,7 @@ async function begin() {
   startLight();
   startNotices(() => signedIn);
   startAbort(() => signedIn);
-  whenSignedOut(() => { if (signedIn) leave("You were signed out: the daemon was started again, or your token has ended. Nothing is lost."); });
+  whenSignedOut(() => { if (signedIn) leave("You were signed out: your twelve hours or your token have ended. Nothing is lost."); });
   live.addEventListener("found", async () => { if (!signedIn && await resume().catch(() => false)) enter(); });
   window.addEventListener("hashchange", () => { if (signedIn) showView(); });
   window.addEventListener("signed-out", () => leave());

@@ -5,14 +5,10 @@ import { byId, say } from "../js/dom.js";
 import { live } from "../js/live.js";
 import { tell } from "./notices.js";
 
-/** Told when somebody here aborts, so that a series of this page ends, too. */
-export const aborted = new EventTarget();
-
 /** Make the button and the Escape key work; `signedIn` says whether anybody is there. */
 export function startAbort(signedIn) {
   const button = byId("abort");
   const abort = async () => {
-    aborted.dispatchEvent(new Event("abort"));
     if (!signedIn()) {
       tell("warn", "Sign in to abort from here. At the rig, switch the valve off by hand.");
       return;

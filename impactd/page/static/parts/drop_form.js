@@ -73,10 +73,10 @@ export function dropForm(rig, latest, onGo) {
   return {
     form,
     /** Say whether a drop may be asked for, and why not. */
-    allow(ready, words) {
+    allow(ready, words, action = "Arm and drop") {
       const fine = ready && may("operate");
       go.setAttribute("aria-disabled", String(!fine));
-      go.textContent = fine ? "Arm and drop" : words ?? "Not ready";
+      go.textContent = fine ? action : words ?? "Not ready";
     },
     say(words) { wrong.textContent = words; },
   };

@@ -78,7 +78,7 @@ function draw() {
     byId("notices"),
     lost && h("div", { class: "notice bad", role: "alert" },
       h("div", {}, h("strong", {}, "The connection is lost. "), lost, " It is tried again every 2 s.")),
-    alarms.map(alarmNotice),
+    [...alarms].sort((a, b) => a.severity.localeCompare(b.severity)).map(alarmNotice),
     passing.map((one) => h("div", { class: `notice ${one.kind}`, role: one.kind === "bad" ? "alert" : "status" },
       h("div", {}, one.sentence),
       h("button", { class: "button", type: "button", on: { click: () => dismiss(one) } }, "Close"))),
@@ -98,9 +98,10 @@ function alarmNotice(alarm) {
     await showNotices();
     byId("main").focus({ preventScroll: true });
   };
-  return h("div", { class: "notice bad", role: "alert" },
+  const major = alarm.severity === "major";
+  return h("div", { class: `notice ${major ? "bad" : "warn"}`, role: "alert", data: { severity: alarm.severity } },
     h("div", {},
-      h("p", {}, h("strong", {}, "Alarm. "), alarm.sentence),
+      h("p", {}, h("strong", {}, major ? "Alarm. " : "Minor alarm. "), alarm.sentence),
       alarm.remedy && h("p", {}, alarm.remedy),
       h("p", { class: "soft" }, `${moment(alarm.last_utc)}${often}`)),
     may("operate") && h("button", { class: "button", type: "button", on: { click: acknowledge }, "aria-label": `Acknowledge: ${alarm.sentence}` }, "Acknowledge"));

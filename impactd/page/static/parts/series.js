@@ -1,58 +1,70 @@
-// Several drops of the same kind, one after the other. The page asks for each when the one before
-// has ended, whichever view is shown: where nobody has the page open, nothing falls.
+// Several drops, one after the other. The queue is the daemon's: it goes on when the page is closed or
+// loaded again, and one abort ends it all.
 
-import { get, post } from "../js/api.js";
-import { freshKey, h, say } from "../js/dom.js";
-import { live } from "../js/live.js";
+import { ask, get, post } from "../js/api.js";
+import { freshKey, h } from "../js/dom.js";
+import { live, on } from "../js/live.js";
 import { duration, millimetres } from "../js/numbers.js";
-import { material } from "../js/words.js";
-import { aborted } from "./abort.js";
+import { may } from "../js/session.js";
+import { material, materials } from "../js/words.js";
 import { followDrop } from "./steps.js";
 import { tell } from "./notices.js";
 
-const READY_LIMIT_MS = 30000;
-
-/** Emits `change` whenever `now` is another: { request, count, made, began, drop }, null when nothing runs. */
+/** Emits `change` whenever `now` is another: the daemon's series, { single, drop } for one drop of this page, or null. */
 class Series extends EventTarget {
   now = null;
-  #ending = null;
+  #running = false;
 
-  /** Make `count` drops. */
+  constructor() {
+    super();
+    on("happened", ({ kind }) => { if (kind === "series.changed") this.look(); });
+    on("found", () => this.look());
+    on("status", () => { if (this.now && !this.now.single) this.dispatchEvent(new Event("change")); });
+  }
+
+  /** Ask the daemon how its series is. */
+  async look() {
+    const found = await get("/v1/series").catch(() => null);
+    if (found) this.#take(found);
+  }
+
+  /** Make `count` drops: one by itself, several as a series; more are added to the series that runs. */
   async start(request, count) {
-    if (this.now) return;
-    this.#ending = new AbortController();
-    aborted.addEventListener("abort", () => this.end(), { signal: this.#ending.signal });
-    this.#set({ request, count, made: 0, began: Date.now(), drop: null });
-    let words = null;
     try {
-      words = await this.#run(this.#ending.signal);
+      if (this.now && !this.now.single) this.#take(await post("/v1/series/drops", { drops: [{ ...request, repeats: count }] }));
+      else if (count > 1) this.#take(await post("/v1/series", { drops: [{ ...request, repeats: count }] }, { key: freshKey() }));
+      else await this.#one(request);
     } catch (problem) {
       tell("bad", problem.message);
     }
-    this.end();
-    this.#set(null);
-    if (words) tell("info", words, { passing: true });
   }
 
-  /** Ask for no further drop; the one under way goes on. */
-  end() { this.#ending?.abort(); }
-
-  async #run(ending) {
-    const { request, count } = this.now;
-    while (this.now.made < count && !ending.aborted) {
-      if (this.now.made > 0) {
-        say(`Load the next sphere: ${material(request.sphere)}. ${this.now.made} of ${count} drops are done.`);
-        if (!(await ready(ending))) break;
-      }
+  async #one(request) {
+    if (this.now) return;
+    this.#set({ single: true, drop: null });
+    try {
       const asked = await post("/v1/drops", request, { key: freshKey() });
-      this.#set({ ...this.now, drop: asked.number });
-      const drop = await followDrop(asked.number);
-      if (["failed", "aborted", "interrupted"].includes(drop.state)) break;
-      this.#set({ ...this.now, made: this.now.made + 1 });
+      this.#set({ single: true, drop: asked.number });
+      await followDrop(asked.number);
+    } finally {
+      this.#set(null);
     }
-    const { made } = this.now;
-    if (count === 1) return null;
-    return made === count ? `All ${count} drops are done.` : `The series ended after ${made} of ${count} drops.`;
+  }
+
+  /** Pause, resume, order or end it: `change(path, method, body)` of /v1/series. */
+  async change(method, path = "", body = undefined) {
+    try {
+      this.#take(await ask(method, `/v1/series${path}`, { body }));
+    } catch (problem) {
+      tell("bad", problem.message);
+    }
+  }
+
+  #take(found) {
+    const alive = found.state === "running" || found.state === "paused";
+    if (this.#running && !alive) tell("info", found.reason[0].toUpperCase() + found.reason.slice(1), { passing: true });
+    this.#running = alive;
+    if (alive || (this.now && !this.now.single)) this.#set(alive ? found : null);
   }
 
   #set(now) {
@@ -63,17 +75,41 @@ class Series extends EventTarget {
 
 export const series = new Series();
 
+/** Return the number of the drop that the series, or this page, makes at present. */
+export const dropOf = (now) => (now?.single ? now.drop : now?.drops.find((one) => one.state === "under way")?.drop ?? null);
+
 /** Return the card of the series that runs, null where there is none to show. */
 export function runningCard() {
-  if (!series.now || series.now.count === 1) return null;
-  const { request, count, made, began } = series.now;
-  const each = made ? (Date.now() - began) / made / 1e3 : null;
+  const { now } = series;
+  if (!now || now.single) return null;
+  const next = now.drops.find((one) => one.state === "under way") ?? now.drops.find((one) => one.state === "planned");
+  const waits = now.state === "running" && next && !DROP_UNDER_WAY.includes(live.status?.state);
   return seriesCard({
-    title: "Series", done: made, of: count,
-    remaining: duration(each === null ? null : each * (count - made)),
-    load: made && made < count ? `Load the next sphere: ${material(request.sphere)}.` : "",
-    end: h("button", { class: "button", type: "button", on: { click: () => series.end() } }, "End after this drop"),
+    title: "Series", done: now.done, of: now.of, remaining: duration(now.remaining_s),
+    load: waits ? `Load the next sphere: ${material(next.sphere)}, for ${material(next.surface)} from ${millimetres(next.drop_height_m)}.` : "",
+    end: h("div", { class: "stack" },
+      now.note && h("p", { class: "soft" }, now.note),
+      now.state === "paused" && h("p", { class: "notice warn" }, `Paused. ${now.reason}`),
+      may("operate") && h("div", { class: "row" },
+        now.state === "paused"
+          ? h("button", { class: "button main-action", type: "button", on: { click: () => series.change("POST", "/resume") } }, "Go on")
+          : h("button", { class: "button", type: "button", on: { click: () => series.change("POST", "/pause") } }, "Pause after this drop"),
+        h("button", { class: "button", type: "button", on: { click: () => series.change("DELETE") } }, "End after this drop")),
+      planned(now)),
   });
+}
+
+function planned(now) {
+  const left = now.drops.filter((one) => one.state === "planned");
+  if (!left.length) return null;
+  const ids = left.map((one) => one.id);
+  const moved = (at) => { const order = [...ids]; [order[at - 1], order[at]] = [order[at], order[at - 1]]; return order; };
+  return h("details", { class: "queue" }, h("summary", {}, `${left.length} still planned`),
+    h("ol", {}, left.map((one, at) => h("li", { class: "row spread" },
+      h("span", {}, `${materials(one.sphere, one.surface)} from ${millimetres(one.drop_height_m)}`),
+      may("operate") && h("span", { class: "row" },
+        at > 0 && h("button", { class: "button", type: "button", "aria-label": `Make planned drop ${one.id} earlier`, on: { click: () => series.change("PUT", "/order", { order: moved(at) }) } }, "↑"),
+        h("button", { class: "button", type: "button", "aria-label": `Take planned drop ${one.id} out`, on: { click: () => series.change("PUT", "/order", { order: ids.filter((id) => id !== one.id) }) } }, "Take out"))))));
 }
 
 /** Return how far a series is; a calibration's looks the same. */
@@ -98,16 +134,4 @@ export function showCalibrationUnderWay(place, { series: told, state }) {
     title: `Calibration ${told.number}`, done: told.done, of: told.of, remaining: duration(told.remaining_s),
     load: DROP_UNDER_WAY.includes(state) ? "" : `Load the next sphere: ${material(sphere)}, for ${material(surface)} from ${millimetres(height)}.`,
   }));
-}
-
-/** Wait until the rig is ready; resolve with whether it is. */
-async function ready(ending) {
-  const until = Date.now() + READY_LIMIT_MS;
-  while (!ending.aborted && Date.now() < until) {
-    const status = await get("/v1/status").catch(() => null);
-    if (status?.ready) return true;
-    await new Promise((resolve) => { setTimeout(resolve, 250); });
-  }
-  live.refresh();
-  return false;
 }

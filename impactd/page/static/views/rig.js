@@ -7,7 +7,7 @@ import { millimetres } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { materials } from "../js/words.js";
 import { dropForm } from "../parts/drop_form.js";
-import { runningCard, series, showCalibrationUnderWay } from "../parts/series.js";
+import { dropOf, runningCard, series, showCalibrationUnderWay } from "../parts/series.js";
 import { hasEnded, watchDrop } from "../parts/steps.js";
 import { showResult } from "../parts/shot_result.js";
 import { tell } from "../parts/notices.js";
@@ -32,8 +32,10 @@ export async function showRig(place, { signal }) {
 
   const allow = () => {
     const { status, lost } = live;
+    const queue = series.now && !series.now.single;
     const busy = series.now || status?.owner;
-    form?.allow(Boolean(status?.ready) && !series.now && !lost, lost ? "Not connected" : busy ? "A drop is under way" : "Not ready");
+    const fine = queue || (Boolean(status?.ready) && !series.now);
+    form?.allow(fine && !lost, lost ? "Not connected" : busy ? "A drop is under way" : "Not ready", queue ? "Add to the series" : "Arm and drop");
   };
 
   const go = (request, count) => {
@@ -73,8 +75,17 @@ export async function showRig(place, { signal }) {
   };
 
   const showSeries = () => {
-    fill(seriesPlace, runningCard());
-    if (series.now?.drop) follow(series.now.drop);
+    const open = seriesPlace.querySelector("details")?.open;
+    const text = JSON.stringify([series.now, live.status?.state]);
+    // Drawn only when something changed: a button must not vanish under a finger.
+    if (text !== seriesPlace.dataset.drawn) {
+      seriesPlace.dataset.drawn = text;
+      fill(seriesPlace, runningCard());
+      const queue = seriesPlace.querySelector("details");
+      if (queue && open) queue.open = true;
+    }
+    const drop = dropOf(series.now);
+    if (drop) follow(drop);
     allow();
   };
 
@@ -95,6 +106,7 @@ export async function showRig(place, { signal }) {
     form = dropForm(rig, drops.items[0], go);
     fill(formPlace, form.form);
     showSeries();
+    series.look();
     const last = drops.items.find((drop) => drop.shot);
     if (last && shown === null && hasEnded(last)) await showShot(last);
     else if (shown === null) {

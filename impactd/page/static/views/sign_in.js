@@ -29,6 +29,6 @@ export function showSignIn(place, { why, enter }) {
     h("p", {}, h("code", {}, "impactd token create --scope operate --name YOU")),
     token, wrong,
     h("button", { class: "button main-action large", type: "submit" }, "Sign in"),
-    h("p", { class: "soft" }, "The token is not kept in this browser. You stay signed in for twelve hours, or until the daemon is started again.")));
+    h("p", { class: "soft" }, "The token is not kept in this browser. You stay signed in for twelve hours.")));
   token.input.focus();
 }

@@ -1,0 +1,1 @@
+"""Series of planned drops, run by the daemon itself."""
