@@ -37,7 +37,7 @@ def index(request: Request) -> Response:
 @router.get("/docs", response_class=HTMLResponse)
 def docs(request: Request) -> Response:
     """Show the description of the REST API, from this daemon alone."""
-    return _answer("docs.html", request)
+    return _answer("docs/index.html", request)
 
 
 @router.get("/page/{folder}/{name}", response_class=Response)
