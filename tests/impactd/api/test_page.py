@@ -24,7 +24,12 @@ def test_the_page_is_served_with_a_strict_policy(rig):
 
 def test_every_file_is_served_and_asked_for_again_only_when_it_changed(rig):
     """The right type, and a 304 for whoever has it already."""
-    types = {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+    types = {
+        ".css": "text/css",
+        ".html": "text/html",
+        ".js": "text/javascript",
+        ".svg": "image/svg+xml",
+    }
     for name, file in page_files().items():
         if name == "index.html":
             continue
