@@ -25,6 +25,8 @@ from impactd.storage.version import software
 FORMAT = "impactd-backup/1"
 MANIFEST = "manifest.json"
 _FOLDERS = ("shots", "calibrations", "diagnoses", "partial")
+_MATERIAL_CHANGES = "material-changes.jsonl"
+"""As `impactd.settings.material_book` names them: what old fits were made with."""
 _LAST_NUMBER = "last-number"
 _BLOCK = 1 << 20
 
@@ -154,6 +156,8 @@ def restore(file: Path, directory: Path) -> ReindexReport:
 def _files(directory: Path) -> Iterator[Path]:
     for folder in _FOLDERS:
         yield from sorted(p for p in (directory / folder).glob("*") if p.is_file())
+    if (directory / _MATERIAL_CHANGES).is_file():
+        yield directory / _MATERIAL_CHANGES
     if (directory / _LAST_NUMBER).is_file():
         yield directory / _LAST_NUMBER  # the last one read: a number never comes again
 
