@@ -125,7 +125,20 @@ def as_json(archive: Archive, selection: Selection) -> str:
 
 
 def as_zip(archive: Archive, selection: Selection) -> Iterator[bytes]:
-    """Yield a zip of the shots' NeXus files and the CSV, file by file: never whole in memory."""
+    """Yield a zip of the shots' NeXus files and the CSV, file by file: never whole in memory.
+
+    Parameters
+    ----------
+    archive : Archive
+        Holds the shots' files.
+    selection : Selection
+        Which shots.
+
+    Yields
+    ------
+    bytes
+        The next part of the zip.
+    """
     sink = _Sink()
     # Stored, not packed: records are noise, and a rig's computer has a rig to run.
     with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archived:
