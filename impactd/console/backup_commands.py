@@ -4,12 +4,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from impactd.console.options import Config, Data, settings_of
+from impactd.console.options import Config, Data, Json, settings_of
 
 
 def add_to(app: typer.Typer) -> None:
@@ -22,6 +23,7 @@ def backup(
     out: Annotated[Path, typer.Argument(metavar="OUT.tar", help="A file that is not there yet.")],
     config: Config = None,
     data: Data = None,
+    as_json: Json = False,
 ) -> None:
     """Write a backup of the archive; the daemon may go on working.
 
@@ -29,30 +31,39 @@ def backup(
     are files of your own: keep them with it.
     """
     from impactd.console.progress_bar import progress
+    from impactd.console.tables import print_json
     from impactd.storage.backup import back_up
 
     directory = settings_of(config, data).storage.directory
     made = back_up(directory, out, lambda text, share: progress(text, share=share))
     progress("", last=True)
-    print(f"{made.file}: {made.files} files, {made.size_bytes / 1e6:.1f} MB.")
+    if as_json:
+        print_json({"file": str(made.file), "files": made.files, "size_bytes": made.size_bytes})
+    else:
+        print(f"{made.file}: {made.files} files, {made.size_bytes / 1e6:.1f} MB.")
 
 
 def restore(
     file: Annotated[Path, typer.Argument(metavar="BACKUP.tar", help="From `impactd backup`.")],
     config: Config = None,
     data: Data = None,
+    as_json: Json = False,
 ) -> None:
     """Make the archive of a backup in an empty data directory, and its index anew."""
     from impactd.console.failure import Failure
+    from impactd.console.tables import print_json
     from impactd.storage.backup import restore as restored
 
     directory = settings_of(config, data).storage.directory
     report = restored(file, directory)
-    print(
-        f"{directory} holds {report.shots} shots and {report.drops} drops; the next number is "
-        f"{report.last_number + 1}."
-    )
-    for line in (*report.damaged, *report.lost):
-        print(line)
+    if as_json:
+        print_json(dataclasses.asdict(report))
+    else:
+        print(
+            f"{directory} holds {report.shots} shots and {report.drops} drops; the next number is "
+            f"{report.last_number + 1}."
+        )
+        for line in (*report.damaged, *report.lost):
+            print(line)
     if report.damaged or report.lost:
         raise Failure("the backup does not give back everything, see above.")

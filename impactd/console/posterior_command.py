@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from impactd.console.options import Json
+
 
 class Sampler(StrEnum):
     """Where draws come from."""
@@ -41,6 +43,7 @@ def posterior(  # noqa: PLR0917 - the framework fills them by name
         int, typer.Option("--steps", min=20, help="Of each walker; or draws of the Gaussian.")
     ] = 150,
     seed: Annotated[int, typer.Option("--seed", min=0, help="Of the random numbers.")] = 1,
+    as_json: Json = False,
 ) -> None:
     """Draw from the posterior of a fit, and write it for ArviZ.
 
@@ -52,7 +55,7 @@ def posterior(  # noqa: PLR0917 - the framework fills them by name
     from analysis.posterior.inference_data import inference_data
     from impactd.console.failure import Failure
     from impactd.console.progress_bar import progress
-    from impactd.console.tables import table
+    from impactd.console.tables import print_json, table
 
     try:
         import arviz
@@ -70,21 +73,25 @@ def posterior(  # noqa: PLR0917 - the framework fills them by name
     progress("", last=True)
     found = inference_data(fit, draws, seed=seed + 1)
     found.to_netcdf(str(out), engine="h5netcdf")
-    rows = []
+    intervals = {}
     for material, stated in fit.moduli().items():
         quantity = stated["youngs_modulus_Pa"]
         if quantity is not None:
             drawn = interval95(
                 found["posterior"]["youngs_modulus_Pa"].sel(material=material).values
             )
-            rows.append(
-                (material, *(f"{end / 1e9:.4g}" for end in (*drawn, *quantity["interval95"])))
-            )
-    heads = ("E/GPa (95 %)", "drawn from", "to", "stated from", "to")
-    print(table(heads, rows))
+            intervals[material] = [*map(float, drawn), *quantity["interval95"]]
+    worst = float(arviz.rhat(found, var_names=["parameter"])["parameter"].max())
+    least = float(arviz.ess(found, var_names=["parameter"])["parameter"].min())
+    if as_json:
+        keys = ("drawn_from_Pa", "drawn_to_Pa", "stated_from_Pa", "stated_to_Pa")
+        moduli = {name: dict(zip(keys, ends, strict=True)) for name, ends in intervals.items()}
+        mixed = {"r_hat": worst, "effective_draws": least} if sampler is Sampler.EMCEE else {}
+        print_json({"file": str(out), "moduli": moduli, **mixed})
+        return
+    rows = [(name, *(f"{end / 1e9:.4g}" for end in ends)) for name, ends in intervals.items()]
+    print(table(("E/GPa (95 %)", "drawn from", "to", "stated from", "to"), rows))
     if sampler is Sampler.EMCEE:
-        worst = float(arviz.rhat(found, var_names=["parameter"])["parameter"].max())
-        least = float(arviz.ess(found, var_names=["parameter"])["parameter"].min())
         print(f"Least effective number of draws {least:.0f}, largest R-hat {worst:.2f}.")
         if worst > _MIXED_BELOW:
             print("The walkers have not mixed: take more --steps, or a nested sampler.")

@@ -9,7 +9,7 @@ from impactd.api.arrivals import Accepted
 from impactd.api.client_keys import DIAGNOSIS, job_key
 from impactd.api.diagnosis_schemas import DiagnosisBody, NextDropBody, diagnosis_answer
 from impactd.api.problems import ProblemError
-from impactd.api.routes.drops import begin_drop, environment_of
+from impactd.api.routes.drops import begin_drop, environment_of, required_key
 from impactd.api.schemas import Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
@@ -78,6 +78,7 @@ def make_next_drop(  # noqa: PLR0917 - the framework fills them by name
 
     Hang the sphere that `result.next_drop` names first. 409 where the diagnosis proposes none.
     """
+    required_key(key, "drop a sphere")
     job = _job(daemon, diagnosis_id)
     found = (job.result or {}).get("diagnosis")
     proposed = found.get("next_drop") if found else None

@@ -289,7 +289,7 @@ def test_an_abort_while_the_command_hangs_ends_the_drop_at_once(
     release = laboratory.rig.valve.release
     laboratory.rig.valve.release = lambda *a: (opened.append(1), release(*a))[1]  # type: ignore[method-assign]
     drop = laboratory.service.request_drop(request(), owner="ab")
-    laboratory.wait_for(pids.exists)
+    laboratory.wait_for(lambda: pids.exists() and pids.read_text().endswith("\n"))
     laboratory.wait_for(
         lambda: "waits for temperature and humidity" in laboratory.service.status().sentence
     )

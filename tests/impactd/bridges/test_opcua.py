@@ -12,6 +12,8 @@ from impactd.bridges.opcua import NAMESPACE, serve
 from impactd.client import AsyncRig
 from tests.impactd.api.conftest import ACETAL_ON_ALUMINIUM, Rig
 
+from .conftest import run_apart
+
 asyncua = pytest.importorskip("asyncua")
 
 
@@ -65,7 +67,7 @@ def test_a_drop_over_opc_ua_ends_in_its_variables(served: Rig) -> None:
             assert 1e9 < modulus < 10e9
             assert 0 < await read("LastReducedModulusExpandedUncertaintyPa") < modulus
 
-    asyncio.run(story())
+    run_apart(story())
 
 
 def test_a_bridge_with_a_reading_token_moves_nothing(served: Rig) -> None:
@@ -80,5 +82,5 @@ def test_a_bridge_with_a_reading_token_moves_nothing(served: Rig) -> None:
                 await device.call_method(f"{space}:Abort")
             assert await read("State")
 
-    asyncio.run(story())
+    run_apart(story())
     assert served.reader.get("/v1/log").json()["items"][0]["data"].get("status") == 403
