@@ -24,6 +24,7 @@ from analysis.diagnosis.forward_selection import (
     useful,
 )
 from analysis.diagnosis.linearised import linearise
+from analysis.diagnosis.one_material import MOST_STEPS
 from analysis.diagnosis.progress import BudgetSpentError, Watch
 from analysis.diagnosis.successive_halving import lookalikes_refitted, rivals_refitted
 from analysis.effects.effect import Effect
@@ -31,9 +32,6 @@ from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.model.impact_model import ImpactModel
-
-MOST_STEPS = 40
-"""Of a fit without an effect: what creeps on after these is far behind the fit with it."""
 
 
 def without_needless(selection: Selection) -> Selection:

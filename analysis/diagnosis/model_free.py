@@ -159,8 +159,9 @@ def shown_by_records(shots: Sequence[FitShot], left_by_model: float = 0.0) -> li
     if len({item.shot.quantity for item in shots}) != 1 or len(shots) < FEWEST_HITS:
         return []
     found = [_clipping(shots), _highpass(shots), _hum(shots)]
-    if _left_by_mean(shots) < left_by_model:
-        found.append(_lowpass(shots))
+    lowpass = _lowpass(shots)
+    if lowpass is not None and _left_by_mean(shots) < left_by_model:
+        found.append(lowpass)
     return [one for one in found if one is not None]
 
 
@@ -170,9 +171,7 @@ def left_by_model(problem: JointProblem, fitted: joint.Fitted) -> float:
 
 
 def _left_by_mean(shots: Sequence[FitShot]) -> float:
-    hits = [Hit.of(item) for item in shots]
-    wave, placed = aligned_mean(hits)
-    return _rms([wave.residual(hit, one) for hit, one in zip(hits, placed, strict=True)])
+    return _rms(_beside_mean([Hit.of(item) for item in shots]))
 
 
 def _rms(residuals: Sequence[Array]) -> float:
@@ -348,7 +347,7 @@ def _hum(shots: Sequence[FitShot]) -> Shown | None:
     longest = max(item.shot.signal.size for item in shots)
     if len(rates) != 1 or longest > MAX_SAMPLES or length_s * min(MAINS_HZ) < 1.0:
         return None  # less than a period is a slope like any other
-    residuals = _beside_mean(shots)
+    residuals = _beside_mean([_whole(item) for item in shots])
     rate = rates.pop()
     resolution_hz = 0.5 / length_s
     shares = {float(f): _share(residuals, rate, float(f)) for f in (*HUM_HZ, *MAINS_HZ)}
@@ -366,17 +365,19 @@ def _hum(shots: Sequence[FitShot]) -> Shown | None:
     )
 
 
-def _beside_mean(shots: Sequence[FitShot]) -> list[Array]:
-    """Return what the mean waveform of all hits leaves of each whole record."""
-    hits = []
-    for item in shots:
-        window = item.window
-        whole = dataclasses.replace(
-            window,
-            signal=window.polarity * item.shot.signal,
-            rise_index=window.first + window.rise_index,
-        )
-        hits.append(Hit.of_window(whole, item.frame.sample_rate_hz))
+def _whole(item: FitShot) -> Hit:
+    """Return a whole record as a hit."""
+    window = item.window
+    whole = dataclasses.replace(
+        window,
+        signal=window.polarity * item.shot.signal,
+        rise_index=window.first + window.rise_index,
+    )
+    return Hit.of_window(whole, item.frame.sample_rate_hz)
+
+
+def _beside_mean(hits: Sequence[Hit]) -> list[Array]:
+    """Return what the mean waveform of all hits leaves of each."""
     wave, placed = aligned_mean(hits)
     return [wave.residual(hit, one) for hit, one in zip(hits, placed, strict=True)]
 

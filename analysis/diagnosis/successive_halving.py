@@ -82,6 +82,8 @@ def ranked(
     for at, effect_id in enumerate(order):
         if explained and at >= ALWAYS_TRIED:
             break
+        # who ties with what leaves noise is as near as that
+        slopes_mislead, far_off = bent and not explained, far and not explained
         progress(step.told(f"trying {effect_id}"), 0.6 * at / len(order))
         tries = [
             refit(
@@ -99,15 +101,15 @@ def ranked(
                 entries[effect_id],
                 few,
                 base,
-                # who ties with what leaves noise is as near as that
-                bent=bent and not explained,
-                begins=[] if explained else begins,
+                bent=slopes_mislead,
+                begins=begins,
                 earlier=present.earlier.get(effect_id),
             )
         ]
-        best += _best_forms(tries, base, bent=bent and not explained, far=far and not explained)
+        new = _best_forms(tries, base, bent=slopes_mislead, far=far_off)
+        best += new
         if not explained:
-            best = _leader_ended(best, base, samples)
+            best = _leader_ended(best, new, base, samples)
             least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
             explained = least - samples < chance_of(samples)
     last = [] if whole is None else whole
@@ -119,13 +121,17 @@ def ranked(
     return _later_rounds(present, best, Part(places, base), told, last, bent=bent, far=far)
 
 
-def _leader_ended(best: list[Refit], base: joint.Fitted, samples: int) -> list[Refit]:
-    """Return refits of which the best physical one, if it explains more than it leaves, has ended.
+def _leader_ended(
+    best: list[Refit], new: list[Refit], base: joint.Fitted, samples: int
+) -> list[Refit]:
+    """Return refits of which a new leader, if it explains more than it leaves, was fitted further.
 
-    Only then is it known whether it leaves noise.
+    Only then is it known whether it leaves noise. One that still creeps is left at that.
     """
     leader = min((r for r in best if not r.at_bound), key=rank, default=None)
-    if leader is None or leader.fitted.converged or leader.gain < leader.fitted.cost - samples:
+    if leader is None or not any(leader is one for one in new):
+        return best
+    if leader.fitted.converged or leader.gain < leader.fitted.cost - samples:
         return best
     ended = continued(base, leader, max_iterations=AFAR_STEPS)
     return [ended if r is leader else r for r in best]

@@ -15,14 +15,11 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.wording import two_digits
+from analysis.diagnosis.model_free import CONTACT_ENDS, FEWEST_HITS
 from analysis.fit.fit_shot import FitShot
 
 Array = NDArray[np.float64]
 
-FEWEST_HITS = 3
-"""That must agree."""
-ENDS = 0.02
-"""Share of the height at which a pulse is over."""
 MARGIN = 0.25
 """Pulse widths between what is looked at and where a pulse exceeds 5 % of its height. A Hertz pulse
 begins 0.05^(2/3) of its rise before, 0.07 widths."""
@@ -60,7 +57,7 @@ class _Look:
         width = max(2, round(window.width_s * rate_hz))
         rise, top = window.first + window.rise_index, window.first + window.peak_index
         last = rise - max(1, round(MARGIN * width))
-        over = np.flatnonzero(x[top:] < ENDS)
+        over = np.flatnonzero(x[top:] < CONTACT_ENDS)
         if last < width or not over.size:
             return None
         end = top + int(over[0])

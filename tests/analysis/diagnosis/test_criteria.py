@@ -31,7 +31,6 @@ COMPARED_BUT_NO_THRESHOLDS = {
     "linear_filter.LARGEST_SHARE": "the highest frequency that a basis has",
     "groupings.LEAST_INFORMATION": "rounding: the rank of a matrix",
     "proposals.RUN_AWAY": "rounding: squares that overflow",
-    "before_and_after.ENDS": "where a phase of a record ends",
     "roll_off.HIGHEST": "the range that a search goes over",
     "roll_off.0.99": "the range that a search goes over",
     "roll_off.1.01": "the range that a search goes over",
