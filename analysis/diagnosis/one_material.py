@@ -38,10 +38,9 @@ Array = NDArray[np.float64]
 MOST_MATERIALS = 2
 """Materials that may make the difference: a sphere and a coupon that met in all odd shots."""
 MOST_STEPS = 40
-"""Of a fit to a part of the shots, or without an effect. Measured: the base
-that a rig obeys ended within 10 steps in all 19 campaigns in which it left next to nothing. What has
-not ended after 40 lacks something: it is no better place to begin, and what it is without is not
-needless."""
+"""Of a fit to a part of the shots, or without an effect. Measured: the base that a rig obeys ended
+within 10 steps in all 19 campaigns in which it left next to nothing. What has not ended after 40
+lacks something: it is no better place to begin, and what it is without is not needless."""
 MATERIALS_TRIED = 2
 """Materials left out in turn for that, what leaves least first; each is a whole search."""
 SLOTS = ("contact", "mounting")

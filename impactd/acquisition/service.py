@@ -46,6 +46,8 @@ _ALIVE_WITHIN_S = 20.0
 # An abort waits this long for the drop's row, so that its answer can already say "aborted".
 _ROW_PATIENCE_S = 0.05
 _ACKNOWLEDGE_S = 10.0
+# A drop waits for its sphere and for a quiet input; beyond all its own limits something is wrong.
+_DROP_MARGIN_S = 30.0
 # At the end, for events that still wait: as long as the index waits for its lock.
 _LAST_WORDS_S = 10.0
 
@@ -392,6 +394,13 @@ class AcquisitionService:
                 if drop.state in FINAL_STATES or left_s <= 0:
                     return drop
                 self._loop.changed.wait(min(left_s, 0.5))
+
+    def wait_for_end(self, number: int) -> Drop:
+        """Return a drop once it has ended, or as it is beyond all its own limits: look at it."""
+        times, around = self._settings.timeouts, self._settings.environment
+        reading_s = 0.0 if around is None else around.command_limit_s
+        limit_s = times.loading_s + times.blind_loading_s + times.settle_s + reading_s
+        return self.wait(number, limit_s + _DROP_MARGIN_S)
 
     def wait_ready(self, timeout_s: float) -> bool:
         """Wait until the rig is idle.

@@ -84,9 +84,6 @@ def shot_summary(shot: Shot, fits: list[Fit], comparison: Json | None = None) ->
     """Return a shot for a list: with what to do with it and its modulus, without its fits."""
     answer = shot_answer(shot, comparison=comparison)
     _advise(answer, shot, fits)
-    best = best_fit(fits)
-    answer.reduced_modulus_Pa = None if best is None else best.result.get("reduced_modulus_Pa")
-    answer.model = None if best is None else best.model
     return answer
 
 
@@ -98,6 +95,9 @@ def _advise(answer: ShotAnswer, shot: Shot, fits: list[Fit]) -> None:
         found.sentence if found is not None and reason == UNLIKE else in_words(reason)
         for reason in answer.reasons
     ]
+    best = best_fit(fits)
+    answer.reduced_modulus_Pa = None if best is None else best.result.get("reduced_modulus_Pa")
+    answer.model = None if best is None else best.model
 
 
 def fit_answer(fit: Fit) -> FitAnswer:

@@ -153,9 +153,7 @@ def _numbers(name: str, shot: Shot, path: Path) -> dict[str, tuple[Any, str]]:
             for one in ("signal_per_code", "signal_offset", "sample_rate", "trigger_index")
         }
         unit = str(acquisition["signal_per_code"].attrs["units"])
-    fits = {fit.model.partition("+")[0]: fit.result for fit in shot.fits or []}
-    best = fits.get("kv2") or fits.get("kv") or {}
-    modulus = best.get("reduced_modulus_Pa") if shot.advice != "repeat" else None
+    modulus = shot.usable_modulus
     return {
         f"{name}-shot": (shot.number, ""),
         f"{name}-drop_height": (float(shot.drop_height_m or _NAN), "m"),

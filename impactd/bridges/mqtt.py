@@ -27,7 +27,9 @@ if TYPE_CHECKING:
     from paho.mqtt.properties import Properties
 
 LIGHT_EVERY_S = 2.0
+"""As often as the page looks; every event brings a look of its own."""
 AGAIN_AFTER_S = 2.0
+"""A broker or a daemon is back seconds after a restart."""
 _EXACTLY_ONE_ACK = 1
 """QoS 1: the broker acknowledges, and only then does the place move on."""
 

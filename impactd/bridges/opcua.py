@@ -11,10 +11,11 @@ from typing import Any
 
 from impactd.client.async_rig import AsyncRig
 from impactd.client.errors import RigError, TokenError
-from impactd.wire.answers import ShotAnswer
+from impactd.client.shot import Shot
 
 NAMESPACE = "urn:impactd:rig"
 LIGHT_EVERY_S = 1.0
+"""A choice: who subscribes is told of a change within a second."""
 
 
 async def serve(rig: AsyncRig, endpoint: str, *, started: asyncio.Event | None = None) -> None:
@@ -96,25 +97,20 @@ async def _show_shots(rig: AsyncRig, shown: dict[str, Any]) -> None:
     async for event in rig.events():
         if event.kind == "drop.analysed":
             with contextlib.suppress(RigError):
-                number = int(event.data["shot"])
-                async for shot in rig.shots(limit=1, search=str(number)):
-                    await _show_shot(shown, shot)
+                await _show_shot(shown, await rig.shot(int(event.data["shot"])))
 
 
-async def _show_shot(shown: dict[str, Any], shot: ShotAnswer) -> None:
-    found = shot.reduced_modulus_Pa or {}
+async def _show_shot(shown: dict[str, Any], shot: Shot) -> None:
+    found = shot.usable_modulus
     nan = float("nan")
-    usable = shot.advice != "repeat"  # a shot that is not to be used shows no modulus
     await _write(
         shown,
         LastSphere=shot.sphere or "",
         LastSurface=shot.surface or "",
         LastAdvice=shot.advice or "",
         LastPeak=float(shot.peak),
-        LastReducedModulusPa=float(found["value"]) if found and usable else nan,
-        LastReducedModulusExpandedUncertaintyPa=(
-            float(found["expanded"]["U"]) if found and usable else nan
-        ),
+        LastReducedModulusPa=float(found["value"]) if found else nan,
+        LastReducedModulusExpandedUncertaintyPa=float(found["expanded"]["U"]) if found else nan,
         LastShot=shot.number,  # last: who subscribes to it finds the rest in place
     )
 

@@ -22,7 +22,10 @@ from impactd.client.async_rig import AsyncRig
 from impactd.client.errors import RigError
 
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 1.0, 300.0
+"""Doubled from one to the other: a receiver that is away for a night is asked every 5 minutes."""
 TIMEOUT_S = 10.0
+"""For an answer. A choice: whoever needs longer takes an event first and works afterwards, and what
+was not answered comes again."""
 LEAST_SECRET_BYTES = 24
 """What Standard Webhooks asks for."""
 _PREFIX = "whsec_"

@@ -32,13 +32,11 @@ from impactd.acquisition.service import AcquisitionService
 from impactd.jobs.orders import request_calibration_fit
 from impactd.settings.materials import Materials, UnknownMaterialError
 from impactd.settings.settings import Settings
-from impactd.storage.archive import Archive, ArchiveError, Calibration, Drop, DropRequest
+from impactd.storage.archive import Archive, ArchiveError, Calibration, DropRequest
 from impactd.storage.problem import Problem
 from impactd.storage.request_key import RequestKey
 
 _log = structlog.get_logger("impactd.calibration")
-# A drop waits for its sphere and for a quiet input; beyond all its own limits something is wrong.
-_DROP_MARGIN_S = 30.0
 # A sphere can miss or bounce off a tweezer; one more try per planned drop is allowed.
 _TRIES = 2
 _MOST_DROPS = 500
@@ -271,7 +269,7 @@ class CalibrationRunner:
                 # Of the series: an abort between two drops voids all that are left.
                 accepted=reservation.accepted,
             )
-            drop = self._wait(drop)
+            drop = self._service.wait_for_end(drop.number)
             self._look_for_end(run, reservation)
             if drop.state in ("stored", "analysed"):
                 return
@@ -289,13 +287,6 @@ class CalibrationRunner:
                 drop.problem.remedy if drop.problem else "",
             )
         )
-
-    def _wait(self, drop: Drop) -> Drop:
-        times = self._settings.timeouts
-        around = self._settings.environment
-        reading_s = 0.0 if around is None else around.command_limit_s
-        limit_s = times.loading_s + times.blind_loading_s + times.settle_s + reading_s
-        return self._service.wait(drop.number, limit_s + _DROP_MARGIN_S)
 
     def _look_for_end(self, run: Calibration, reservation: Reservation) -> None:
         if reservation.aborted.is_set():

@@ -12,7 +12,7 @@ from impactd.client.connection import Connection
 from impactd.client.environment import address, token_from_environment
 from impactd.client.events import Event
 from impactd.client.progress import ProgressBar
-from impactd.client.runs import Calibration, Series
+from impactd.client.runs import READY_WITHIN_S, Calibration, Series
 from impactd.client.shot import Shot
 from impactd.client.talk import Json, Tell, fresh_key
 from impactd.wire.answers import FitJobAnswer
@@ -79,7 +79,7 @@ class Rig:
         """Return the light: READY or not, and why."""
         return StatusAnswer.model_validate(self.connection.get("/v1/status"))
 
-    def wait_until_ready(self, limit_s: float = 60.0) -> StatusAnswer:
+    def wait_until_ready(self, limit_s: float = READY_WITHIN_S) -> StatusAnswer:
         """Return the light once it is READY; `NotReadyError` says why it is not."""
         return StatusAnswer.model_validate(self.connection.run(talk.wait_until_ready(limit_s)))
 

@@ -31,6 +31,11 @@ class Shot(ShotAnswer):
         made._connection = connection
         return made
 
+    @property
+    def usable_modulus(self) -> Json | None:
+        """Return the reduced modulus; None where there is none or the shot is not to be used."""
+        return None if self.advice == "repeat" else self.reduced_modulus_Pa
+
     @contextmanager
     def open(self) -> Iterator[h5py.File]:
         """Open the shot's NeXus file on the daemon; only what is read of it is fetched."""

@@ -20,6 +20,7 @@ Tell = Callable[[str, float | None], None]
 """Is told what is being done and, where the daemon says so, the share that is done."""
 
 POLL_S = 0.1
+"""A shot is to be on the screen within 2 s of its bang; this is a twentieth of it."""
 PAGE = 200
 """Items of a page, as many as the API gives."""
 _AGAIN_AFTER_S = 0.5

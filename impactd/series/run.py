@@ -27,12 +27,10 @@ from impactd.acquisition.reservation import Reservation
 from impactd.acquisition.service import AcquisitionService
 from impactd.settings.materials import UnknownMaterialError
 from impactd.settings.settings import Settings
-from impactd.storage.archive import Drop, DropRequest
+from impactd.storage.archive import DropRequest
 from impactd.storage.request_key import RequestKey
 
 MOST_DROPS = 500
-_DROP_MARGIN_S = 30.0
-"""Beyond all its own limits something is wrong with a drop."""
 
 State = Literal["running", "paused", "ended"]
 DropState = Literal["planned", "under way", "done", "failed"]
@@ -309,7 +307,7 @@ class SeriesRunner:
                 self._pause_for(str(error))
                 continue
             self._mark(planned.id, drop=drop.number)
-            drop = self._wait(drop)
+            drop = self._service.wait_for_end(drop.number)
             good = drop.state in ("stored", "analysed")
             self._mark(planned.id, state="done" if good else "failed", began_s=began_s)
             if drop.state == "aborted" or reservation.aborted.is_set():
@@ -334,12 +332,6 @@ class SeriesRunner:
                     left = [one for one in series.drops if one.state == "planned"]
                     return left[0] if left else _all_done(series)
                 self._changed.wait(0.2)  # an abort tells only the reservation
-
-    def _wait(self, drop: Drop) -> Drop:
-        times, around = self._settings.timeouts, self._settings.environment
-        reading_s = 0.0 if around is None else around.command_limit_s
-        limit_s = times.loading_s + times.blind_loading_s + times.settle_s + reading_s
-        return self._service.wait(drop.number, limit_s + _DROP_MARGIN_S)
 
     def _pause_for(self, reason: str) -> None:
         with self._changed:

@@ -13,7 +13,6 @@ it was made, and that version can be had again.
 from __future__ import annotations
 
 import json
-import os
 import re
 import threading
 from copy import deepcopy
@@ -23,11 +22,10 @@ from typing import Any, Literal
 
 from impactd.settings.errors import SettingsError
 from impactd.settings.materials import Materials, materials_of, read_entries
+from impactd.storage.material_changes import MATERIAL_CHANGES_NAME, append_line, whole_lines
 from impactd.storage.plain_text import find_forbidden
-from impactd.storage.publish import sync_directory
 from impactd.storage.timestamp import utc_now
 
-CHANGES_NAME = "material-changes.jsonl"
 Role = Literal["sphere", "surface"]
 Json = dict[str, Any]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
@@ -85,7 +83,7 @@ class MaterialBook:
 
     def __init__(self, file: Path, directory: Path) -> None:
         self._file = file
-        self._log = directory / CHANGES_NAME
+        self._log = directory / MATERIAL_CHANGES_NAME
         self._lock = threading.Lock()
         self._base = read_entries(file)
         self.changes: tuple[MaterialChange, ...] = _read(self._log)
@@ -178,32 +176,19 @@ def _applied(entries: Json, changes: tuple[MaterialChange, ...]) -> Json:
 
 def _append(log: Path, change: MaterialChange) -> None:
     line = json.dumps(asdict(change), allow_nan=False, ensure_ascii=False) + "\n"
-    new = not log.exists()
     try:
-        descriptor = os.open(log, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o640)
-        try:
-            os.write(descriptor, line.encode())
-            os.fsync(descriptor)
-        finally:
-            os.close(descriptor)
-        if new:
-            sync_directory(log.parent)
+        append_line(log, line.encode())
     except OSError as error:
         raise SettingsError(log, "", f"the change cannot be written: {error.strerror}") from error
 
 
 def _read(log: Path) -> tuple[MaterialChange, ...]:
     try:
-        lines = log.read_text(encoding="utf-8").splitlines(keepends=True)
+        lines = whole_lines(log)
     except FileNotFoundError:
         return ()
     except (OSError, UnicodeDecodeError) as error:
         raise SettingsError(log, "", f"cannot be read: {error}") from None
-    if lines and not lines[-1].endswith("\n"):
-        # A power cut came between write and sync: nobody was told that it counts.
-        kept = "".join(lines[:-1])
-        os.truncate(log, len(kept.encode()))
-        lines.pop()
     try:
         return tuple(MaterialChange(**json.loads(line)) for line in lines)
     except (ValueError, TypeError) as error:

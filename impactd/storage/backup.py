@@ -15,19 +15,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from impactd.storage.archive import Archive
+from impactd.storage.archive import CALIBRATIONS_NAME, Archive
+from impactd.storage.diagnoses import DIAGNOSES_NAME
 from impactd.storage.errors import ArchiveError
 from impactd.storage.journal import JOURNAL_NAME
+from impactd.storage.material_changes import MATERIAL_CHANGES_NAME
+from impactd.storage.numbers import LAST_NUMBER_NAME
 from impactd.storage.reindex import ReindexReport
+from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME
 from impactd.storage.timestamp import utc_now
 from impactd.storage.version import software
 
 FORMAT = "impactd-backup/1"
 MANIFEST = "manifest.json"
-_FOLDERS = ("shots", "calibrations", "diagnoses", "partial")
-_MATERIAL_CHANGES = "material-changes.jsonl"
-"""As `impactd.settings.material_book` names them: what old fits were made with."""
-_LAST_NUMBER = "last-number"
+_FOLDERS = (SHOTS_NAME, CALIBRATIONS_NAME, DIAGNOSES_NAME, PARTIAL_NAME)
 _BLOCK = 1 << 20
 
 Progress = Callable[[str, float], None]
@@ -156,10 +157,10 @@ def restore(file: Path, directory: Path) -> ReindexReport:
 def _files(directory: Path) -> Iterator[Path]:
     for folder in _FOLDERS:
         yield from sorted(p for p in (directory / folder).glob("*") if p.is_file())
-    if (directory / _MATERIAL_CHANGES).is_file():
-        yield directory / _MATERIAL_CHANGES
-    if (directory / _LAST_NUMBER).is_file():
-        yield directory / _LAST_NUMBER  # the last one read: a number never comes again
+    if (directory / MATERIAL_CHANGES_NAME).is_file():
+        yield directory / MATERIAL_CHANGES_NAME
+    if (directory / LAST_NUMBER_NAME).is_file():
+        yield directory / LAST_NUMBER_NAME  # the last one read: a number never comes again
 
 
 def _add(tar: tarfile.TarFile, name: str, content: bytes) -> str:

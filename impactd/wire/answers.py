@@ -172,7 +172,7 @@ class ShotAnswer(Answer):
         None, description="Null until they were looked at, for an import, and in plain lists."
     )
     reduced_modulus_Pa: dict[str, Any] | None = Field(  # noqa: N815 - the unit's own capital
-        None, description="Of the fit that speaks for the shot; in lists with `summary`."
+        None, description="Of the fit that speaks for the shot; not in plain lists."
     )
     model: str | None = Field(None, description="Of that fit.")
 

@@ -24,7 +24,8 @@ MARGIN = 0.25
 """Pulse widths between what is looked at and where a pulse exceeds 5 % of its height. A Hertz pulse
 begins 0.05^(2/3) of its rise before, 0.07 widths."""
 LONGEST_AFTER = 8.0
-"""Pulse widths over which the level after a pulse is taken: a ring has its mean there."""
+"""Pulse widths over which the level after a pulse is taken. Derived: of a ring whose period is a
+pulse width the mean over so many leaves 1 / (8 pi) at most."""
 
 
 def said_before_and_after(shots: Sequence[FitShot]) -> list[str]:

@@ -10,10 +10,9 @@ from fastapi import APIRouter, Path
 from impactd.api.materials_schemas import MaterialBody
 from impactd.api.problems import ProblemError
 from impactd.api.security import TheCaller, TheDaemon
-from impactd.daemon import Daemon
 from impactd.settings.ball_grades import grades
 from impactd.settings.errors import SettingsError
-from impactd.settings.material_book import MaterialChange, Role
+from impactd.settings.material_book import Json, MaterialBook, MaterialChange, Role
 from impactd.wire.material_answers import (
     MaterialAnswer,
     MaterialChangeAnswer,
@@ -33,8 +32,8 @@ def list_materials(daemon: TheDaemon) -> MaterialsAnswer:
     book = daemon.book
     return MaterialsAnswer(
         version=book.version,
-        spheres=[_answer(daemon, "sphere", name) for name in book.entries("sphere")],
-        surfaces=[_answer(daemon, "surface", name) for name in book.entries("surface")],
+        spheres=[_answer(book, "sphere", *one) for one in book.entries("sphere").items()],
+        surfaces=[_answer(book, "surface", *one) for one in book.entries("surface").items()],
         changes=[_change(one) for one in reversed(book.changes[-_TOLD_CHANGES:])],
         grades=list(grades()),
     )
@@ -42,11 +41,12 @@ def list_materials(daemon: TheDaemon) -> MaterialsAnswer:
 
 @router.get("/{kind}/{name}")
 def show_material(kind: _Kind, name: _Name, daemon: TheDaemon) -> MaterialAnswer:
-    """Show one material and every change of it."""
+    """Show one material, how often it was changed, and by whom last."""
     role = _ROLES[kind]
-    if name not in daemon.book.entries(role):
+    entries = daemon.book.entries(role)
+    if name not in entries:
         raise ProblemError("not-found", f"There is no {role} called {name!r}.")
-    return _answer(daemon, role, name)
+    return _answer(daemon.book, role, name, entries[name])
 
 
 @router.put("/{kind}/{name}")
@@ -64,7 +64,7 @@ def change_material(
             daemon.change_material(role, name, body.entry, by=caller.name, note=body.note)
         except SettingsError as error:
             raise _refused(error, role, name) from error
-    return _answer(daemon, role, name)
+    return _answer(daemon.book, role, name, daemon.book.entries(role)[name])
 
 
 def _refused(error: SettingsError, role: Role, name: str) -> ProblemError:
@@ -82,14 +82,13 @@ def _refused(error: SettingsError, role: Role, name: str) -> ProblemError:
     )
 
 
-def _answer(daemon: Daemon, role: Role, name: str) -> MaterialAnswer:
-    book = daemon.book
+def _answer(book: MaterialBook, role: Role, name: str, entry: Json) -> MaterialAnswer:
     changes = [one for one in book.changes if (one.role, one.name) == (role, name)]
     last = changes[-1] if changes else None
     return MaterialAnswer(
         role=role,
         name=name,
-        entry=book.entries(role)[name],
+        entry=entry,
         changed_utc=None if last is None else last.utc,
         changed_by=None if last is None else last.by,
         changes=len(changes),

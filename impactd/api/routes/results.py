@@ -7,6 +7,7 @@ it, pair by pair, in an answer that stays small however many shots there are.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Annotated, Literal
 
@@ -35,7 +36,6 @@ MOST_SHOTS = 20_000
 """In a table of a selection: 4 MB of CSV."""
 MOST_FILES = 500
 """In a zip of files: at 0.8 MB a shot 400 MB, which a browser takes in a minute."""
-_ANY_NUMBER = 10**9
 _SHARED = (
     "model",
     "moduli",
@@ -170,12 +170,14 @@ def _selection(
         raise ProblemError(
             "invalid", f"shots is {numbers!r}, no list of numbers.", remedy="Write 3, 5, 8-19."
         )
+    before, limit = _range_of(wanted)
     found = daemon.archive.shots(
         sphere=by["sphere"],
         surface=by["surface"],
         since=by["since"],
         until=by["until"],
-        limit=MOST_SHOTS + 1 if wanted is None else _ANY_NUMBER,
+        before=before,
+        limit=limit,
     )
     named = None if wanted is None else set(wanted)
     kept = [one for one in reversed(found) if named is None or one.number in named]
@@ -188,6 +190,13 @@ def _selection(
             remedy="Choose fewer, by pair or by time.",
         )
     return selection.Selection(tuple(kept), {**by, "numbers": numbers}, software())
+
+
+def _range_of(numbers: Sequence[int] | None) -> tuple[int | None, int]:
+    """Return below which number to look, and at how many shots; one more than a table may hold."""
+    if numbers is None:
+        return None, MOST_SHOTS + 1
+    return numbers[-1] + 1, numbers[-1] - numbers[0] + 1
 
 
 def _pair(sphere: str, surface: str, chart: PairChart, mean: dict[str, object]) -> PairResult:

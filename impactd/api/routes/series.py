@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
 
 from fastapi import APIRouter
 
@@ -117,11 +116,10 @@ def _answer(series: Series | None) -> SeriesAnswer:
                 id=one.id,
                 state=one.state,
                 drop=one.drop,
-                **{
-                    key: value
-                    for key, value in asdict(one.request).items()
-                    if key in {"sphere", "surface", "drop_height_m", "operator"}
-                },
+                sphere=one.request.sphere,
+                surface=one.request.surface,
+                drop_height_m=one.request.drop_height_m,
+                operator=one.request.operator,
             )
             for one in series.drops
         ],

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import resource
+import signal
 from pathlib import Path
 
 import pytest
 
 from impactd.settings.errors import SettingsError
-from impactd.settings.material_book import CHANGES_NAME, MaterialBook
+from impactd.settings.material_book import MaterialBook
 from impactd.settings.settings import find_config
+from impactd.storage.material_changes import MATERIAL_CHANGES_NAME
 
 
 @pytest.fixture
@@ -51,7 +54,7 @@ def test_a_wrong_entry_changes_nothing(book, tmp_path):
         book.change("sphere", "acetal", wrong, by="ab", note="")
     assert error.value.findings[0].path_in_file == "sphere.acetal.poissons_ratio.value"
     assert book.version == 0
-    assert not (tmp_path / CHANGES_NAME).exists()
+    assert not (tmp_path / MATERIAL_CHANGES_NAME).exists()
     with pytest.raises(SettingsError, match="is no name"):
         book.change("sphere", "../x", heavier(book), by="ab", note="")
 
@@ -59,7 +62,7 @@ def test_a_wrong_entry_changes_nothing(book, tmp_path):
 def test_half_a_line_of_a_power_cut_is_dropped(book, tmp_path):
     """Nobody was told that it counts; the next change follows the last whole one."""
     book.change("sphere", "acetal", heavier(book), by="ab", note="")
-    log = tmp_path / CHANGES_NAME
+    log = tmp_path / MATERIAL_CHANGES_NAME
     with log.open("ab") as file:
         file.write(b'{"version": 2, "utc"')
     again = MaterialBook(find_config("materials.toml"), tmp_path)
@@ -70,6 +73,25 @@ def test_half_a_line_of_a_power_cut_is_dropped(book, tmp_path):
 
 def test_a_damaged_log_is_not_guessed_at(book, tmp_path):
     """It is refused with its name."""
-    (tmp_path / CHANGES_NAME).write_text("nonsense\n")
-    with pytest.raises(SettingsError, match=CHANGES_NAME):
+    (tmp_path / MATERIAL_CHANGES_NAME).write_text("nonsense\n")
+    with pytest.raises(SettingsError, match=MATERIAL_CHANGES_NAME):
         MaterialBook(find_config("materials.toml"), tmp_path)
+
+
+def test_a_change_that_the_disk_does_not_take_leaves_no_beginning(book, tmp_path):
+    """The file stays as it was, and the next change stands on a line of its own."""
+    book.change("sphere", "acetal", heavier(book), by="ab", note="")
+    log = tmp_path / MATERIAL_CHANGES_NAME
+    before = log.read_bytes()
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    kept = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, hard))
+    try:
+        with pytest.raises(SettingsError, match="cannot be written"):
+            book.change("sphere", "new", heavier(book), by="ab", note="")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        signal.signal(signal.SIGXFSZ, kept)
+    assert log.read_bytes() == before
+    assert book.change("sphere", "new", heavier(book), by="ab", note="").version == 2
+    assert MaterialBook(find_config("materials.toml"), tmp_path).version == 2
