@@ -37,8 +37,6 @@ class Row:
 
     Attributes
     ----------
-    source : Source
-        What it is.
     parts : ndarray, shape (r,)
         Change of the modulus' logarithm by each independent standard deviation of the source. [1]
     """
@@ -143,13 +141,6 @@ def _row_json(row: Row, total: float) -> Json:
 def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> list[Budget]:
     """Return the budgets of all moduli of a fit, two for a material whose Poisson's ratio is known.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    degrees_of_freedom : float
-        Of its residual.
-
     Returns
     -------
     list of Budget
@@ -244,13 +235,6 @@ def _budget(
 def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> Json | None:
     """Return all budgets as a fit's JSON has them, by material and modulus; None without moduli.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    degrees_of_freedom : float
-        Of its residual.
-
     Returns
     -------
     dict or None
@@ -266,8 +250,6 @@ def by_material(found: Sequence[Budget], names: Sequence[str]) -> Json:
 
     Parameters
     ----------
-    found : sequence of Budget
-        To be shown.
     names : sequence of str
         All materials that are listed beside them, also such without a budget.
     """

@@ -15,11 +15,6 @@ ENOUGH = 3.0
 def advice(budget: Budget) -> str:
     """Return what would improve a modulus most.
 
-    Parameters
-    ----------
-    budget : Budget
-        Its rows.
-
     Returns
     -------
     str

@@ -43,8 +43,6 @@ class Sampled:
 
     Attributes
     ----------
-    budget : Budget
-        The linear one.
     values : ndarray, shape (n,)
         Draws. [Pa]
     """
@@ -96,12 +94,8 @@ def monte_carlo(result: FitResult, draws: int, *, seed: int = 0) -> list[Sampled
 
     Parameters
     ----------
-    result : FitResult
-        A joint fit with moduli.
     draws : int
         At least `LEAST_DRAWS`; 10^4 take a second.
-    seed : int
-        Of the generator.
 
     Returns
     -------
@@ -188,8 +182,6 @@ def refits(
         A joint fit with moduli, taken for the truth.
     count : int
         How many fits; those that do not converge are left out.
-    seed : int
-        Of the generator.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 

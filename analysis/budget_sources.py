@@ -102,13 +102,6 @@ def nu_slope(ratio: Quantity) -> float:
 def sources(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> list[Source]:
     """Return all sources of the covariance of a fit.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    degrees_of_freedom : float
-        Of its residual.
-
     Returns
     -------
     list of Source
@@ -199,8 +192,6 @@ def of_moduli(
         Of the first parameters; those of ``sphere.`` and ``surface.`` count.
     prior_precision, covariance : ndarray, shape (g, g)
         Of the parameters before and after.
-    spheres, surfaces : mapping
-        What is stated of them.
 
     Yields
     ------

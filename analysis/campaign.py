@@ -25,8 +25,6 @@ class Quantity:
     ----------
     value : float
         Best estimate.
-    u : float
-        Standard uncertainty, >= 0.
     """
 
     value: float

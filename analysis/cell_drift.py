@@ -44,11 +44,6 @@ class Documented(Protocol):
 def drift_basis(problem: JointProblem, fitted: Fitted) -> Json:
     """Return what a later comparison must know of a calibration's fit.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The calibration's fit.
-
     Returns
     -------
     dict

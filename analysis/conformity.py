@@ -114,12 +114,8 @@ def judge(name: str, value_pa: float, relative_u: float, limits: Limits) -> Json
 
     Parameters
     ----------
-    name : str
-        What sentences call it.
     value_pa, relative_u : float
         Best estimate [Pa] and standard uncertainty of its logarithm.
-    limits : Limits
-        What was asked.
 
     Returns
     -------
@@ -213,12 +209,8 @@ def decide(budget: Json, material: str, measurand: str, limits: Limits) -> None:
     ----------
     budget : dict
         Of all moduli; changed in place.
-    material : str
-        As its keys call it.
     measurand : str
         ``youngs_modulus_Pa`` or ``plane_strain_modulus_Pa``.
-    limits : Limits
-        What was asked.
 
     Raises
     ------

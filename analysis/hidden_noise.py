@@ -71,8 +71,6 @@ def hidden_noise(quiet: Sequence[Array], step: float) -> tuple[Coarse, Array] | 
 
     Returns
     -------
-    coarse : Coarse
-        The converter.
     covariance : ndarray, shape (LAGS + 1,)
         Of noise and rounding error together while the signal moves. [step^2] None for both where
         the noise is at least `COARSE`, or the codes move by more than such noise moves them.

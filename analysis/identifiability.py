@@ -64,8 +64,6 @@ class Finding:
 
     Attributes
     ----------
-    asked : Asked
-        The quantity.
     u : float
         Standard uncertainty of its logarithm (of an effect: of its coordinate). [1]
     u_prior : float or None
@@ -115,8 +113,6 @@ class Identifiability:
         Fisher information of the shots, their own parameters eliminated.
     correlation : ndarray, shape (g, g)
         Of the posterior.
-    profiles : tuple of Profile
-        Where asked for.
     """
 
     findings: tuple[Finding, ...]
@@ -214,8 +210,6 @@ def short_contacts(shots: Sequence[ShotFit], frequency_hz: float | None) -> dict
 
     Parameters
     ----------
-    shots : sequence of ShotFit
-        Of a fit.
     frequency_hz : float or None
         The crystal's natural frequency; None finds none. [Hz]
 
@@ -256,10 +250,6 @@ def identifiability(
     ----------
     problem : JointProblem
         The problem as it was solved.
-    fitted : Fitted
-        Its solution.
-    shots : sequence of ShotFit
-        Its shots.
     profiled : sequence of str
         Globals whose profile likelihood is wanted; each costs some five further fits.
 

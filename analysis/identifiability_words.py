@@ -73,14 +73,8 @@ def quantity_sentence(asked: Asked, u: float, u_prior: float | None, status: str
 
     Parameters
     ----------
-    asked : Asked
-        The quantity.
     u : float
         Standard uncertainty after the fit.
-    u_prior : float or None
-        Before it.
-    status : str
-        As the report found it.
 
     Returns
     -------
@@ -131,13 +125,6 @@ def alone_sentence(u: float, u_prior: float | None, status: str) -> str:
         Standard uncertainty of ln M after the fit; k, mu and c share it. [1]
     u_prior : float or None
         What the four stated values together say about it.
-    status : str
-        As the report found it.
-
-    Returns
-    -------
-    str
-        Two sentences.
     """
     why = (
         "apart from frequency, damping ratio and gain the crystal shows only in the recoil of the "

@@ -52,8 +52,6 @@ class Adjustment:
 
     Attributes
     ----------
-    result : ModuliResult
-        What it found.
     system : System
         Its equations, dark uncertainty included.
     random_share : ndarray, shape (rows,)

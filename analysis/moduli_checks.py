@@ -30,11 +30,6 @@ LARGEST_DARK_U = 2.0
 def pair_checks(system: System) -> tuple[PairCheck, ...]:
     """Return how each pair's observations agree with all the rest.
 
-    Parameters
-    ----------
-    system : System
-        The network.
-
     Returns
     -------
     tuple of PairCheck
@@ -85,11 +80,6 @@ def pair_checks(system: System) -> tuple[PairCheck, ...]:
 def consistency(system: System) -> Network:
     """Return chi2 of observations, references and calibrations, and its degrees of freedom.
 
-    Parameters
-    ----------
-    system : System
-        The network.
-
     Returns
     -------
     Network
@@ -109,18 +99,7 @@ def consistency(system: System) -> Network:
 
 
 def anchored(system: System) -> list[bool]:
-    """Tell which materials hang together with a reference through dropped pairs.
-
-    Parameters
-    ----------
-    system : System
-        The network.
-
-    Returns
-    -------
-    list of bool
-        By material.
-    """
+    """Tell which materials hang together with a reference through dropped pairs."""
     reached = [p is not None for p in system.priors]
     for _ in system.names:
         for a, b in zip(system.left, system.right, strict=True):
@@ -138,17 +117,10 @@ def _without(system: System, pairs: Sequence[str]) -> System:
 def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
     """Return each pair's check and the pairs that contradict the rest, worst first.
 
-    Parameters
-    ----------
-    system : System
-        The network.
-
     Returns
     -------
     checks : tuple of PairCheck
         A contradicting pair's score is the one it was set aside with.
-    contradicting : tuple of str
-        Pairs.
 
     Notes
     -----
@@ -169,11 +141,6 @@ def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
 
 def with_dark_uncertainty(system: System) -> tuple[System, float]:
     """Return the system with as much more uncertainty per recording as makes it hold together.
-
-    Parameters
-    ----------
-    system : System
-        The network.
 
     Returns
     -------

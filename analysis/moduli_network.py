@@ -52,8 +52,6 @@ class System:
 
     Attributes
     ----------
-    names : list of str
-        Materials.
     priors : list of Prior or None
         Stated ln E' by material.
     pairs : list of tuple of str
@@ -66,8 +64,6 @@ class System:
         Each observation's pair and calibration, as one number below ``groups``.
     group_pair : ndarray of int, shape (groups,)
         Each group's pair.
-    blocks : tuple of Block
-        By calibration.
     observed : ndarray, shape (rows,)
         ln E*.
     weight : ndarray, shape (rows,)
@@ -118,8 +114,6 @@ class Groups:
         S.
     slope : ndarray, shape (c,)
         b.
-    rest : float
-        q.
     """
 
     weight: Array
@@ -132,11 +126,6 @@ class Groups:
 
 def grouped(system: System) -> Groups:
     """Return a system's observations summed by group.
-
-    Parameters
-    ----------
-    system : System
-        The network.
 
     Returns
     -------
@@ -318,10 +307,6 @@ def linearise(system: System, groups: Groups, x: Array) -> tuple[Array, Array]:
 
     Parameters
     ----------
-    system : System
-        The network.
-    groups : Groups
-        Its observations.
     x : ndarray, shape (n + c,)
         ln E' of the materials, then the calibrations' errors.
 
@@ -348,10 +333,6 @@ def chi2(system: System, groups: Groups, x: Array, known: Array) -> float:
 
     Parameters
     ----------
-    system : System
-        The network.
-    groups : Groups
-        Its observations.
     x : ndarray, shape (n + c,)
         Where.
     known : ndarray, shape (n + c, n + c)
@@ -373,10 +354,6 @@ def information(system: System, groups: Groups, design: Array, known: Array) -> 
 
     Parameters
     ----------
-    system : System
-        The network.
-    groups : Groups
-        Its observations.
     design : ndarray, shape (groups, n + c)
         From `linearise`.
     known : ndarray, shape (n + c, n + c)
@@ -395,13 +372,6 @@ def information(system: System, groups: Groups, design: Array, known: Array) -> 
 
 def solve(system: System, groups: Groups) -> tuple[Array, Array]:
     """Return the adjusted values and their covariance (Gauss-Newton, steps halved if uphill).
-
-    Parameters
-    ----------
-    system : System
-        The network.
-    groups : Groups
-        Its observations.
 
     Returns
     -------
@@ -443,8 +413,6 @@ def linearise_rows(system: System, x: Array) -> Iterator[tuple[Block, Array]]:
 
     Parameters
     ----------
-    system : System
-        The network.
     x : ndarray, shape (n + c,)
         ln E' of the materials, then errors, on which the design does not depend.
 
@@ -470,8 +438,6 @@ def errors_of_rows(system: System, x: Array) -> Array:
 
     Parameters
     ----------
-    system : System
-        The network.
     x : ndarray, shape (n + c,)
         By column.
 

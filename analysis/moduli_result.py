@@ -30,11 +30,6 @@ def contradiction_limit(pairs: int) -> float:
     ----------
     pairs : int
         How many are looked at.
-
-    Returns
-    -------
-    float
-        Standard deviations.
     """
     return float(norm.isf(CONTRADICTION_P / (2 * max(pairs, 1))))
 
@@ -68,10 +63,6 @@ class PairCheck:
 
     Attributes
     ----------
-    sphere, surface : str
-        The pair.
-    observations : int
-        How many.
     log_observed, log_adjusted : float
         Weighted mean of ln E* observed, and with the network's moduli and calibration errors.
     u_observed : float

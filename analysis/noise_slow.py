@@ -145,8 +145,6 @@ def promised_gain(seen: Spectrum, short: Array) -> float:
 
     Parameters
     ----------
-    seen : Spectrum
-        Of quiet stretches.
     short : ndarray, shape (p,)
         Coefficients of autoregressive noise, from which it is reckoned.
 
@@ -208,8 +206,6 @@ def with_slow_part(seen: Spectrum, short: Array) -> Slow:
 
     Parameters
     ----------
-    seen : Spectrum
-        Of quiet stretches.
     short : ndarray, shape (p,)
         Coefficients without a 1/f part, of the order that is wanted.
 
@@ -234,8 +230,6 @@ def largest_corner(seen: Spectrum, short: Array) -> float:
 
     Parameters
     ----------
-    seen : Spectrum
-        Of quiet stretches.
     short : ndarray, shape (p,)
         Coefficients of the autoregressive part, which stay.
 
@@ -255,8 +249,6 @@ def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float,
 
     Parameters
     ----------
-    model : Slow
-        The noise.
     taps : int
         How many samples back.
 
@@ -280,13 +272,6 @@ def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float,
 
 def variance_within(model: Slow, samples: int) -> float:
     """Return the variance of noise within a stretch about the stretch's own mean.
-
-    Parameters
-    ----------
-    model : Slow
-        The noise.
-    samples : int
-        Of the stretch.
 
     Returns
     -------

@@ -86,11 +86,6 @@ def term(symbol: str) -> Term:
     symbol : str
         As in `GLOSSARY`.
 
-    Returns
-    -------
-    Term
-        The entry.
-
     Raises
     ------
     KeyError

@@ -35,8 +35,6 @@ class PairObservation:
         the calibration.
     shot : str
         Which recording.
-    model : str
-        Model of the fit.
     u_calibration : float
         Standard uncertainty of ln E* from the calibration, used where no covariance of the cell is
         at hand; then counted as one error common to all observations of a calibration. [1]
@@ -136,8 +134,6 @@ def observation_from_fit(
 
     Parameters
     ----------
-    fit : FitResult or dict
-        As in `observations_from_fit`, of one pair.
     shot : str
         How messages call the recording.
     calibration : str

@@ -141,8 +141,6 @@ def stretches(signal: Array, coarse: Coarse) -> NDArray[np.int64]:
     ----------
     signal : ndarray, shape (n,)
         The record. [unit of the signal]
-    coarse : Coarse
-        Its converter.
 
     Returns
     -------

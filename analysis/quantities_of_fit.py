@@ -27,11 +27,6 @@ _ALONE = (
 def asked_of(problem: JointProblem, fitted: Fitted) -> list[Asked]:
     """Return what a report on a fit speaks about, identifiable combinations first.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     list of Asked

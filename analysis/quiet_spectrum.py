@@ -62,8 +62,6 @@ class Spectrum:
         Mean square of what was taken off, means aside. [unit of the signal squared]
     drift_white, drift_slow : float
         What it is expected to be for a density of 1 and of 1/f. [1]
-    degree : int
-        Of the polynomial.
     """
 
     frequency: Array
@@ -82,13 +80,6 @@ class Spectrum:
 def drift_degree(samples: int, sample_rate_hz: float) -> int:
     """Return the degree of polynomial that follows anything below `DRIFT_HZ`.
 
-    Parameters
-    ----------
-    samples : int
-        Of a stretch.
-    sample_rate_hz : float
-        Its rate.
-
     Returns
     -------
     int
@@ -106,8 +97,6 @@ def without_long_drift(stretch: Array, sample_rate_hz: float) -> Array:
     ----------
     stretch : ndarray, shape (n,)
         Samples.
-    sample_rate_hz : float
-        Its rate.
 
     Returns
     -------
@@ -122,13 +111,6 @@ def without_long_drift(stretch: Array, sample_rate_hz: float) -> Array:
 @lru_cache(maxsize=16)
 def drift_basis(samples: int, degree: int) -> Array:
     """Return orthonormal polynomials over a stretch, the constant first.
-
-    Parameters
-    ----------
-    samples : int
-        Of the stretch.
-    degree : int
-        The highest.
 
     Returns
     -------
@@ -167,11 +149,6 @@ def slow_covariance(lags: int) -> Array:
 
     .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(2 \pi f j) / f \, df
         = 2 [Ci(\pi j) - Ci(2 \pi f_0 j)]
-
-    Parameters
-    ----------
-    lags : int
-        Largest lag.
 
     Returns
     -------
@@ -234,8 +211,6 @@ def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectru
     ----------
     segments : sequence of ndarray, shape (n_i,)
         Quiet stretches. [unit of the signal]
-    sample_rate_hz : float
-        Theirs.
 
     Returns
     -------

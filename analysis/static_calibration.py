@@ -66,8 +66,6 @@ class StaticCalibration:
         Readings less the line. [V]
     left : float or None
         Share of the step left when it was read; None where the time constant is not known.
-    readings : tuple of Reading
-        As entered.
     hold_time_s : float
         From putting the weight down to reading. [s]
     discharge_time_constant_s : float or None

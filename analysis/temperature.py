@@ -33,11 +33,6 @@ class Landing:
 def at_temperature_of_shots(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     """Return a campaign whose stated moduli are those at the temperature of their shots.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        As stated.
-
     Returns
     -------
     campaign : Campaign

@@ -80,11 +80,6 @@ def undetermined(problem: JointProblem, fitted: Fitted) -> list[Undetermined]:
 def tells_no_modulus(problem: JointProblem, fitted: Fitted) -> bool:
     """Tell whether moduli were sought, and not one of them can be told.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A fit.
-
     Returns
     -------
     bool

@@ -167,8 +167,6 @@ def check_pace(pace: Pace, record: Record) -> None:
 
     Parameters
     ----------
-    pace : Pace
-        Of the run.
     record : Record
         The error carries it as evidence.
 

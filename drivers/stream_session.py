@@ -94,8 +94,6 @@ class StreamSession:
         ----------
         source : BulkSource
             Where bytes come from.
-        board : StreamingBoard
-            What to start and stop.
         samples : int
             How many. [1]
 
@@ -127,8 +125,6 @@ class StreamSession:
         ----------
         source : BulkSource
             Where bytes come from.
-        board : StreamingBoard
-            What to start and stop.
         trigger : TriggerSettings
             When the record begins and how long it is.
         volts_per_code : float

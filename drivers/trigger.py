@@ -17,11 +17,6 @@ _HIGHEST_CODE = 65535
 def check_trigger(trigger: TriggerSettings) -> None:
     """Refuse trigger settings that describe no record.
 
-    Parameters
-    ----------
-    trigger : TriggerSettings
-        What is asked for.
-
     Raises
     ------
     ConfigurationError

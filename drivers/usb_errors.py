@@ -84,8 +84,6 @@ def translate(error: usb.core.USBError, doing: str) -> DriverError:
 
     Parameters
     ----------
-    error : usb.core.USBError
-        What pyusb raised.
     doing : str
         What the driver was doing, e.g. ``"reading register 0x00"``.
 

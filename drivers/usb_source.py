@@ -58,11 +58,6 @@ class SynchronousBulkSource:
         ----------
         buffer : array of unsigned bytes
             Its length is the most that is read.
-
-        Returns
-        -------
-        int
-            Bytes received.
         """
         with self._in_use(), translated(f"reading samples from endpoint {self._endpoint:#04x}"):
             try:

@@ -92,8 +92,6 @@ class SampleStream:
     ----------
     source : BulkSource
         Where the bytes come from.
-    board : StreamingBoard
-        What to start and stop.
     ring : RingBuffer
         Where the samples go; cleared at the start.
     consumer : BlockConsumer
@@ -174,11 +172,6 @@ class SampleStream:
         ----------
         timeout_s : float
             Longest wait. [s]
-
-        Returns
-        -------
-        bool
-            Whether the run is over.
         """
         self._thread.join(timeout_s)
         return not self._thread.is_alive()

@@ -89,8 +89,6 @@ class AbortDoor:
 
     Parameters
     ----------
-    service : AcquisitionService
-        Aborts.
     arrivals : Arrivals
         Refuses what the event loop reads too late.
     port : int

@@ -69,8 +69,6 @@ def advice(
 
     Parameters
     ----------
-    shot : Shot
-        The shot.
     fits : sequence of Fit
         Its latest fits; may be empty.
     unlike : bool

@@ -44,8 +44,6 @@ class Alarms:
     ----------
     bus : EventBus
         Gets every event.
-    table : AlarmTable
-        Gets the alarms among them.
     """
 
     def __init__(self, bus: EventBus, table: AlarmTable) -> None:
@@ -75,13 +73,6 @@ class Alarms:
     def acknowledge(self, number: int, *, by: str) -> Alarm:
         """Say that an alarm was seen.
 
-        Parameters
-        ----------
-        number : int
-            The alarm.
-        by : str
-            Who saw it.
-
         Returns
         -------
         Alarm
@@ -101,13 +92,6 @@ class Alarms:
 
 def alarm_words(kind: str, data: dict[str, Any]) -> tuple[str, str] | None:
     """Return what an alarm says and what to do about it.
-
-    Parameters
-    ----------
-    kind : str
-        Of an event.
-    data : dict
-        Its members.
 
     Returns
     -------

@@ -66,14 +66,8 @@ class Daemon:
         Spheres and surfaces, with their changes.
     rig : Rig
         Digitizer and valve, real or simulated.
-    bus : EventBus
-        What happens.
     alarms : Alarms
         What went wrong, until somebody has seen it.
-    service : AcquisitionService
-        Drops.
-    jobs : JobRunner
-        Fits.
     calibrations : CalibrationRunner
         Series of drops of known spheres.
     series : SeriesRunner
@@ -235,8 +229,6 @@ class Daemon:
 
         Parameters
         ----------
-        shots : list of int
-            Numbers.
         base : str
             Model to start from.
         budget_s : float or None
@@ -263,8 +255,6 @@ class Daemon:
 
         Parameters
         ----------
-        specimen : str or None
-            Only report this surface.
         since, until : str or None
             First moment of a shot that counts and first that does not, in the archive's form.
         model : str or None
@@ -299,11 +289,6 @@ class Daemon:
     ) -> dict[str, Any]:
         """Return what the uncertainty of each of these moduli is made of.
 
-        Parameters
-        ----------
-        specimen, since, until, model : str or None
-            As for `moduli`.
-
         Returns
         -------
         dict
@@ -336,8 +321,6 @@ class Daemon:
             A base model, or one that a diagnosis has named.
         version : int or None
             Of a named model; its latest one without it.
-        by : str
-            Who chooses.
 
         Raises
         ------
@@ -378,11 +361,6 @@ class Heart:
 
     The watchdog is fed only while acquisition loop, job runner and database answer: a daemon that
     merely still answers HTTP is not alive. The status line is the sentence of the light.
-
-    Parameters
-    ----------
-    daemon : Daemon
-        Whose heart it is.
     """
 
     def __init__(self, daemon: Daemon) -> None:

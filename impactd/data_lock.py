@@ -18,8 +18,6 @@ class DataLockedError(Exception):
 
     Parameters
     ----------
-    directory : Path
-        The data directory.
     holder : dict
         What the other daemon wrote about itself: ``pid``, ``url``.
     """
@@ -104,11 +102,6 @@ class DataLock:
 
 def read_holder(directory: Path) -> dict[str, Any]:
     """Return what the daemon of a data directory wrote about itself.
-
-    Parameters
-    ----------
-    directory : Path
-        The data directory.
 
     Returns
     -------

@@ -12,13 +12,7 @@ _ENDING = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 
 class EndSignals:
-    """Remembers that the daemon is to end, from before its first device is touched.
-
-    Attributes
-    ----------
-    arrived : bool
-        Whether one came.
-    """
+    """Remembers that the daemon is to end, from before its first device is touched."""
 
     def __init__(self) -> None:
         self.arrived = False

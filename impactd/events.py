@@ -25,13 +25,7 @@ _BATCH = 200
 
 
 class EventBus:
-    """The event table with a bell.
-
-    Parameters
-    ----------
-    table : EventTable
-        Where events are kept.
-    """
+    """The event table with a bell."""
 
     def __init__(self, table: EventTable) -> None:
         self._table = table

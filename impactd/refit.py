@@ -76,11 +76,6 @@ def run_name(order: Json, label: str = "") -> str:
         From `orders.order_without_shots`.
     label : str
         A person's own; another label makes another run of the same knowledge.
-
-    Returns
-    -------
-    str
-        Sixteen hexadecimal digits.
     """
     text = as_text({**order, "software": software(), "label": label})
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -103,14 +98,6 @@ def refit(
     ----------
     archive : Archive
         Shots in, fits out; a daemon may serve it meanwhile.
-    settings : Settings
-        Certificate, gravity, release.
-    materials : Materials
-        Spheres and surfaces of today.
-    executor : concurrent.futures.Executor
-        Where the fits run.
-    workers : int
-        How many it has.
     models : sequence of str, optional
         Which to fit; by default those that every new shot is fitted with.
     label : str

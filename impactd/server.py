@@ -45,10 +45,6 @@ class AddressTakenError(Exception):
     ----------
     host : str
         Address or name.
-    port : int
-        TCP port.
-    reason : str
-        What the system said.
     """
 
     def __init__(self, host: str, port: int, reason: str) -> None:
@@ -208,11 +204,6 @@ def listen(host: str, port: int) -> socket.socket:
         Address or name.
     port : int
         0 takes a free one.
-
-    Returns
-    -------
-    socket.socket
-        Listening.
 
     Raises
     ------

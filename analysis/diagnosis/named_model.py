@@ -104,11 +104,6 @@ def fit_named(
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 
-    Returns
-    -------
-    FitResult
-        Always, with an outcome.
-
     Raises
     ------
     UnknownModelError

@@ -14,8 +14,6 @@ class ActsOn:
 
     Attributes
     ----------
-    kind : str
-        One of `KINDS`.
     names : tuple of str
         At least one, sorted.
     """

@@ -121,11 +121,6 @@ class ShotContext:
         name : str
             E.g. ``radius_m``; an effect lists it under ``needs``.
 
-        Returns
-        -------
-        float
-            The field.
-
         Raises
         ------
         ParameterOutOfRangeError
@@ -159,8 +154,6 @@ class EffectParameter:
         Physical bounds of the value; a fit that ends outside has not found this effect.
     starts : tuple of float
         Values from which a fit is started.
-    description : str
-        One line.
     peak_starts : tuple of float
         Starts as multiples of the largest excursion in the campaign, for a parameter that has the
         signal's own unit; where given they are better than ``starts``.
@@ -222,11 +215,6 @@ class EffectParameter:
     def interval(self, coordinate: float, reach: float) -> tuple[float, float]:
         """Return the values within a reach of a coordinate, in which the fit is Gaussian.
 
-        Parameters
-        ----------
-        coordinate, reach : float
-            Middle and half-width.
-
         Returns
         -------
         tuple of float
@@ -259,8 +247,6 @@ class Effect:
         How it shows in a residual.
     source, validation : str
         Where the equation is from; how it was checked, or "not validated".
-    parameters : tuple of EffectParameter
-        What is fitted.
     order : int
         Outputs are applied in rising order along the signal's way.
     needs : tuple of str
@@ -384,8 +370,6 @@ def resolving_steps(rate_per_s: float, context: ShotContext) -> float:
     ----------
     rate_per_s : float
         Angular frequency of a mode, or the inverse of a decay time. [1/s]
-    context : ShotContext
-        The shot.
 
     Returns
     -------

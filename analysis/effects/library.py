@@ -15,13 +15,7 @@ from analysis.model.by_address import address_of
 
 @cache
 def library() -> dict[str, Effect]:
-    """Return all effects by id, in the order of the slots.
-
-    Returns
-    -------
-    dict of Effect
-        By id.
-    """
+    """Return all effects by id, in the order of the slots."""
     found = []
     for module in pkgutil.iter_modules(analysis.effects.__path__):
         loaded = importlib.import_module(f"analysis.effects.{module.name}")
@@ -39,11 +33,6 @@ def effect_named(name: str) -> Effect:
     ----------
     name : str
         E.g. ``coupler_highpass``, or a variant's, ``amplifier_lowpass:second_order``.
-
-    Returns
-    -------
-    Effect
-        The effect.
 
     Raises
     ------

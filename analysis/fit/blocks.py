@@ -69,8 +69,6 @@ def rebound_as_seen(
     ----------
     model : ImpactModel
         Says where the parameters are.
-    item : FitShot
-        The shot.
     local : ndarray, shape (p,)
         Local parameters.
     rebound, gradient : float, ndarray of shape (p,)
@@ -124,8 +122,6 @@ def prior_rows(
     ----------
     model : ImpactModel
         Says where the parameters are.
-    item : FitShot
-        The shot.
     local : ndarray, shape (p,)
         Local parameters.
     rebound, gradient : float, ndarray of shape (p,)
@@ -164,10 +160,6 @@ def linearise_shot(
 
     Parameters
     ----------
-    problem : JointProblem
-        Model and mapping.
-    item : FitShot
-        The shot.
     theta : ndarray, shape (g,)
         Globals.
     nuisance : ndarray, shape (q,)
@@ -222,8 +214,6 @@ def input_slopes(
 
     Parameters
     ----------
-    problem : JointProblem
-        With inputs.
     items : tuple of FitShot
         The shot as stated, and as `JointProblem.item_at` has it.
     local : ndarray, shape (p,)

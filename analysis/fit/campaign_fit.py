@@ -68,8 +68,6 @@ def solve(
 
     Returns
     -------
-    fitted : Fitted
-        End point.
     scale : float
         Factor on the noise variance, 1 where the model explains the data.
     """
@@ -113,8 +111,6 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
 
     Parameters
     ----------
-    problem : JointProblem
-        The problem.
     fitted : Fitted
         Its solution over all shots.
 

@@ -38,14 +38,10 @@ class Conflict:
 
     Attributes
     ----------
-    name : str
-        The global.
     path : str
         Where a campaign states it.
     stated, found : Quantity
         As stated, and as everything else says. [``unit``]
-    unit : str
-        Of both.
     score : float
         Their difference over its own standard uncertainty.
     """
@@ -120,11 +116,6 @@ def _without(
 def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
     """Return the statements that contradict the shots, worst first.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     list of Conflict
@@ -193,8 +184,6 @@ def fit_without(
 
     Parameters
     ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
     found : list of Conflict
         From `conflicts`.
     widened : float

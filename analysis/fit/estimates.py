@@ -28,8 +28,6 @@ def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, flo
 
     Parameters
     ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
     name : str
         One of ``problem.names``.
 
@@ -45,11 +43,6 @@ def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, flo
 
 def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | None:
     """Return ln(M, k, mu, c) and covariance, None unless all four are parameters.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
 
     Returns
     -------
@@ -68,11 +61,6 @@ def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | 
 def covariance_of_numbers(problem: JointProblem, fitted: Fitted) -> Array:
     """Return the covariance of what the globals' names stand for, see `gradient_of` of the problem.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     ndarray, shape (g, g)
@@ -86,13 +74,6 @@ def pair_modulus(
     problem: JointProblem, fitted: Fitted, item: FitShot
 ) -> tuple[float, float, Array] | None:
     """Return ln E*, its standard uncertainty and its gradient by the globals.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    item : FitShot
-        Any shot of the pair.
 
     Returns
     -------
@@ -114,13 +95,6 @@ def pair_modulus(
 
 def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tuple[float, Array]:
     r"""Return the part of u(ln E*) that comes from the cell's stated values.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    item : FitShot
-        Any shot of the pair.
 
     Returns
     -------
@@ -155,13 +129,6 @@ def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tu
 def through_calibration(problem: JointProblem, fitted: Fitted, item: FitShot) -> dict[str, float]:
     """Return how ln E* follows each input by way of the cell's calibration alone.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-    item : FitShot
-        Any shot of the pair.
-
     Returns
     -------
     dict of float
@@ -187,8 +154,6 @@ def input_parts(
 
     Parameters
     ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
     rows : ndarray, shape (k, g)
         Gradients of what is asked for.
 

@@ -30,12 +30,6 @@ class FitShot:
 
     Attributes
     ----------
-    shot : Shot
-        The recording.
-    window : Window
-        The fitted part.
-    frame : ShotFrame
-        What stays fixed.
     noise : NoiseModel
         Of this shot's instrument.
     fixed_gain : float or None
@@ -201,12 +195,6 @@ def fit_shot(
 
     Parameters
     ----------
-    shot : Shot
-        The recording.
-    campaign : Campaign
-        Where its materials are.
-    noise : NoiseModel
-        Of its instrument.
     known_gain : bool
         Whether volts can be turned into newtons at all.
     kv : bool
@@ -267,11 +255,6 @@ def fit_shot(
 def noise_by_instrument(shots: tuple[Shot, ...]) -> dict[tuple[str, float], NoiseModel]:
     """Return one noise model per instrument, by quantity and sample rate.
 
-    Parameters
-    ----------
-    shots : tuple of Shot
-        All usable ones.
-
     Returns
     -------
     dict
@@ -296,11 +279,6 @@ def places(campaign: Campaign) -> dict[int, float]:
 def usable_shots(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:
     """Return the shots that hold a pulse, and the others with the reason.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        As it came.
-
     Returns
     -------
     shots, rejected : list
@@ -322,8 +300,6 @@ def gain_is_observable(campaign: Campaign, *, kv: bool) -> bool:
 
     Parameters
     ----------
-    campaign : Campaign
-        Its sensor and heights.
     kv : bool
         Whether the model has a crystal.
 

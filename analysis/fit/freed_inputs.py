@@ -162,8 +162,6 @@ def _with_calibration(
     ----------
     problem : JointProblem
         Its cell's covariance is the whole one.
-    inputs : tuple of Input
-        Of its shots.
 
     Returns
     -------

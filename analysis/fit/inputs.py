@@ -141,17 +141,8 @@ class Input:
 
         Parameters
         ----------
-        item : FitShot
-            The shot.
-        names : sequence of str
-            Of the shared local parameters.
         by_moduli : bool
             Whether the stiffness is made of moduli and the radius.
-
-        Returns
-        -------
-        list of tuple
-            Place and derivative.
         """
         if not self.belongs_to(item):
             return []
@@ -172,8 +163,6 @@ class Input:
 
         Parameters
         ----------
-        item : FitShot
-            The shot.
         names : sequence of str
             Of the shared local parameters.
 
@@ -345,8 +334,6 @@ def stated_numbers(
     -------
     inputs : tuple of Input
         In the order of spheres, surfaces, rig.
-    exact : tuple of str
-        Paths in the campaign.
     """
     known = (
         *_of_materials(campaign, items, by_ratio=by_ratio),

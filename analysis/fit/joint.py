@@ -136,13 +136,6 @@ def _gather(
 def normal_equations(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array, list[_Schur]]:
     """Return the globals' normal equations at a solution, whole and by shot.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem.
-    fitted : Fitted
-        Its solution.
-
     Returns
     -------
     matrix, vector : ndarray, shape (g, g), (g,)
@@ -201,8 +194,6 @@ def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
 
     Parameters
     ----------
-    problem : JointProblem
-        The problem.
     theta, nuisances : ndarray, shape (g,), (shots, p)
         Where.
 
@@ -386,15 +377,6 @@ def _descend(
 
 def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:
     """Return the covariance of one shot's nuisances, globals' uncertainty included.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem.
-    fitted : Fitted
-        Its solution.
-    row : int
-        Which shot.
 
     Returns
     -------

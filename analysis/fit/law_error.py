@@ -78,8 +78,6 @@ def with_law_errors(problem: JointProblem, errors: Sequence[LawError]) -> JointP
     ----------
     problem : JointProblem
         Its inputs, if any, are the last globals.
-    errors : sequence of LawError
-        Further inputs.
 
     Returns
     -------

@@ -40,10 +40,6 @@ def fresh(model: ImpactModel, shots: int, starts: Mapping[str, float] | None = N
 
     Parameters
     ----------
-    model : ImpactModel
-        Base and effects.
-    shots : int
-        How many shots.
     starts : Mapping, optional
         Coordinate by name, ``<effect>.<parameter>``, where the effect's own start is not wanted.
 

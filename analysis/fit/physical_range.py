@@ -97,11 +97,6 @@ class OutOfRange:
 def out_of_range(problem: JointProblem, fitted: Fitted) -> list[OutOfRange]:
     """Return the numbers of a fit that nothing can have; none where the fit has no solution.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     list of OutOfRange
@@ -209,11 +204,6 @@ def effect_out_of_range(
         A fit that has the effect.
     effect : Effect
         Which one; its free signals are not asked.
-
-    Yields
-    ------
-    OutOfRange
-        By parameter and owner.
     """
     for parameter in effect.parameters:
         name = f"{effect.id}.{parameter.name}"

@@ -120,12 +120,8 @@ class JointProblem:
 
     Attributes
     ----------
-    model : ImpactModel
-        Base model.
     shots : list of FitShot
         In order of time.
-    names : list of str
-        Global parameters.
     start : ndarray, shape (g,)
         Filled in by ``analysis.fit.start``.
     prior_mean, prior_precision : ndarray, shape (g,), (g, g)
@@ -420,8 +416,6 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     ----------
     campaign : Campaign
         Recordings and what is known.
-    model : ImpactModel
-        Base model.
     by_pair : bool
         Give each pair its own stiffness instead of each material a modulus: for single shots, whose
         moduli are told apart later, by the network.

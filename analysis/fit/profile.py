@@ -78,8 +78,6 @@ def cost_held_at(
         The problem as it was solved.
     fitted : Fitted
         A solution near by, to start from.
-    name : str
-        Which global.
     x : float
         Its value. [logarithm or coordinate]
 
@@ -107,15 +105,8 @@ def profile(problem: JointProblem, fitted: joint.Fitted, name: str) -> Profile:
     ----------
     problem : JointProblem
         The problem as it was solved.
-    fitted : Fitted
-        Its solution.
     name : str
         One of ``problem.names``.
-
-    Returns
-    -------
-    Profile
-        With the points it took.
 
     Notes
     -----

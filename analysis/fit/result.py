@@ -59,11 +59,6 @@ class Outcome:
 def outcome_of(problem: JointProblem, fitted: Fitted) -> Outcome:
     """Return how a fit ended, in words.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     Outcome

@@ -89,8 +89,6 @@ def best_contact_time(
 
     Parameters
     ----------
-    item : FitShot
-        The shot.
     model : ImpactModel
         Its base is what is laid on the record.
     speed : float

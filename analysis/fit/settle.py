@@ -24,8 +24,6 @@ def settle(
 
     Parameters
     ----------
-    problem : JointProblem
-        The problem.
     theta : ndarray, shape (g,)
         Globals, kept.
     nuisances : ndarray, shape (shots, p)

@@ -28,8 +28,6 @@ class ShotFit:
 
     Attributes
     ----------
-    item : FitShot
-        The shot.
     prediction : ndarray, shape (n,)
         Model over the fit window. [unit of the signal]
     local : ndarray, shape (p,)
@@ -170,8 +168,6 @@ def collect(problem: JointProblem, fitted: Fitted, *, scale: float) -> tuple[Sho
     ----------
     problem : JointProblem
         The problem as it was solved.
-    fitted : Fitted
-        Its solution.
     scale : float
         Variance factor the problem's noise was widened by; chi2 is stated without it.
 

@@ -20,12 +20,8 @@ class StatedEffect:
 
     Attributes
     ----------
-    parameter : EffectParameter
-        The effect's number.
     path : str
         Where a campaign states it.
-    label : str
-        For people.
     value : float
         As stated. [``parameter.unit``]
     uncertainty : Uncertainty or None
@@ -64,8 +60,6 @@ def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
     ----------
     problem : JointProblem
         Its shots say which surfaces the number belongs to.
-    name : str
-        The global.
 
     Returns
     -------
@@ -102,8 +96,6 @@ def effect_prior(problem: JointProblem, name: str) -> Prior | None:
     ----------
     problem : JointProblem
         Its shots say which surfaces the number belongs to.
-    name : str
-        The global.
 
     Returns
     -------

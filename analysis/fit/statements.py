@@ -46,11 +46,6 @@ _CELL_UNITS = ("kg", "N/m", "N s/m", "m/V")
 def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
     """Return ``moduli`` of ``impactd-diagnosis/1``: by material, withheld where not known.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     dict
@@ -74,8 +69,6 @@ def key_of(name: str, names: Sequence[str]) -> str:
     ----------
     name : str
         ``sphere.<name>`` or ``surface.<name>``.
-    names : sequence of str
-        All globals.
     """
     side, _, short = name.partition(".")
     both = {f"sphere.{short}", f"surface.{short}"} <= set(names)
@@ -159,8 +152,6 @@ def withhold_resting(moduli: Json, paths: Sequence[str]) -> None:
     ----------
     moduli : dict
         After `add_without_conflicts`.
-    paths : sequence of str
-        Of those statements.
     """
     reason = (
         f"it rests on what the shots contradict ({', '.join(paths)}): check that, and fit again"
@@ -201,11 +192,6 @@ _STIFFNESS, _STIFFNESS_OVER_MASS = "N m^-1.5", "N m^-1.5 kg^-1"
 
 def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
     """Return each pair's reduced modulus, or its stiffness in reduced units.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
 
     Returns
     -------
@@ -253,11 +239,6 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
 def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
     """Return what was fitted, identifiable combinations first, with units.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
-
     Returns
     -------
     dict
@@ -296,11 +277,6 @@ def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
 
 def effect_parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
     """Return the effects' numbers in their own units.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        The fit.
 
     Returns
     -------

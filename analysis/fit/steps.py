@@ -65,8 +65,6 @@ def along(problem: JointProblem, theta: Array, step: Array) -> Array:
 
     Parameters
     ----------
-    problem : JointProblem
-        Says what the globals are.
     theta, step : ndarray, shape (g,)
         Globals, and what a linear model would add to them.
 
@@ -95,15 +93,8 @@ def step_towards(name: str, distance: float) -> float:
 
     Parameters
     ----------
-    name : str
-        The global.
     distance : float
         Wanted change. [logarithm or coordinate]
-
-    Returns
-    -------
-    float
-        The step.
     """
     if not _is_modulus(name):
         return distance

@@ -27,11 +27,6 @@ FEWEST = 64
 def thinned(campaign: Campaign) -> tuple[Campaign, list[str]]:
     """Return a campaign whose pulses fit into a window, and in words what was done for that.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        As recorded.
-
     Returns
     -------
     campaign : Campaign

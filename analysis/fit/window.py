@@ -179,8 +179,6 @@ def pulse_samples(shot: Shot, *, strict: bool = False) -> int | None:
 
     Parameters
     ----------
-    shot : Shot
-        The recording.
     strict : bool
         Take nothing for a pulse that is not held against noise, be it that of few samples.
 
@@ -198,11 +196,6 @@ def pulse_samples(shot: Shot, *, strict: bool = False) -> int | None:
 
 def cut(shot: Shot) -> Window:
     """Return the window of one shot.
-
-    Parameters
-    ----------
-    shot : Shot
-        The recording.
 
     Returns
     -------
@@ -236,13 +229,6 @@ def cut(shot: Shot) -> Window:
 def rail(shot: Shot, window: Window) -> tuple[float, float] | None:
     """Return the ends of the converter's range where a window reaches one of them.
 
-    Parameters
-    ----------
-    shot : Shot
-        The recording.
-    window : Window
-        Its fitted part.
-
     Returns
     -------
     tuple of float or None
@@ -268,11 +254,6 @@ def rail(shot: Shot, window: Window) -> tuple[float, float] | None:
 
 def quiet_part(shot: Shot) -> NDArray[np.float64]:
     """Return the samples before the pulse, with a margin so that no contact is among them.
-
-    Parameters
-    ----------
-    shot : Shot
-        The recording.
 
     Returns
     -------

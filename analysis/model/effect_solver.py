@@ -423,8 +423,6 @@ def integrate_columns(  # type: ignore[no-untyped-def]
     systems, loads, readings, tops : ndarray, shape (s, q, 2 q), (s, q), (s, q), (s,)
         Structures of q masses, see ``analysis.model.structure.Assembled``; q is 0 for a rigid cell,
         whose output is the elastic force.
-    steps : int
-        Steps over the contact.
     found : ndarray of float64, shape (c, 3)
         Written: contact duration [s], sphere's rebound speed [m/s], largest indentation [m]; the
         duration is NaN when the contact did not end within the allowed steps.

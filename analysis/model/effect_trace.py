@@ -166,14 +166,10 @@ def integrate_with_effects(
     ----------
     table : ndarray, shape (r, n)
         Rows that the columns name are added to. [unit of the signal]
-    effects : sequence of Effect
-        All effects of the model.
     columns : sequence of Column
         What is wanted; the first is the trace that others may refer to.
     cells : sequence of Cell
         One each.
-    steps : int
-        Solver steps over the contact.
     before : tuple of ndarray, shape (c, 2 q), and float, optional
         How the structure moved some time before touch-down, its ring already among the samples,
         and that time; at rest by default. [m and m/s, s]

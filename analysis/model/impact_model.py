@@ -531,11 +531,6 @@ def model_named(name: str) -> ImpactModel:
     name : str
         ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``.
 
-    Returns
-    -------
-    ImpactModel
-        The model.
-
     Raises
     ------
     UnknownModelError

@@ -95,18 +95,7 @@ def _stage_of(effect: Effect) -> int:
 
 
 def moves(model: ImpactModel) -> tuple[Move, ...]:
-    """Return how each local parameter is moved; baseline and free sizes are analytic.
-
-    Parameters
-    ----------
-    model : ImpactModel
-        Base and effects.
-
-    Returns
-    -------
-    tuple of Move
-        Those that move anything.
-    """
+    """Return how each local parameter is moved; baseline and free sizes are analytic."""
     found = []
     hooked = any(e.structure is not None for e in model.effects)
     for at, name in enumerate(model.names):
@@ -134,19 +123,8 @@ def moved(model: ImpactModel, frame: ShotFrame, centre: Column, move: Move) -> C
 
     Parameters
     ----------
-    model : ImpactModel
-        Base and effects.
     frame : ShotFrame
         The shot's fixed part.
-    centre : Column
-        Unmoved.
-    move : Move
-        Which parameter.
-
-    Returns
-    -------
-    Column
-        Moved.
     """
     local = centre.local.copy()
     local[move.at] += move.step
@@ -205,12 +183,6 @@ def add_first_contacts(
     ----------
     table : ndarray, shape (r, n)
         Rows that the columns name are added to. [unit of the signal]
-    model : ImpactModel
-        Base and effects.
-    columns : list of Column
-        What is wanted.
-    steps : int
-        Solver steps over the contact.
 
     Returns
     -------
@@ -237,12 +209,8 @@ def add_second_contacts(
     ----------
     signal : ndarray, shape (n,)
         Added to. [unit of the signal]
-    model : ImpactModel
-        Base and effects.
     column : Column
         With which numbers.
-    steps : int
-        Solver steps over a contact.
     end : End
         How the first contact left the structure.
 
@@ -353,10 +321,6 @@ def free_part(model: ImpactModel, samples: int, column: Column) -> Array | None:
 
     Parameters
     ----------
-    model : ImpactModel
-        Base and effects.
-    samples : int
-        Length n of the window.
     column : Column
         With which numbers.
 
@@ -385,8 +349,6 @@ def fill_neighbours(
     table : ndarray, shape (p + 1, n)
         Zeros; filled with the trace without baseline and free sizes, then with derivatives.
         [unit of the signal, per unit of the parameter]
-    model : ImpactModel
-        Base and effects.
     frame : ShotFrame
         The shot's fixed part.
     centre : Column

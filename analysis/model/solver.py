@@ -269,8 +269,6 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps, c
         unused for `HSD`.
     gain : float
         1/S [V/N] for `HSD`, 1/c [V/m] for `KV`.
-    steps : int
-        Steps over the contact.
     closed : bool
         The dashpot's force loads the crystal as well, and the contact ends when the total force
         does; False for the paper's models.
@@ -423,8 +421,6 @@ def trace(
     -------
     signal : ndarray, shape (samples,)
         In units of ``gain`` times newton (HSD) or metre (KV).
-    contact_time_s, rebound_speed_m_per_s, deepest_indentation_m : float
-        As `integrate` returns them.
     """
     out = np.zeros(samples)
     if steps is None:

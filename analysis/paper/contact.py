@@ -154,14 +154,10 @@ def contact_history(
 
     Parameters
     ----------
-    drop : Drop
-        Sphere, pair and speed.
     restitution : float
         eps of Eq. 6. [1]
     cell : Cell, optional
         None for HSD's rigid cell.
-    steps : int
-        Over a loss-free contact.
     closed : bool
         See `solver.integrate`; the cell's mass then holds the coupon's too.
 

@@ -38,8 +38,6 @@ class ImpactFigures:
         eps of Eq. 6. [1]
     peak_force_n, peak_force_at_s : float
         Of the elastic force.
-    contact_time_s : float
-        tau.
     deepest_indentation_m, deepest_crystal_m : float
         Largest delta and Delta.
     crystal_delay_s : float

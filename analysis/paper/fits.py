@@ -73,10 +73,6 @@ def predict(item: FitShot, known: Known, reduced_modulus_pa: float, shift_us: fl
 
     Parameters
     ----------
-    item : FitShot
-        Window, frame and radius.
-    known : Known
-        Everything but the modulus.
     reduced_modulus_pa : float
         E*. [Pa]
     shift_us : float
@@ -114,10 +110,6 @@ def fit_modulus(
 
     Parameters
     ----------
-    item : FitShot
-        The shot.
-    known : Known
-        Everything else.
     around_pa : float
         Middle of the search, which reaches a factor of 6 either way. [Pa]
     free_timing : bool
@@ -151,8 +143,6 @@ def fit_pulse(
         The record. [V]
     predicted : callable
         From E* [Pa] and a later touch-down [us] to a trace of shape (n,). [V]
-    around_pa, free_timing
-        As for `fit_modulus`.
 
     Returns
     -------
@@ -187,10 +177,6 @@ def fit_gain(
 
     Parameters
     ----------
-    item : FitShot
-        The shot.
-    known : Known
-        Its gain is ignored.
     reduced_modulus_pa : float
         Of the pair. [Pa]
     free_timing : bool

@@ -19,8 +19,6 @@ def hsd_volts(drop: Drop, restitution: float, newtons_per_volt: float, times_s: 
 
     Parameters
     ----------
-    drop : Drop
-        Sphere, pair and speed.
     restitution : float
         eps of Eq. 6. [1]
     newtons_per_volt : float

@@ -72,10 +72,6 @@ def valley(
 
     Parameters
     ----------
-    item : FitShot
-        The shot.
-    known : Known
-        Cell, speed, restitution and touch-down.
     sphere, surface : tuple of float
         Literature (E, nu) of both. [Pa, 1]
     starts_pa : tuple of tuple of float

@@ -34,8 +34,6 @@ def plot_budget(title: str, budget: Json, note: str = "") -> Figure:
 
     Parameters
     ----------
-    title : str
-        Which modulus.
     budget : dict
         ``impactd-budget/1`` of one modulus.
     note : str, optional

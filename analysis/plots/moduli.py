@@ -22,11 +22,6 @@ _MARKS = {"fitted": "o", "reference": "s", "withheld": "X"}
 def literature_of(campaign: Campaign) -> dict[str, Quantity]:
     """Return the Young's moduli that a campaign states, by material.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        With its materials.
-
     Returns
     -------
     dict of Quantity

@@ -30,13 +30,7 @@ _COLUMNS = 3
 
 
 def figure_2() -> Figure:
-    """Draw Fig. 2: force, indentation and crystal for four restitutions.
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        Three panels over one time.
-    """
+    """Draw Fig. 2: force, indentation and crystal for four restitutions."""
     with styled():
         figure = Figure(figsize=(WIDE, 2.6), layout="constrained")
         force, indentation, crystal = figure.subplots(1, 3, sharex=True)

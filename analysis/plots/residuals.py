@@ -77,10 +77,6 @@ def plot_stack(
         ``residual.*.stacks`` of ``impactd-diagnosis/1``.
     noise_rms : float
         Of one sample, hatched. [as recorded]
-    title : str
-        Over the figure.
-    unit : Shown
-        To draw the residual in.
     wide : float, optional
         Width of the figure. [inch]
     span : tuple of float, optional

@@ -33,15 +33,7 @@ _IIC_LAST = 0x8000
 
 @dataclass(frozen=True)
 class RamRecord:
-    """Bytes for one place in the FX2's RAM.
-
-    Attributes
-    ----------
-    address : int
-        Where.
-    data : bytes
-        What.
-    """
+    """Bytes for one place in the FX2's RAM."""
 
     address: int
     data: bytes
@@ -49,15 +41,7 @@ class RamRecord:
 
 @dataclass(frozen=True)
 class Image:
-    """A file the user supplied.
-
-    Attributes
-    ----------
-    name : str
-        For messages.
-    content : bytes
-        As read.
-    """
+    """A file the user supplied."""
 
     name: str
     content: bytes
@@ -73,8 +57,6 @@ def read_image(path: Path | None, setting: str) -> Image:
 
     Parameters
     ----------
-    path : Path or None
-        The file.
     setting : str
         Name of the setting, for the message.
 
@@ -183,13 +165,6 @@ def _parse_iic(image: Image) -> list[RamRecord]:
 def load_fx2(link: Daq3500Link, image: Image) -> None:
     """Load the USB chip's RAM and let it run, upon which it leaves the bus and comes back.
 
-    Parameters
-    ----------
-    link : Daq3500Link
-        The unloaded board.
-    image : Image
-        Its firmware.
-
     Raises
     ------
     FirmwareError
@@ -205,18 +180,7 @@ def load_fx2(link: Daq3500Link, image: Image) -> None:
 
 
 def fpga_loaded(link: Daq3500Link) -> bool:
-    """Return whether the board says that its FPGA is configured.
-
-    Parameters
-    ----------
-    link : Daq3500Link
-        The board, with firmware.
-
-    Returns
-    -------
-    bool
-        The flag.
-    """
+    """Return whether the board says that its FPGA is configured."""
     return link.read(Request.FPGA, 1) == b"\x01"
 
 
@@ -225,8 +189,6 @@ def load_fpga(link: Daq3500Link, image: Image) -> None:
 
     Parameters
     ----------
-    link : Daq3500Link
-        The board, with firmware.
     image : Image
         The FPGA's bit stream.
 

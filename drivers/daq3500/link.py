@@ -114,8 +114,6 @@ class Daq3500Link:
 
         Parameters
         ----------
-        request : Request
-            Which one.
         data : bytes, optional
             Its data stage.
         value, index : int, optional
@@ -137,8 +135,6 @@ class Daq3500Link:
 
         Parameters
         ----------
-        request : Request
-            Which one.
         length : int
             Bytes expected. [B]
         value, index : int, optional
@@ -168,30 +164,11 @@ class Daq3500Link:
         return bytes(data)
 
     def write_register(self, register: Register, value: int) -> None:
-        """Write a 16-bit register.
-
-        Parameters
-        ----------
-        register : Register
-            Which one.
-        value : int
-            What.
-        """
+        """Write a 16-bit register."""
         self.write(Request.REGISTER, value=value, index=register)
 
     def read_register(self, register: Register) -> int:
-        """Return a 16-bit register.
-
-        Parameters
-        ----------
-        register : Register
-            Which one.
-
-        Returns
-        -------
-        int
-            Its value.
-        """
+        """Return a 16-bit register."""
         return int.from_bytes(self.read(Request.REGISTER, 2, index=register), "little")
 
     def drain(self) -> None:

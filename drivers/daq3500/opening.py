@@ -47,8 +47,6 @@ class OpenedBoard:
     ----------
     link : Daq3500Link
         The way to it.
-    identity : DigitizerIdentity
-        Who it is.
     calibration : RangeCalibration
         Of the configured range.
     """
@@ -69,11 +67,6 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
         ``None`` for libusb 1.0.
     clear_halt : bool, optional
         Whether the last run broke, so that the endpoint may be stalled.
-
-    Returns
-    -------
-    OpenedBoard
-        Claimed and idle.
 
     Raises
     ------
@@ -111,11 +104,6 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
 
 def self_test(link: Daq3500Link) -> None:
     """Write patterns to the mark register and read them back.
-
-    Parameters
-    ----------
-    link : Daq3500Link
-        The loaded board.
 
     Raises
     ------

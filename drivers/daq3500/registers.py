@@ -123,8 +123,6 @@ def scan_entry(*, channel: int, range_v: float, differential: bool, settling_cod
         Input, 0 to 15 (0 to 7 differential).
     range_v : float
         Range, +/-. [V]
-    differential : bool
-        Whether two inputs are subtracted.
     settling_code : int
         0 for 1 us, 1 for 5 us, 2 for 10 us, 3 for 1 ms.
 
@@ -165,11 +163,6 @@ def pacer_rate_hz(divisor: int) -> float:
 
     .. math:: f = 48\\,\\mathrm{MHz} / (N + 1)
 
-    Parameters
-    ----------
-    divisor : int
-        N, >= 0.
-
     Returns
     -------
     float
@@ -186,11 +179,6 @@ def pacer_words(divisor: int) -> tuple[int, int, int]:
     ----------
     divisor : int
         N, 0 to 2**48 - 1.
-
-    Returns
-    -------
-    tuple of int
-        Low, middle, high.
 
     Raises
     ------

@@ -24,13 +24,7 @@ from drivers.errors import DriverError
 
 
 def reset(link: Daq3500Link) -> None:
-    """Stop pacer, scan list and transfer, and empty the results FIFO.
-
-    Parameters
-    ----------
-    link : Daq3500Link
-        The board.
-    """
+    """Stop pacer, scan list and transfer, and empty the results FIFO."""
     link.write_register(Register.TRIGGER, TRIGGER_OFF)
     link.write_register(Register.TRIGGER, TRIGGER_TTL)
     link.write_register(Register.ACQUISITION, AcqControl.PACER_OFF)
@@ -44,8 +38,6 @@ def program_scan_list(link: Daq3500Link, entry: int) -> None:
 
     Parameters
     ----------
-    link : Daq3500Link
-        The board.
     entry : int
         32-bit entry, see `drivers.daq3500.registers.scan_entry`.
     """
@@ -59,13 +51,6 @@ def program_scan_list(link: Daq3500Link, entry: int) -> None:
 
 class Daq3500Converter:
     """The converter as a `drivers.usb_stream.StreamingBoard`.
-
-    Parameters
-    ----------
-    link : Daq3500Link
-        The board.
-    settings : Daq3500Settings
-        Input and rate.
 
     Attributes
     ----------

@@ -27,8 +27,6 @@ class Daq3500Settings:
         Chooses among several boards.
     firmware_file, fpga_file : Path or None
         The user's images for an unloaded board; formats in `drivers.daq3500.firmware`.
-    channel : int
-        Analog input.
     differential : bool
         Whether two inputs are subtracted.
     range_v : float

@@ -33,13 +33,7 @@ class LcusSettings:
 
 
 class LcusValve(RelayBoard):
-    """The valve of `drivers.valve.Valve` on an LCUS-1 board: commanded, unconfirmed.
-
-    Parameters
-    ----------
-    settings : LcusSettings
-        Where the board is.
-    """
+    """The valve of `drivers.valve.Valve` on an LCUS-1 board: commanded, unconfirmed."""
 
     def __init__(self, settings: LcusSettings) -> None:
         port = SerialPort(settings.port, settings.timeout_s, baud_rate=9600)

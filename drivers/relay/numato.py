@@ -63,13 +63,7 @@ class NumatoSettings:
 
 
 class NumatoValve(RelayBoard):
-    """The valve of `drivers.valve.Valve` on a Numato board.
-
-    Parameters
-    ----------
-    settings : NumatoSettings
-        Where the board is.
-    """
+    """The valve of `drivers.valve.Valve` on a Numato board."""
 
     def __init__(self, settings: NumatoSettings) -> None:
         off_words = f"\rrelay off {settings.relay}\r".encode("ascii")
@@ -204,8 +198,6 @@ def _answer_in(heard: bytes, command: str, reply: bytes) -> tuple[str, bytes] | 
     ----------
     heard : bytes
         Everything since the command was sent.
-    command : str
-        Whose echo begins the answer.
     reply : bytes
         Pattern of the one word it must be.
 

@@ -164,11 +164,6 @@ class SerialPort:
         ----------
         timeout_s : float
             How long a silence ends it. [s]
-
-        Returns
-        -------
-        bytes
-            What was there.
         """
         heard = b""
         ends_s = time.monotonic() + _DISCARD_LIMIT_S
@@ -187,20 +182,7 @@ class SerialPort:
                 port.close()
 
     def silence(self, command: str, heard: bytes) -> DeviceTimeoutError:
-        """Return the error for a reply that never came.
-
-        Parameters
-        ----------
-        command : str
-            What was asked.
-        heard : bytes
-            What came instead.
-
-        Returns
-        -------
-        DeviceTimeoutError
-            To be raised.
-        """
+        """Return the error for a reply that never came."""
         instead = f", only {heard[:60]!r}" if heard else ""
         return DeviceTimeoutError(
             f"The relay board at {self._path} did not answer {command!r} within "

@@ -42,8 +42,6 @@ def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What it consists of.
     seed : int
         Same settings and seed, same campaign to the last code.
 
@@ -66,15 +64,6 @@ def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
 def draw_certificate(settings: CampaignSettings, drops: Drops, seed: int) -> CellSpec:
     """Return the cell's certificate, its compliance chosen where ``settings.fill`` asks for it.
 
-    Parameters
-    ----------
-    settings : CampaignSettings
-        What the campaign consists of.
-    drops : Drops
-        What falls.
-    seed : int
-        Of the campaign.
-
     Returns
     -------
     CellSpec
@@ -93,14 +82,8 @@ def simulate_drops(
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What the campaign consists of.
-    drops : Drops
-        What falls.
     cell : CellSpec
         The cell's certificate.
-    seed : int
-        Of the campaign.
 
     Returns
     -------

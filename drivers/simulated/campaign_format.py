@@ -24,10 +24,6 @@ def describe_shot(
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What was asked for.
-    flight : Flight
-        What happened.
     drop : tuple of str, str, float
         Sphere, surface and stated height. [-, -, m]
     codes : ndarray of int16, shape (samples,)
@@ -62,8 +58,6 @@ def trigger_index(settings: CampaignSettings, codes: NDArray[np.int16]) -> int:
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What was asked for.
     codes : ndarray of int16, shape (samples,)
         The record.
 
@@ -113,12 +107,8 @@ def describe_campaign(
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What was asked for.
     surfaces : Mapping
         Labels of the surfaces, the specimen's drawn ones included.
-    cell : CellSpec
-        Certificate of the cell.
     shots : list of dict
         Entries of `describe_shot` in order of time.
 

@@ -61,16 +61,12 @@ def quiet_input(
 
     Parameters
     ----------
-    noise : NoiseSettings
-        Level and colour.
     seed : tuple of int
         Source of chance: the rig's and the number of the stream.
     baseline_v : float
         Offset of the signal. [V]
     rate_hz : float
         Rate at which it will be read. [Hz]
-    board : Board
-        The converter.
 
     Returns
     -------
@@ -90,8 +86,6 @@ def quantise(volts: NDArray[np.float64], board: Board) -> NDArray[np.uint16]:
     ----------
     volts : ndarray, shape (n,)
         Input. [V]
-    board : Board
-        The converter.
 
     Returns
     -------
@@ -110,8 +104,6 @@ def coarser(codes: NDArray[np.int32], bits: int) -> NDArray[np.int32]:
     ----------
     codes : ndarray of int32, shape (n,)
         Of 16 bits.
-    bits : int
-        8 to 16.
 
     Returns
     -------

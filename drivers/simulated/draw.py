@@ -30,8 +30,6 @@ def draw_effect(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        Source of chance.
     spheres, surfaces : sequence of str
         Materials that an effect of materials may be restricted to, as `draw_scope` says, on the
         paper's rig to one of them at most; none means it acts everywhere.
@@ -43,11 +41,6 @@ def draw_effect(
         Ids that the rig has no room for.
     forms : str
         A rig's name: ``"paper"`` and ``"closed"`` take a law in one form, ``"drawn"`` draws it.
-
-    Returns
-    -------
-    Effect
-        The draw.
     """
     outside = rng.random() < OUTSIDE_LIBRARY_SHARE
     pool = set(among or (INVENTED if outside else LIBRARY))
@@ -82,13 +75,6 @@ def _one_or_all(rng: np.random.Generator, spheres: Sequence[str], surfaces: Sequ
 def draw_scope(rng: np.random.Generator, spheres: Sequence[str], surfaces: Sequence[str]) -> Scope:
     """Return materials at random: one, some or all, each of the three as likely.
 
-    Parameters
-    ----------
-    rng : numpy.random.Generator
-        Source of chance.
-    spheres, surfaces : sequence of str
-        What there is.
-
     Returns
     -------
     Scope
@@ -112,17 +98,8 @@ def draw_solid(
 
     Parameters
     ----------
-    spec : SphereSpec or SurfaceSpec
-        The label.
-    rng : numpy.random.Generator
-        Source of chance.
     exact : bool
         Take the label at its word.
-
-    Returns
-    -------
-    Solid
-        The truth.
     """
     z_modulus, z_ratio, log_e = rng.standard_normal(), rng.standard_normal(), rng.uniform()
     if spec.youngs_modulus_pa is None:
@@ -140,19 +117,10 @@ def draw_cell(
 
     Parameters
     ----------
-    spec : CellSpec
-        The certificate.
-    rng : numpy.random.Generator
-        Source of chance.
     exact : bool
         Take the certificate at its word.
     rigid : bool
         Whether the cell is rigid (HSD).
-
-    Returns
-    -------
-    TrueCell
-        The truth.
     """
     pairs = (
         (spec.compliance_m_per_v, spec.compliance_u_m_per_v),
@@ -208,11 +176,6 @@ def draw_rig(
     spread : LabelSpread
         How far radii, masses, heights, time base, gravity and temperature may be from what is said.
 
-    Returns
-    -------
-    DrawnRig
-        The truth.
-
     Raises
     ------
     ValueError
@@ -259,11 +222,6 @@ def draw_rig(
 
 def no_room_for(model: RigModel) -> tuple[str, ...]:
     """Return the ids of effects that a rig of this physics has already.
-
-    Parameters
-    ----------
-    model : RigModel
-        Which physics it obeys.
 
     Returns
     -------

@@ -72,16 +72,12 @@ class DrawnRig:
         Spheres and coupons as they truly are, by name; their moduli are in the next two.
     sphere_solids, surface_solids : Mapping
         The true constants by name.
-    cell : TrueCell
-        The true cell.
     restitution : Mapping
         eps of Eq. 6 at 0.77 m/s by (sphere, surface). [1]
     restitution_slope : float
         ``eps ~ speed^slope``. [1]
     restitution_scatter : float
         Standard deviation of eps from impact to impact. [1]
-    effects : tuple of Effect
-        What acts.
     gravity_m_per_s2 : float
         [m/s^2]
     model : RigModel
@@ -106,11 +102,6 @@ class DrawnRig:
     def acting(self, sphere: str, surface: str) -> list[Effect]:
         """Return the effects that concern a pair, in the order of the chain.
 
-        Parameters
-        ----------
-        sphere, surface : str
-            The pair.
-
         Returns
         -------
         list of Effect
@@ -121,11 +112,6 @@ class DrawnRig:
 
     def reduced_modulus_pa(self, sphere: str, surface: str) -> float:
         """Return E*, 1/E* = sum of (1 - nu^2)/E. [Pa]
-
-        Parameters
-        ----------
-        sphere, surface : str
-            The pair.
 
         Returns
         -------
@@ -143,8 +129,6 @@ class DrawnRig:
 
         Parameters
         ----------
-        sphere, surface : str
-            The pair.
         speed_m_per_s : float
             Impact speed. [m/s]
         rng : numpy.random.Generator
@@ -166,17 +150,10 @@ class DrawnRig:
 
         Parameters
         ----------
-        shot : Shot
-            What falls on what.
         speed_m_per_s : float
             Impact speed. [m/s]
         rng : numpy.random.Generator
             Source of this impact's scatter.
-
-        Returns
-        -------
-        Mechanics
-            Ready to be integrated.
         """
         sphere, cell = self.sphere_specs[shot.sphere], self.cell
         coupon = self.surface_solids[shot.surface]

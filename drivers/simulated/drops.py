@@ -31,13 +31,6 @@ class Drops:
 def draw_drops(settings: CampaignSettings, seed: int) -> Drops:
     """Draw the specimen's labels, the heights and the order of the drops.
 
-    Parameters
-    ----------
-    settings : CampaignSettings
-        What the campaign consists of.
-    seed : int
-        Of the campaign.
-
     Returns
     -------
     Drops

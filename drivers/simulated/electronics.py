@@ -35,11 +35,6 @@ class Memoryless:
         ----------
         threshold_v : float
             Not needed. [V]
-
-        Returns
-        -------
-        bool
-            Always True.
         """
         return True
 

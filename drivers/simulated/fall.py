@@ -81,8 +81,6 @@ def fly(
 
     Parameters
     ----------
-    body : Body
-        The sphere and the air.
     height_m : float
         How far below the start it arrives; may be a little below zero after a bounce. [m]
     drag : str

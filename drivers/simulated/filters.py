@@ -79,11 +79,6 @@ def butterworth(cutoff_hz: float, order: int) -> Stage:
         -3 dB frequency. [Hz]
     order : int
         Number of poles. [1]
-
-    Returns
-    -------
-    Stage
-        At rest.
     """
     if order == 1:
         return lowpass_first(cutoff_hz)
@@ -105,11 +100,6 @@ def bessel(cutoff_hz: float, order: int) -> Stage:
         -3 dB frequency. [Hz]
     order : int
         Number of poles, 1 to 8. [1]
-
-    Returns
-    -------
-    Stage
-        At rest.
     """
     n = order
     # Reverse Bessel polynomial, highest power first.
@@ -142,11 +132,6 @@ def rc_sections(cutoff_hz: float, order: int) -> Stage:
         -3 dB frequency. [Hz]
     order : int
         Number of sections. [1]
-
-    Returns
-    -------
-    Stage
-        At rest.
     """
     if order == 1:
         return lowpass_first(cutoff_hz)

@@ -109,8 +109,6 @@ def begin_flight(
 
     Parameters
     ----------
-    rig : DrawnRig
-        The truth.
     shot : Shot
         What falls on what, from the stated height; changed by the release effects.
     released_s : float
@@ -119,11 +117,6 @@ def begin_flight(
         Relative standard deviation of the impact speed. [1]
     seed : tuple of int
         Where this flight's chance comes from.
-
-    Returns
-    -------
-    Flight
-        In the air.
     """
     rng = np.random.default_rng([*seed, 11])
     for i, effect in enumerate(rig.acting(shot.sphere, shot.surface)):
@@ -155,8 +148,6 @@ def render_flight(
 
     Parameters
     ----------
-    rig : DrawnRig
-        The truth.
     flight : Flight
         Its ``touches`` are filled.
     grid_start_s : float

@@ -262,8 +262,6 @@ def simulate_impact(
 
     Parameters
     ----------
-    mechanics : Mechanics
-        The bodies.
     speed_m_per_s : float
         Speed at touch-down, > 0. [m/s]
     first_s : float

@@ -108,8 +108,6 @@ class TrueLabels:
         With true radii and masses.
     gravity_m_per_s2 : float
         [m/s^2]
-    inputs : TrueInputs
-        The rest.
     """
 
     spheres: Mapping[str, SphereSpec]
@@ -129,8 +127,6 @@ def draw_true_labels(
 
     Parameters
     ----------
-    spread : LabelSpread
-        How far.
     seed : int
         Of the rig; the same deviations, in standard uncertainties, for every spread.
     spheres, surfaces : Mapping

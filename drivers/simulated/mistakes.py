@@ -49,8 +49,6 @@ class Mistake:
 
     Attributes
     ----------
-    id : str
-        One of `MISTAKES`.
     scope : Mapping
         Whom it concerns: ``sphere``, ``surface`` or ``cell`` to a name, ``drop_height_m`` to the
         wrong height as stated, ``shot`` to the shot's place. Places count from 0 in the order of
@@ -86,8 +84,6 @@ def draw_mistake(
 
     Parameters
     ----------
-    rng : numpy.random.Generator
-        Source of chance.
     drops : Drops
         Of the campaign in which it is made.
     among : sequence of str, optional
@@ -113,8 +109,6 @@ def make_mistake(settings: CampaignSettings, seed: int, mistake: Mistake) -> Jso
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What it consists of.
     seed : int
         Of the campaign. All that the mistake does not touch is as without it, to the last code,
         stated uncertainties included: a wrong number is stated as surely as a right one.

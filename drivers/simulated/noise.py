@@ -49,8 +49,6 @@ def noise_record(
         Level and correlation; the 1/f part is left out.
     samples : int
         Length. [1]
-    rng : numpy.random.Generator
-        Source of chance.
 
     Returns
     -------
@@ -79,8 +77,6 @@ def noise_table(
         Length; a power of two is quickest. [1]
     sample_rate_hz : float
         Rate at which it will be read. [Hz]
-    rng : numpy.random.Generator
-        Source of chance.
 
     Returns
     -------

@@ -86,11 +86,6 @@ class Recording:
             Rig time of sample 0. [s]
         sample_rate_hz : float
             True rate of the converter. [Hz]
-
-        Returns
-        -------
-        Segment
-            It replaces the simulated noise.
         """
         landing = round((landing_s - grid_start_s) * sample_rate_hz)
         if abs(sample_rate_hz / self.sample_rate_hz - 1.0) < 1e-9:

@@ -81,11 +81,6 @@ def rig_model(name: str, seed: int) -> RigModel:
     seed : int
         Of the rig; matters for ``drawn``.
 
-    Returns
-    -------
-    RigModel
-        The choices.
-
     Raises
     ------
     ValueError

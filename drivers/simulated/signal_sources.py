@@ -112,8 +112,6 @@ class PulseSource(_PacedSource):
     ----------
     speed : float
         See `drivers.simulated.clock.RigClock`.
-    seed : int, optional
-        Of the noise.
     noise_codes : float, optional
         Its standard deviation. [1]
     baseline_code : int, optional

@@ -41,11 +41,6 @@ def unseal(path: Path) -> dict[str, Any]:
     path : Path
         File `seal` wrote.
 
-    Returns
-    -------
-    dict
-        The truth.
-
     Raises
     ------
     OSError

@@ -81,8 +81,6 @@ class SimulatedConverter:
     ----------
     source : SignalSource
         What is at the input.
-    errors : BoardErrors
-        What this board gets wrong.
     fifo_samples : int or None
         Depth of the results FIFO; ``None`` for endless, as the real depth is NOT KNOWN. [1]
 

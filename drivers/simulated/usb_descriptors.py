@@ -16,8 +16,6 @@ def device_descriptor(product_id: int, *, address: int, loaded: bool) -> SimpleN
 
     Parameters
     ----------
-    product_id : int
-        Of the present state.
     address : int
         On the bus; a new one after each enumeration.
     loaded : bool
@@ -95,11 +93,6 @@ def interface_descriptor(*, loaded: bool) -> SimpleNamespace:
 
 def endpoint_descriptor(index: int) -> SimpleNamespace:
     """Return a bulk endpoint's descriptor.
-
-    Parameters
-    ----------
-    index : int
-        Position in the interface.
 
     Returns
     -------

@@ -14,8 +14,6 @@ class SimulatedFpga:
 
     Parameters
     ----------
-    converter : SimulatedConverter
-        What they start and stop.
     loaded : bool
         Whether the bit stream is in already.
 
@@ -50,11 +48,6 @@ class SimulatedFpga:
         ----------
         data : bytes
             2048 of them, fewer in the last block.
-
-        Returns
-        -------
-        bool
-            Whether it could be taken.
         """
         if self._image_ended or len(data) > _BLOCK_BYTES:
             return False
@@ -65,11 +58,6 @@ class SimulatedFpga:
 
     def read_register(self, register: int) -> int:
         """Return a register's word.
-
-        Parameters
-        ----------
-        register : int
-            Its number.
 
         Returns
         -------
@@ -83,15 +71,7 @@ class SimulatedFpga:
         return self._words.get(register, 0)
 
     def write_register(self, register: int, value: int) -> None:
-        """Write a register's word.
-
-        Parameters
-        ----------
-        register : int
-            Its number.
-        value : int
-            The word.
-        """
+        """Write a register's word."""
         if not self.loaded:
             return
         if register == 0x00:

@@ -54,17 +54,10 @@ class _Stream:
 class World:
     """One rig: time, sphere, coupon, cell, noise. Thread safe.
 
-    Parameters
-    ----------
-    settings : WorldSettings
-        What it is made of.
-
     Attributes
     ----------
     settings : WorldSettings
         As given.
-    clock : RigClock
-        Rig time.
     faults : Faults
         Switches for whatever shall break.
     openings_ns : list of int

@@ -32,10 +32,6 @@ class Admission:
     ----------
     loop : RigLoop
         Knows what runs and what was found.
-    archive : Archive
-        Disk and calibration.
-    settings : Settings
-        Limits.
 
     Attributes
     ----------
@@ -93,12 +89,8 @@ class Admission:
 
         Parameters
         ----------
-        calibration : int or None
-            The run it belongs to.
         sentence : str
             Of the status, for a rig that is not ready.
-        series : Reservation or None
-            Which this drop belongs to.
 
         Raises
         ------
@@ -144,8 +136,6 @@ class Admission:
 
         Parameters
         ----------
-        calibration : CalibrationState
-            How it stands.
         for_calibration : bool
             Whether the drop belongs to a calibration run.
 
@@ -163,18 +153,7 @@ class Admission:
         return disk, check_calibration(calibration, limits, for_calibration=for_calibration)
 
     def alarms(self, calibration: CalibrationState) -> list[str]:
-        """Return what needs attention about the calibration although drops are possible.
-
-        Parameters
-        ----------
-        calibration : CalibrationState
-            How it stands.
-
-        Returns
-        -------
-        list of str
-            Sentences.
-        """
+        """Return what needs attention about the calibration although drops are possible."""
         alarms = []
         if calibration.word != "valid":
             alarms.append(f"{calibration.sentence[0].upper()}{calibration.sentence[1:]}.")

@@ -62,14 +62,10 @@ class DropRun:
 
     Parameters
     ----------
-    drop : Drop
-        Its row.
     accepted : int
         Abort epoch at which it was asked for.
     guard : ValveGuard
         Opens the valve.
-    rig, archive, settings, materials, machine
-        What it works with.
     moved : callable
         Told after each step: ``(drop_state or None)``.
     tell : callable
@@ -87,8 +83,6 @@ class DropRun:
         What was seen so far.
     aborting : threading.Event
         Set by whoever wants the end.
-    aborted_by : str
-        Who that was.
     finished : threading.Event
         Set once the drop's row says how it ended.
     hold_error : DriverError or None

@@ -19,13 +19,6 @@ _log = structlog.get_logger("impactd.acquisition")
 def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
     """Return the final state of a drop and why.
 
-    Parameters
-    ----------
-    run : DropRun
-        Knows whether somebody aborted it.
-    failure : Failure
-        What stopped it.
-
     Returns
     -------
     tuple of str and Problem
@@ -86,17 +79,10 @@ def keep_evidence(archive: Archive, run: DropRun, failure: Failure, reason: str)
     ----------
     archive : Archive
         Keeps it in ``partial/``.
-    run : DropRun
-        The drop.
     failure : Failure
         Carries the record, if there is one.
     reason : str
         Why it is no shot.
-
-    Returns
-    -------
-    str or None
-        Name of the file.
     """
     if failure.record is None:
         return None
@@ -108,13 +94,7 @@ def keep_evidence(archive: Archive, run: DropRun, failure: Failure, reason: str)
 
 
 class Rows:
-    """Closes drops' rows, and remembers those that the archive could not take.
-
-    Parameters
-    ----------
-    archive : Archive
-        Where the rows are.
-    """
+    """Closes drops' rows, and remembers those that the archive could not take."""
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
@@ -127,12 +107,8 @@ class Rows:
 
         Parameters
         ----------
-        number : int
-            The drop.
         state : str
             ``failed`` or ``aborted``.
-        problem : Problem
-            Why.
 
         Returns
         -------
@@ -169,11 +145,6 @@ class Rows:
 
 def about_drop(drop: Drop) -> dict[str, Any]:
     """Return what events say about a drop.
-
-    Parameters
-    ----------
-    drop : Drop
-        Its row.
 
     Returns
     -------

@@ -197,13 +197,7 @@ def _parsed(content: bytes, file: str) -> Environment:
 
 
 class _Hook:
-    """A command that prints a reading; killed with all its children when it is over.
-
-    Parameters
-    ----------
-    command : sequence of str
-        Program and arguments.
-    """
+    """A command that prints a reading; killed with all its children when it is over."""
 
     def __init__(self, command: tuple[str, ...]) -> None:
         self._command = command

@@ -22,8 +22,6 @@ class BusyError(RequestRefusedError):
 
     Parameters
     ----------
-    owner : str
-        Who does.
     number : int or None
         Their drop, ``None`` between two drops of a series.
     """
@@ -40,8 +38,6 @@ class RequestAbortedError(RequestRefusedError):
 
     Parameters
     ----------
-    by : str
-        Who aborted.
     aborted_utc : str
         When.
     """
@@ -55,15 +51,7 @@ class RequestAbortedError(RequestRefusedError):
 
 
 class NotReadyError(RequestRefusedError):
-    """The rig cannot take a drop now.
-
-    Parameters
-    ----------
-    sentence : str
-        Why.
-    remedy : str
-        What to do.
-    """
+    """The rig cannot take a drop now."""
 
     def __init__(self, sentence: str, remedy: str) -> None:
         self.sentence = sentence

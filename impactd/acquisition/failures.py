@@ -44,8 +44,6 @@ class StepFailedError(Exception):
 
     Parameters
     ----------
-    problem : Problem
-        For the client.
     doubt : Doubt
         How far it reaches.
     record : Record, optional
@@ -62,13 +60,7 @@ class StepFailedError(Exception):
 
 
 class RescuedError(Exception):
-    """The daemon ends with a record that only another disk took; its drop ends at the next start.
-
-    Parameters
-    ----------
-    path : Path
-        Where the record is.
-    """
+    """The daemon ends with a record that only another disk took; its drop ends at next start."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -81,8 +73,6 @@ class Failure:
 
     Attributes
     ----------
-    problem : Problem
-        For the client.
     doubt : Doubt
         How far it reaches.
     record : Record or None

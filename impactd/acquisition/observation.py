@@ -29,8 +29,6 @@ class Observation:
         The gauge before the release.
     may_have_fallen : bool
         The valve was told to open, whatever came of it.
-    valve : ValveReport or None
-        Of the release.
     baseline : Baseline or None
         Of the idle input.
     environment : Environment or None
@@ -108,17 +106,6 @@ def metadata_of(
     calibration: Calibration | None,
 ) -> ShotMetadata:
     """Return what is known of a drop by now.
-
-    Parameters
-    ----------
-    seen : Observation
-        What was seen.
-    request : DropRequest
-        What was asked for.
-    rig, settings, materials
-        As they are today.
-    calibration : Calibration or None
-        The one in force.
 
     Returns
     -------

@@ -83,20 +83,6 @@ def check_input(baseline: Baseline, limits: PreflightSection, trigger: TriggerSe
 
     Besides mean and noise, nothing may come within the hysteresis of the trigger level: a sphere
     that still bounces, or a knock, would be taken for the impact.
-
-    Parameters
-    ----------
-    baseline : Baseline
-        As measured just now.
-    limits : PreflightSection
-        What is allowed.
-    trigger : TriggerSection
-        What would start a record.
-
-    Returns
-    -------
-    Check
-        ``input``.
     """
     found = (
         f"baseline {baseline.mean_v * 1e3:.2f} mV, noise {baseline.noise_rms_v * 1e3:.3f} mV rms"
@@ -142,11 +128,6 @@ def check_disk(free_above_reserve_bytes: int) -> Check:
     ----------
     free_above_reserve_bytes : int
         Free space above the reserve, negative inside it. [byte]
-
-    Returns
-    -------
-    Check
-        ``disk``.
     """
     megabytes = free_above_reserve_bytes / 1e6
     if free_above_reserve_bytes < 0:
@@ -243,17 +224,10 @@ def check_calibration(
 
     Parameters
     ----------
-    state : CalibrationState
-        How it stands.
     limits : PreflightSection
         Whether a valid one is required.
     for_calibration : bool
         Drops of a calibration run may go without.
-
-    Returns
-    -------
-    Check
-        ``calibration``.
     """
     required = limits.require_valid_calibration and not for_calibration
     if required and not state.valid:

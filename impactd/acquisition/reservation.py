@@ -14,8 +14,6 @@ class Reservation:
 
     Parameters
     ----------
-    owner : str
-        Who holds it.
     calibration : int or None
         The calibration run whose drops are let through.
     accepted : int
@@ -25,8 +23,6 @@ class Reservation:
     ----------
     aborted : threading.Event
         Set when somebody aborts the series.
-    aborted_by : str
-        Who that was.
     """
 
     def __init__(self, owner: str, calibration: int | None, accepted: int) -> None:
@@ -72,8 +68,6 @@ def report_of(
 
     Parameters
     ----------
-    before : State
-        Where the rig was.
     drop : int or None
         The drop that was under way.
     reservation : Reservation or None

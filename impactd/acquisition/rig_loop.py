@@ -65,8 +65,6 @@ class RigLoop:
 
     Attributes
     ----------
-    machine : Machine
-        The state.
     present : threading.Lock
         Guards which drop is the present one together with the machine's step into and out of it.
         Held for microseconds only, because an abort takes it.
@@ -152,8 +150,6 @@ class RigLoop:
 
         Parameters
         ----------
-        drop : Drop
-            Admitted a moment ago.
         accepted : int
             Abort epoch at which it was asked for.
 

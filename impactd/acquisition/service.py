@@ -61,8 +61,6 @@ class AcquisitionService:
         Unopened or open; the service opens it.
     archive : Archive
         Where drops and shots are kept.
-    settings : Settings
-        Limits, times, sensor.
     materials : Materials
         What may be dropped on what.
     publish : callable
@@ -156,8 +154,6 @@ class AcquisitionService:
 
         Parameters
         ----------
-        request : DropRequest
-            What to drop on what.
         owner : str
             How others are told who holds the rig.
         idempotency_key : str, optional
@@ -274,11 +270,6 @@ class AcquisitionService:
         number : int, optional
             Only if this drop is the one under way; ``None`` ends anything, and makes the rig
             safe even when nothing runs.
-
-        Returns
-        -------
-        AbortReport
-            What was found and done.
         """
         began_s = time.monotonic()
         with self._loop.present:
@@ -314,11 +305,6 @@ class AcquisitionService:
 
     def acknowledge_fault(self, *, by: str) -> None:
         """Say that the rig was checked; the devices are asked again and the rig becomes idle.
-
-        Parameters
-        ----------
-        by : str
-            Who checked it.
 
         Raises
         ------
@@ -376,8 +362,6 @@ class AcquisitionService:
 
         Parameters
         ----------
-        number : int
-            The drop.
         timeout_s : float
             Longest wait. [s]
 
@@ -409,11 +393,6 @@ class AcquisitionService:
         ----------
         timeout_s : float
             Longest wait. [s]
-
-        Returns
-        -------
-        bool
-            Whether it is.
         """
         ends_s = time.monotonic() + timeout_s
         with self._loop.changed:

@@ -52,8 +52,6 @@ class Facts:
 
     Attributes
     ----------
-    state : State
-        Of the machine.
     owner : str or None
         Who holds the rig.
     drop : int or None
@@ -68,8 +66,6 @@ class Facts:
         What was looked at.
     calibration : CalibrationState
         Of the load cell.
-    alarms : tuple of str
-        What needs attention.
     aftermath : str
         What the last drop left to be looked at.
     """
@@ -93,11 +89,6 @@ def status_of(facts: Facts) -> ServiceStatus:
     ----------
     facts : Facts
         Read at one moment.
-
-    Returns
-    -------
-    ServiceStatus
-        With its sentence.
     """
     why_not = _why_not(facts)
     if why_not:

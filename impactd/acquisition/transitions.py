@@ -149,8 +149,6 @@ class IllegalTransitionError(Exception):
     ----------
     state : State
         Where the rig was and still is.
-    event : Event
-        What was reported.
     """
 
     def __init__(self, state: State, event: Event) -> None:
@@ -165,18 +163,6 @@ class IllegalTransitionError(Exception):
 
 def next_state(state: State, event: Event) -> State:
     """Return where an event leads.
-
-    Parameters
-    ----------
-    state : State
-        Where the rig is.
-    event : Event
-        What happened.
-
-    Returns
-    -------
-    State
-        Where the rig is then.
 
     Raises
     ------
@@ -212,11 +198,6 @@ class Machine:
 
     def apply(self, event: Event) -> State:
         """Move on.
-
-        Parameters
-        ----------
-        event : Event
-            What happened.
 
         Returns
         -------

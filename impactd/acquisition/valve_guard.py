@@ -47,11 +47,6 @@ class ValveGuard:
         limit_s : float
             The valve closes by itself after this time. [s]
 
-        Returns
-        -------
-        ValveReport
-            Of the release.
-
         Raises
         ------
         AbortedError

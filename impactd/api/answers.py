@@ -154,12 +154,6 @@ def next_page(path: str, numbers: list[int], limit: int, query: Mapping[str, Any
 
     Parameters
     ----------
-    path : str
-        The collection.
-    numbers : list of int
-        Numbers on this page, falling.
-    limit : int
-        Size of a page.
     query : mapping
         The filters, which stay as they are.
 

@@ -87,11 +87,6 @@ def create_app(daemon: Daemon) -> FastAPI:
     ----------
     daemon : Daemon
         The parts that do the work; the application neither starts nor stops them.
-
-    Returns
-    -------
-    FastAPI
-        An ASGI application.
     """
     app = FastAPI(
         title="impactd",

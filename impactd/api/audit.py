@@ -27,8 +27,6 @@ class Written:
     ----------
     scope : dict
         Of the request; `impactd.api.security.authorize` left the caller's name in its state.
-    status : int
-        Of the answer.
     location : str or None
         Where the answer says the work can be watched.
     """
@@ -51,13 +49,7 @@ class Audit:
         self._publish = publish
 
     def record(self, written: Written) -> None:
-        """Keep a write; a stranger's is none, as it changed nothing.
-
-        Parameters
-        ----------
-        written : Written
-            What was asked and answered.
-        """
+        """Keep a write; a stranger's is none, as it changed nothing."""
         by = written.scope["state"].get("caller_name")
         if by is None:
             return

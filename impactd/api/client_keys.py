@@ -27,12 +27,8 @@ def job_key(caller: Caller, kind: str, key: str | None) -> str | None:
 
     Parameters
     ----------
-    caller : Caller
-        Whose key it is.
     kind : str
         `FIT`, `DIAGNOSIS` or `CALIBRATION`.
-    key : str or None
-        As the client sent it.
 
     Returns
     -------

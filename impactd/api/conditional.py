@@ -17,13 +17,7 @@ _DIGEST_BYTES = 16
 
 
 class Conditional:
-    """ASGI layer that answers HEAD as GET without its body, and tags JSON.
-
-    Parameters
-    ----------
-    app : ASGIApp
-        What lies behind.
-    """
+    """ASGI layer that answers HEAD as GET without its body, and tags JSON."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app

@@ -32,10 +32,6 @@ class Connection(H11Protocol):
 
     Attributes
     ----------
-    arrivals : Arrivals
-        Gives the stamps.
-    kept : Connections
-        All of them.
     receiving_since_s : float or None
         First byte of a request that is not complete, on the monotonic clock; the connection's
         beginning before its first request. [s]
@@ -122,13 +118,6 @@ class Connection(H11Protocol):
 
 def connection_class(arrivals: Arrivals, connections: Connections) -> type[Connection]:
     """Return the class that uvicorn makes connections of, for one server.
-
-    Parameters
-    ----------
-    arrivals : Arrivals
-        Gives the stamps.
-    connections : Connections
-        Their limits.
 
     Returns
     -------

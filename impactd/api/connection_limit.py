@@ -66,11 +66,6 @@ def most_connections(descriptors: int) -> int:
     ----------
     descriptors : int
         What the process may have; -1 is without limit.
-
-    Returns
-    -------
-    int
-        16 to 512.
     """
     unlimited = descriptors == resource.RLIM_INFINITY
     limit = _SELECT_LIMIT if unlimited else min(descriptors, _SELECT_LIMIT)

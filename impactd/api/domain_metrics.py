@@ -29,13 +29,7 @@ Json = dict[str, Any]
 
 
 class DomainMetrics:
-    """What the last shots and calibrations say.
-
-    Parameters
-    ----------
-    archive : Archive
-        Read.
-    """
+    """What the last shots and calibrations say."""
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive

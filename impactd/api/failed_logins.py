@@ -53,12 +53,8 @@ class FailedLogins:
 
         Parameters
         ----------
-        address : str
-            Of the client.
         what : str
             ``token`` or ``session``.
-        path : str
-            Of the request.
 
         Returns
         -------

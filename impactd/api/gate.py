@@ -62,8 +62,6 @@ class Gate:
 
     Parameters
     ----------
-    app : ASGIApp
-        What lies behind.
     allowed_hosts : sequence of str
         Host names the daemon answers to, without port; against DNS rebinding.
     observe : callable

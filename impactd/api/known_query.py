@@ -12,13 +12,7 @@ from impactd.api.problems import ProblemError
 
 
 async def refuse_unknown_query(request: Request) -> None:
-    """Raise `ProblemError` 422 when the query holds a name that the route does not know.
-
-    Parameters
-    ----------
-    request : Request
-        With its matched route.
-    """
+    """Raise `ProblemError` 422 when the query holds a name that the route does not know."""
     if not request.url.query:
         return
     route = request.scope["route"]

@@ -47,13 +47,7 @@ _KEYS_REQUIRED = (
 
 
 def add_links(schema: dict[str, Any]) -> None:
-    """Add the links to an OpenAPI document.
-
-    Parameters
-    ----------
-    schema : dict
-        The document; changed in place.
-    """
+    """Add the links to an OpenAPI document."""
     paths = schema["paths"]
     for (method, path, status), (member, parameter, targets) in _LINKS.items():
         answer = paths[path][method]["responses"][status]
@@ -67,13 +61,7 @@ def add_links(schema: dict[str, Any]) -> None:
 
 
 def mark_open_routes(schema: dict[str, Any]) -> None:
-    """Say of the routes that need no token, or none from this machine, that it is so.
-
-    Parameters
-    ----------
-    schema : dict
-        The document; changed in place.
-    """
+    """Say of the routes that need no token, or none from this machine, that it is so."""
     for (method, path), needed in ROUTE_SCOPES.items():
         operation = schema["paths"].get(path, {}).get(method.lower())
         if operation is not None and needed == PUBLIC:
@@ -87,11 +75,6 @@ def mark_required_keys(schema: dict[str, Any]) -> None:
 
     Without one the answer is 400 with a type of its own, which the framework's check would not
     give.
-
-    Parameters
-    ----------
-    schema : dict
-        The document; changed in place.
     """
     for method, path in _KEYS_REQUIRED:
         for one in schema["paths"][path][method]["parameters"]:

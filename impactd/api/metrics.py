@@ -15,13 +15,7 @@ from impactd.daemon import Daemon
 
 
 class Metrics(Collector):
-    """The metrics of one application.
-
-    Parameters
-    ----------
-    daemon : Daemon
-        What is measured.
-    """
+    """The metrics of one application."""
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon

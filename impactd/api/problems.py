@@ -263,8 +263,6 @@ def from_status(status: int, detail: str, headers: Mapping[str, str] | None = No
     ----------
     status : int
         HTTP status, >= 400. [1]
-    detail : str
-        What the framework said.
     headers : mapping, optional
         Headers to keep.
 

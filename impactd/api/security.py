@@ -111,11 +111,6 @@ _PATTERNS = {path: re.compile(re.sub(r"\{\w+\}", "[^/]+", path)) for _, path in 
 def methods_of(path: str) -> list[str]:
     """Return the methods that a path knows.
 
-    Parameters
-    ----------
-    path : str
-        Of a request.
-
     Returns
     -------
     list of str
@@ -176,11 +171,6 @@ _cookie = APIKeyCookie(
 async def the_daemon(request: Request) -> Daemon:
     """Return the daemon behind this application.
 
-    Parameters
-    ----------
-    request : Request
-        Of any route.
-
     Returns
     -------
     Daemon
@@ -203,8 +193,6 @@ async def authorize(
         The request; its matched route is looked up in `ROUTE_SCOPES`.
     credentials : HTTPAuthorizationCredentials or None
         The bearer token; it counts before a cookie.
-    cookie : str or None
-        Of a session.
 
     Returns
     -------

@@ -81,11 +81,6 @@ class Sessions:
     def begin(self, token: Token) -> tuple[Session, str]:
         """Begin a session.
 
-        Parameters
-        ----------
-        token : Token
-            Which was shown.
-
         Returns
         -------
         tuple of Session and str

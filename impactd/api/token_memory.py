@@ -46,11 +46,6 @@ class TokenMemory:
     def check(self, secret: str) -> Token | None:
         """Return the token of a secret; the database is asked only for one that is not known here.
 
-        Parameters
-        ----------
-        secret : str
-            As the client sent it.
-
         Returns
         -------
         Token or None

@@ -103,11 +103,6 @@ def as_problem(error: Exception) -> ProblemError:
     ----------
     error : Exception
         An instance of one of the keys of `TRANSLATIONS`.
-
-    Returns
-    -------
-    ProblemError
-        Ready to be answered.
     """
     for kind, translate in TRANSLATIONS.items():
         if isinstance(error, kind):

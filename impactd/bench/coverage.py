@@ -102,8 +102,6 @@ class Rigs:
 
     Attributes
     ----------
-    rig : str
-        Their physics.
     labels : str
         ``"exact"``: radii, masses, heights and time base are as stated; ``"typical"``: drawn around
         it.
@@ -123,8 +121,6 @@ def draw_settings(seed: int, rigs: Rigs | None = None) -> CampaignSettings:
     ----------
     seed : int
         Even seeds have white noise, odd ones autoregressive noise.
-    rigs : Rigs, optional
-        Which rigs.
 
     Returns
     -------
@@ -155,13 +151,6 @@ def draw_settings(seed: int, rigs: Rigs | None = None) -> CampaignSettings:
 
 def campaign_pulls(seed: int, rigs: Rigs | None = None) -> list[Pull]:
     """Simulate one campaign, fit it in both ways, and lay what is stated beside the truth.
-
-    Parameters
-    ----------
-    seed : int
-        Of the campaign.
-    rigs : Rigs, optional
-        Which rigs.
 
     Returns
     -------
@@ -270,10 +259,6 @@ def run(
         How many; half with white noise.
     seed : int
         Of the first one; the others follow.
-    workers : int
-        Processes.
-    rigs : Rigs, optional
-        Which rigs.
 
     Yields
     ------
@@ -293,8 +278,6 @@ def coverage(pulls: Sequence[Pull], level: str) -> tuple[float, float]:
 
     Parameters
     ----------
-    pulls : sequence of Pull
-        Of one sort.
     level : str
         ``68`` or ``95``.
 
@@ -390,13 +373,7 @@ def measure() -> list[Figure]:
 
 
 def main() -> int:
-    """Run the benchmark from the command line: ``python -m impactd.bench.coverage``.
-
-    Returns
-    -------
-    int
-        0.
-    """
+    """Run the benchmark from the command line: ``python -m impactd.bench.coverage``."""
     blas_threads.keep_to_one()
     parser = argparse.ArgumentParser(prog="python -m impactd.bench.coverage")
     parser.add_argument("--campaigns", type=int, default=CAMPAIGNS)

@@ -13,8 +13,6 @@ class Figure:
     ----------
     name : str
         What was measured, in words a reader of the table understands.
-    value : float
-        The measurement.
     unit : str
         Its unit, ``"1"`` for a pure number.
     reference : float or None

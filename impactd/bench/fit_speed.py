@@ -108,11 +108,6 @@ def _joint_seconds(campaign: Campaign) -> float:
 def lmfit_fit(alone: Campaign) -> tuple[float, float]:
     """Fit one shot with lmfit and ``solve_ivp``.
 
-    Parameters
-    ----------
-    alone : Campaign
-        Of one shot.
-
     Returns
     -------
     log_k : float

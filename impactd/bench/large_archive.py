@@ -44,8 +44,6 @@ class FittedShot:
 
     Attributes
     ----------
-    shot : Shot
-        Its row.
     results : dict
         By model, as the daemon writes them.
     """
@@ -56,15 +54,6 @@ class FittedShot:
 
 def fitted_shots(settings: Settings, materials: Materials, *, seed: int = 0) -> list[FittedShot]:
     """Return a simulated campaign's shots with the results that the daemon's task gives them.
-
-    Parameters
-    ----------
-    settings : Settings
-        Certificate of the cell, release.
-    materials : Materials
-        Spheres and surfaces.
-    seed : int
-        Of the campaign.
 
     Returns
     -------
@@ -97,8 +86,6 @@ def fill_archive(
         Of the archive; created when absent. A daemon may serve it meanwhile.
     templates : list of FittedShot
         Whose results are copied, in turns.
-    shots : int
-        How many.
     seed : int
         Of what the moduli are moved by.
     """

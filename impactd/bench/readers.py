@@ -52,8 +52,6 @@ def measure_readers(
     ----------
     templates : list of FittedShot
         Whose results the archive's shots have.
-    shots : int
-        How many there are.
     rounds : int
         How often each request is timed.
 

@@ -112,8 +112,6 @@ def make_archive(archive: Archive, folder: Path, shots: int) -> None:
     ----------
     archive : Archive
         Open.
-    folder : Path
-        For the campaigns' files.
     shots : int
         At least so many.
     """
@@ -179,13 +177,7 @@ def _peak_kib() -> int:
 
 
 def main() -> int:
-    """Run the benchmark from the command line: ``python -m impactd.bench.refit``.
-
-    Returns
-    -------
-    int
-        0.
-    """
+    """Run the benchmark from the command line: ``python -m impactd.bench.refit``."""
     blas_threads.keep_to_one()
     parser = argparse.ArgumentParser(prog="python -m impactd.bench.refit")
     parser.add_argument("--shots", type=int, default=SHOTS)

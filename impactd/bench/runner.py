@@ -66,13 +66,7 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
 
 
 def show(figures: dict[str, list[Figure]]) -> None:
-    """Print figures as the table of `run`.
-
-    Parameters
-    ----------
-    figures : dict
-        By benchmark.
-    """
+    """Print figures as the table of `run`."""
     _console().print(_table(figures))
 
 

@@ -21,8 +21,6 @@ def simulated_campaign(settings: CampaignSettings, seed: int) -> Campaign:
 
     Parameters
     ----------
-    settings : CampaignSettings
-        What it consists of.
     seed : int
         Of everything drawn.
 

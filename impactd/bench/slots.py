@@ -44,12 +44,8 @@ class Judged:
 
     Attributes
     ----------
-    effect, slot : str
-        What acted.
     squares : float
         Whitened squares that the best family explains, coefficients paid for.
-    odds : dict
-        Slot to probability.
     """
 
     effect: str

@@ -60,8 +60,6 @@ class Impact:
 
     Attributes
     ----------
-    name : str
-        Sphere and surface.
     radius_m, mass_kg : float
         The sphere. [m], [kg]
     reduced_modulus_pa : float
@@ -171,8 +169,6 @@ def compiled_trace(impact: Impact, *, closed: bool = False) -> NDArray[np.float6
 
     Parameters
     ----------
-    impact : Impact
-        What falls on what.
     closed : bool
         By kv2, a coupon on the crystal, instead of kv.
 
@@ -206,8 +202,6 @@ def scipy_trace(
 
     Parameters
     ----------
-    impact : Impact
-        What falls on what.
     method : {"LSODA", "DOP853"}
         As in `scipy.integrate.solve_ivp`.
     rtol : float
@@ -241,8 +235,6 @@ def scipy_voltage(
     ----------
     times_s : ndarray, shape (n,)
         After touch-down, increasing, the first one not negative. [s]
-    impact : Impact
-        What falls on what.
     cell : Cell
         On which load cell.
     method : {"LSODA", "DOP853"}
@@ -325,11 +317,6 @@ def scipy_voltage(
 
 def relative_error(impact: Impact) -> float:
     """Return the compiled solver's largest error against DOP853 at rtol 1e-12.
-
-    Parameters
-    ----------
-    impact : Impact
-        What falls on what.
 
     Returns
     -------

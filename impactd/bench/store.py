@@ -30,8 +30,6 @@ def measure_store(shots: int = SHOTS, *, directory: Path | None = None) -> dict[
 
     Parameters
     ----------
-    shots : int
-        How many.
     directory : Path, optional
         Where; without it in the working directory, since a temporary one may be no disk at all.
 

@@ -55,8 +55,6 @@ class SampleCounter:
 
         Parameters
         ----------
-        ring : RingBuffer
-            Holds it.
         first : int
             Its position in the stream; a new stream begins at 0. [1]
         count : int

@@ -65,10 +65,6 @@ async def carry(rig: AsyncRig, broker: Broker, place: Place) -> None:
 
     Parameters
     ----------
-    rig : AsyncRig
-        Allowed to read.
-    broker : Broker
-        Where to.
     place : Place
         Behind which event it begins. An event may arrive twice after a crash, with one id; none
         is left out.

@@ -34,11 +34,6 @@ _PREFIX = "whsec_"
 def read_secret(text: str) -> bytes:
     """Return the key of a secret ``whsec_<base64>``.
 
-    Parameters
-    ----------
-    text : str
-        As the receiver shows it.
-
     Returns
     -------
     bytes
@@ -79,10 +74,6 @@ class Receiver:
 
     Attributes
     ----------
-    url : str
-        Takes POST requests.
-    key : bytes
-        Shared secret.
     kinds : tuple of str
         What it wants to hear, as beginnings: ``drop.`` or ``drop.stored``. None is all.
     """
@@ -103,10 +94,6 @@ async def carry(
 
     Parameters
     ----------
-    rig : AsyncRig
-        Allowed to read.
-    receiver : Receiver
-        Where to.
     place : Place
         Behind which event it begins; it moves on when the receiver has answered with 2xx.
     sleep : callable, optional

@@ -72,10 +72,6 @@ class CalibrationRunner:
 
     Parameters
     ----------
-    service : AcquisitionService
-        Makes the drops.
-    archive : Archive
-        Keeps the runs.
     settings : Settings
         Plan, due dates, and whether the rig is safe unattended.
     """
@@ -106,8 +102,6 @@ class CalibrationRunner:
             ``sphere``, ``surface``, ``drop_height_m``, ``repeats``; the settings' when left out.
         slot : str or None
             The same slot gives the same run, whatever became of it.
-        owner : str
-            Who asks.
         unattended : bool
             Nobody stands by the rig.
         accepted : int, optional
@@ -151,13 +145,7 @@ class CalibrationRunner:
         return run
 
     def interrupt_unfinished(self) -> list[Calibration]:
-        """Fail the runs that a dead daemon left under way; they are never continued.
-
-        Returns
-        -------
-        list of Calibration
-            As they are now.
-        """
+        """Fail the runs that a dead daemon left under way; they are never continued."""
         ended = []
         for run in self._archive.calibrations.list(limit=20):
             if run.state in ("requested", "running"):

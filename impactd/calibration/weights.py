@@ -39,16 +39,10 @@ def calibrate_with_weights(
 
     Parameters
     ----------
-    archive : Archive
-        Where it goes.
     settings : Settings
         Gravity, and how long a calibration is valid.
-    weighing : Weighing
-        The readings.
     slot : str or None
         The same slot with the same readings gives the same record.
-    owner : str
-        Who read them.
 
     Returns
     -------

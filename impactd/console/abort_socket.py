@@ -25,8 +25,6 @@ def abort_through_socket(url: str, name: str) -> dict[str, Any] | None:
     ----------
     url : str
         The daemon's.
-    name : str
-        Who aborts.
 
     Returns
     -------

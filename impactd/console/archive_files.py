@@ -74,16 +74,12 @@ def export(
 
     Parameters
     ----------
-    numbers : sequence of int
-        Shots.
     form : str
         ``csv``, ``npz`` or ``campaign``.
     out : Path
         A folder; created when absent.
     config, data : Path or None
         As given on the command line.
-    as_json : bool
-        Print the files as JSON.
     """
     with open_archive(config, data) as archive:
         if form == "campaign":

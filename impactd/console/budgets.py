@@ -38,8 +38,6 @@ def budget(
     ----------
     path : Path
         ``campaign.json`` or its folder.
-    model : str
-        Base model, with effects.
     asked : Asked
         Limits, and which material to show.
     draws : int or None
@@ -113,12 +111,8 @@ def of_the_archive(
     ----------
     filters : dict
         ``specimen``, ``since``, ``until``; ``None`` where not given.
-    asked : Asked
-        Limits.
     report_out : Path or None
         Where a report goes; ends in ``.html`` or ``.pdf``.
-    url : str or None
-        The daemon.
     as_json : bool
         Print the answer as JSON.
 
@@ -161,8 +155,6 @@ def shown(document: Json, specimen: str | None) -> list[str]:
     ----------
     document : dict
         ``impactd-budget/1`` with ``status``.
-    specimen : str or None
-        Only this one.
 
     Raises
     ------
@@ -185,8 +177,6 @@ def report(document: Json, names: list[str]) -> str:
     ----------
     document : dict
         ``impactd-budget/1`` of a fit.
-    names : list of str
-        Materials to show.
 
     Returns
     -------
@@ -210,8 +200,6 @@ def budget_table(title: str, one: Json) -> str:
 
     Parameters
     ----------
-    title : str
-        Which modulus.
     one : dict
         ``impactd-budget/1`` of one modulus.
 

@@ -23,8 +23,6 @@ def history(*, chart: Path | None, url: str | None, as_json: bool) -> None:
     ----------
     chart : Path or None
         Where the chart goes; its ending says in which format.
-    url : str or None
-        The daemon.
     as_json : bool
         Print the series as JSON instead of the table.
 

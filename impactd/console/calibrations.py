@@ -27,10 +27,6 @@ def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_j
         Whether nobody stands by the rig.
     wait : bool
         Whether to wait for the end.
-    url : str or None
-        The daemon.
-    as_json : bool
-        Print the answer.
 
     Raises
     ------
@@ -110,10 +106,6 @@ def weights(
         From putting a weight down to its reading. [s]
     discharge_time_constant_s : float or None
         Of cell and conditioner. [s]
-    url : str or None
-        The daemon.
-    as_json : bool
-        Print the answer.
 
     Raises
     ------

@@ -19,11 +19,6 @@ _INSTALLED = Path(sys.prefix) / "share" / "impactd" / "config"
 def spheres(incomplete: str) -> list[str]:
     """Return the spheres whose names begin so.
 
-    Parameters
-    ----------
-    incomplete : str
-        What was typed.
-
     Returns
     -------
     list of str

@@ -30,8 +30,6 @@ class Asked:
         How it is decided.
     guard : float
         Guard band over the expanded uncertainty.
-    of : Modulus
-        Which modulus.
     specimen : str or None
         Whose; None where only one material was to be found.
     """

@@ -51,8 +51,6 @@ def offline(
         Where ``impactd-diagnosis/1`` goes; ``-`` prints it instead of the tables.
     csv_out : Path or None
         Where the numbers go for a spreadsheet.
-    report : Path or None
-        Where the page goes.
     """
     from impactd.diagnosis.run import diagnose
     from impactd.storage.campaign_folder import read_campaign
@@ -93,10 +91,6 @@ def by_the_daemon(
         Where the result goes; ``-`` prints it.
     csv_out : Path or None
         Where the numbers go for a spreadsheet.
-    report : Path or None
-        Where the page goes.
-    url : str or None
-        The daemon.
 
     Raises
     ------

@@ -28,8 +28,6 @@ class Finding:
 
     Attributes
     ----------
-    name : str
-        What was looked at.
     well : bool
         Whether it is as it should be.
     said : str
@@ -103,18 +101,7 @@ def _writable(place: Path) -> bool:
 
 
 def port(settings: Settings) -> Iterator[Finding]:
-    """Say whether the daemon can listen where the settings say; a running one may do so already.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the command.
-
-    Yields
-    ------
-    Finding
-        What was found.
-    """
+    """Say whether the daemon can listen where the settings say; a running one may do so already."""
     from impactd.data_lock import read_holder
 
     server = settings.server
@@ -138,18 +125,7 @@ def port(settings: Settings) -> Iterator[Finding]:
 
 
 def index(settings: Settings) -> Iterator[Finding]:
-    """Say whether the archive's index opens and holds together.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the command.
-
-    Yields
-    ------
-    Finding
-        What was found.
-    """
+    """Say whether the archive's index opens and holds together."""
     import sqlite3
 
     from impactd.storage.archive import INDEX_NAME
@@ -172,11 +148,6 @@ def index(settings: Settings) -> Iterator[Finding]:
 
 def environment(settings: Settings) -> Iterator[Finding]:
     """Say what the settings' way to temperature and humidity brings now.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the command.
 
     Yields
     ------
@@ -205,18 +176,7 @@ def environment(settings: Settings) -> Iterator[Finding]:
 
 
 def tokens(settings: Settings) -> Iterator[Finding]:
-    """Say whether somebody may move the rig, and whether the token at hand is one of them.
-
-    Parameters
-    ----------
-    settings : Settings
-        Of the command.
-
-    Yields
-    ------
-    Finding
-        What was found.
-    """
+    """Say whether somebody may move the rig, and whether the token at hand is one of them."""
     from impactd.client.environment import token_from_environment
     from impactd.storage.archive import Archive
     from impactd.storage.timestamp import utc_now

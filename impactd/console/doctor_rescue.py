@@ -24,11 +24,6 @@ _PROPOSED = "/srv/impactd-rescue"
 def rescue_directory(settings: Settings) -> Iterator[Finding]:
     """Try the place for a record that must leave a full disk: really write and sync one.
 
-    Parameters
-    ----------
-    settings : Settings
-        Of the command.
-
     Yields
     ------
     Finding

@@ -66,8 +66,6 @@ def run(
         Idempotency key; ``None`` takes a fresh one.
     wait : bool
         Whether to wait for the modulus.
-    url : str or None
-        The daemon.
     as_json : bool
         Print the answer, and the shot's with it.
 

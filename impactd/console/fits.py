@@ -94,16 +94,12 @@ def by_the_daemon(
 
     Parameters
     ----------
-    numbers : list of int
-        Shots.
     model : str
         ``hsd`` or ``kv``.
     json_out : Path or None
         Where the results go; ``-`` prints them.
     csv_out : Path or None
         Where the numbers go for a spreadsheet.
-    url : str or None
-        The daemon.
 
     Raises
     ------

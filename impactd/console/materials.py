@@ -71,18 +71,10 @@ def show_or_change(
     ----------
     role : str
         ``sphere`` or ``surface``.
-    name : str
-        Of the material.
     assignments : list of str
         ``KEY=VALUE``.
     copy_of : str or None
         Begin with this one's entry.
-    note : str
-        Why.
-    url : str or None
-        The daemon.
-    as_json : bool
-        Print the answer.
     """
     at = f"/v1/materials/{role}s"
     with connect(url) as client:
@@ -118,11 +110,6 @@ def assigned(entry: Entry, assignments: list[str]) -> Entry:
     assignments : list of str
         ``VALUE`` is a number, ``number+-u``, true, false or text; a dot leads into a table; empty
         takes the key away.
-
-    Returns
-    -------
-    dict
-        Another entry.
 
     Raises
     ------

@@ -22,8 +22,6 @@ def show(
         ``specimen``, ``since``, ``until``; ``None`` where not given.
     csv_out : Path or None
         Where the numbers go for a spreadsheet.
-    url : str or None
-        The daemon.
     as_json : bool
         Print the answer as JSON.
     """

@@ -27,12 +27,8 @@ def run(
 
     Parameters
     ----------
-    files : sequence of str
-        Recordings.
     out : Path or None
         The folder; ``None`` is named after the first file, here.
-    choices : Choices
-        The options.
     yes : bool
         Whether nothing is asked.
     as_json : bool

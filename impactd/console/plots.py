@@ -61,16 +61,10 @@ def run(
     ----------
     what : sequence of str
         As given on the command line.
-    out : Path
-        Where the figure goes.
     kind : str or None
         What of it; ``None`` takes what fits the thing.
     models : sequence of str
         To fit; none means the usual ones.
-    shot : str or None
-        Which shot of a campaign.
-    url : str or None
-        The daemon.
     as_json : bool
         Print what was done as JSON.
 
@@ -94,8 +88,6 @@ def save(figure: Figure, out: Path) -> None:
 
     Parameters
     ----------
-    figure : matplotlib.figure.Figure
-        Drawn.
     out : Path
         Ends in ``.pdf``, ``.svg`` or ``.png``; the same figure gives the same bytes.
 

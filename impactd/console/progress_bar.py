@@ -17,8 +17,6 @@ def progress(text: str, *, share: float | None = None, last: bool = False) -> No
 
     Parameters
     ----------
-    text : str
-        What is being done.
     share : float, optional
         Between 0 and 1; with it a bar and the time that is left are shown.
     last : bool, optional

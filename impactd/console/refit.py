@@ -40,8 +40,6 @@ def run(
     ----------
     kind : str
         ``process`` or ``dask``.
-    workers : int
-        Processes.
     scheduler : str or None
         Address of a running Dask cluster.
     models : list of str, optional
@@ -104,17 +102,8 @@ def executor_named(
     ----------
     kind : str
         ``process`` or ``dask``.
-    settings : Settings
-        Limits of a task.
-    workers : int
-        Processes.
     scheduler : str, optional
         Address of a running Dask cluster.
-
-    Yields
-    ------
-    concurrent.futures.Executor
-        Ready.
     """
     if kind == "dask":
         with dask_executor(workers=workers, scheduler=scheduler, warm_up=warm_up) as executor:

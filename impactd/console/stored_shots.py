@@ -19,15 +19,6 @@ from impactd.storage.shot_store import read_shot
 def download_shots(numbers: Sequence[int], folder: Path, *, url: str | None) -> list[Path]:
     """Fetch shot files from the daemon.
 
-    Parameters
-    ----------
-    numbers : sequence of int
-        Shots.
-    folder : Path
-        Where they go.
-    url : str or None
-        The daemon.
-
     Returns
     -------
     list of Path
@@ -55,8 +46,6 @@ def with_calibration(campaign: Campaign, *, url: str | None) -> Campaign:
     ----------
     campaign : Campaign
         With the load cell as its certificate has it.
-    url : str or None
-        The daemon.
 
     Returns
     -------

@@ -60,8 +60,6 @@ def calibrate(client: Connection, console: Console) -> Json:
     ----------
     client : Connection
         Connected to the daemon.
-    console : Console
-        Where to show.
 
     Returns
     -------
@@ -99,8 +97,6 @@ def drop_all(client: Connection, console: Console, *, range_v: float) -> list[Js
     ----------
     client : Connection
         Connected to the daemon.
-    console : Console
-        Where to show.
     range_v : float
         Largest voltage of the converter. [V]
 
@@ -135,8 +131,6 @@ def overloaded(shot: Json, range_v: float) -> bool:
 
     Parameters
     ----------
-    shot : dict
-        As the API gives it.
     range_v : float
         Largest voltage of the converter. [V]
 
@@ -174,12 +168,8 @@ def fit_together(client: Connection, numbers: list[int], model: str, console: Co
     ----------
     client : Connection
         Connected to the daemon.
-    numbers : list of int
-        The shots.
     model : str
         ``hsd`` or ``kv``.
-    console : Console
-        Where to show.
 
     Returns
     -------
@@ -209,10 +199,6 @@ def until(client: Connection, path: str, ended: tuple[str, ...], limit_s: float)
     ----------
     client : Connection
         Connected to the daemon.
-    path : str
-        Of the resource.
-    ended : tuple of str
-        The last states.
     limit_s : float
         Longest wait. [s]
 

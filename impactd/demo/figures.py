@@ -57,14 +57,8 @@ def draw_trace(file: Path, campaign: Campaign, outcome: Outcome, title: str) -> 
 
     Parameters
     ----------
-    file : Path
-        PNG to write.
-    campaign : Campaign
-        With exactly one shot.
     outcome : Outcome
         Of the demo: its diagnosis holds the residuals of all drops, stacked.
-    title : str
-        Over the picture.
     """
     (shot,) = campaign.shots
     fits = {key: fit_campaign(campaign, key).shots for key in ("hsd", "kv2")}
@@ -138,15 +132,7 @@ def _time_us(fit: ShotFit, touch: float) -> NDArray[np.float64]:
 
 
 def draw_moduli(file: Path, outcome: Outcome) -> None:
-    """Draw every modulus as its deviation from the truth, with its 95 % interval.
-
-    Parameters
-    ----------
-    file : Path
-        PNG to write.
-    outcome : Outcome
-        Pairs and materials.
-    """
+    """Draw every modulus as its deviation from the truth, with its 95 % interval."""
     groups = [("reduced modulus E* of each pair", outcome.pairs)]
     if outcome.materials:
         groups.append(("Young's modulus of each material", outcome.materials))

@@ -19,8 +19,6 @@ class Judgement:
     ----------
     word : str
         ``RIGHT``, ``PARTLY RIGHT``, ``NOT FOUND`` or ``WRONG``.
-    sentence : str
-        Why.
     """
 
     word: str

@@ -66,13 +66,6 @@ def diagnose(client: Connection, shots: list[int], console: Console, page: Path)
 def activate(client: Connection, diagnosis: Json) -> str | None:
     """Make the accepted model the one that later fits use.
 
-    Parameters
-    ----------
-    client : Connection
-        Of an administrator.
-    diagnosis : dict
-        As the API gives it.
-
     Returns
     -------
     str or None

@@ -44,11 +44,6 @@ class Estimate:
         ----------
         measurand : dict or None
             ``value``, ``u``, ``interval95``.
-
-        Returns
-        -------
-        Estimate or None
-            The same numbers.
         """
         if measurand is None:
             return None
@@ -176,8 +171,6 @@ class Outcome:
         What was made the active model, with its version.
     calibration : dict
         The calibration as the API gives it.
-    truth : dict
-        What was sealed.
     seed : int
         Of the simulated rig.
     """
@@ -218,18 +211,7 @@ class Outcome:
         return _plane_strain(self.truth, "surfaces", SPECIMEN)
 
     def held(self, key: str) -> tuple[int, int]:
-        """Return for how many pairs a rung's interval holds the truth, and of how many.
-
-        Parameters
-        ----------
-        key : str
-            The rung's.
-
-        Returns
-        -------
-        tuple of int
-            Held, stated.
-        """
+        """Return for how many pairs a rung's interval holds the truth, and of how many."""
         stated = [(row, row.estimates[key]) for row in self.pairs]
         known = [(row, found) for row, found in stated if found is not None]
         return sum(found.holds(row.truth_pa) for row, found in known), len(known)
@@ -291,12 +273,8 @@ def compare(
         ``impactd-fit/1`` of the same shots by the paper's models, ``hsd`` and ``kv``.
     diagnosis : dict
         ``impactd-diagnosis/1`` from the closed base.
-    calibration : dict
-        As the API gives it.
     truth : dict
         As the simulated rig unsealed it.
-    seed : int
-        Of the simulated rig.
     model : str, optional
         What was made the active model.
 

@@ -27,8 +27,6 @@ def write_report(file: Path, outcome: Outcome, pictures: Mapping[str, Path]) -> 
     ----------
     file : Path
         Where to; ``diagnosis.html`` is expected beside it.
-    outcome : Outcome
-        What was found.
     pictures : mapping
         PNG files by name: ``trace``, ``moduli``.
     """

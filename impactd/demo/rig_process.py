@@ -87,10 +87,6 @@ class RigProcess:
 
     Parameters
     ----------
-    settings : Path
-        Its settings file.
-    data : Path
-        Its archive.
     log : Path
         File that gets what it says.
 

@@ -17,17 +17,7 @@ Json = dict[str, Any]
 
 
 def say_what_runs(console: Console, seed: int, effect: str) -> None:
-    """Print what is about to happen.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    seed : int
-        Of the simulated rig.
-    effect : str
-        As asked for.
-    """
+    """Print what is about to happen."""
     console.print(f"Simulated rig, seed {seed}; all that follows goes through its daemon.")
     if effect == "random":
         console.print("Something acts on it that the closed KV lacks: drawn at random, and sealed.")
@@ -40,8 +30,6 @@ def say_what_was_found(console: Console, found: Json) -> None:
 
     Parameters
     ----------
-    console : Console
-        Where to.
     found : dict
         ``impactd-diagnosis/1``.
     """
@@ -70,11 +58,6 @@ def next_drop_line(wanted: Json) -> str:
     ----------
     wanted : dict
         ``next_drop`` of a diagnosis.
-
-    Returns
-    -------
-    str
-        For people.
     """
     apart = " from ".join(wanted.get("separates") or [])
     return (
@@ -84,29 +67,13 @@ def next_drop_line(wanted: Json) -> str:
 
 
 def say_what_is_active(console: Console, model: str | None) -> None:
-    """Print which model later fits use.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    model : str or None
-        What was made active.
-    """
+    """Print which model later fits use."""
     if model is not None:
         console.print(f"  Made the active model: {model}.", highlight=False)
 
 
 def show(console: Console, outcome: Outcome) -> None:
-    """Print the moduli of all pairs, the ladder, the sealed truth and the judgement.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    outcome : Outcome
-        Everything.
-    """
+    """Print the moduli of all pairs, the ladder, the sealed truth and the judgement."""
     _show_pairs(console, outcome)
     _show_ladder(console, outcome)
     heading(console, "The sealed truth")
@@ -166,15 +133,7 @@ def _show_ladder(console: Console, outcome: Outcome) -> None:
 
 
 def heading(console: Console, words: str) -> None:
-    """Print a heading after an empty line.
-
-    Parameters
-    ----------
-    console : Console
-        Where to.
-    words : str
-        The heading.
-    """
+    """Print a heading after an empty line."""
     console.print()
     console.print(words, style="bold", highlight=False)
 

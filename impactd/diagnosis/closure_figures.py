@@ -83,8 +83,6 @@ def closure(curves: Json, unit: Unit) -> str | None:
     ----------
     curves : dict
         ``closure.curves`` of a diagnosis.
-    unit : Unit
-        To show the residual in.
 
     Returns
     -------

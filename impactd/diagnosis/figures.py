@@ -58,17 +58,8 @@ def stacked(
         ``residual.*.stacks`` of a diagnosis.
     noise_rms : float
         Of one sample, hatched. [as recorded]
-    title : str
-        Over the picture.
-    unit : Unit
-        To show the residual in.
     span : tuple of float
         From when to when. [us]
-
-    Returns
-    -------
-    str
-        Data URI of an SVG.
     """
     drawn_in = Shown(unit.label, unit.label, unit.factor)
     with styled():
@@ -82,8 +73,6 @@ def in_time(stacks: Json, unit: Unit) -> str | None:
     ----------
     stacks : dict
         ``residual.*.stacks`` of a diagnosis.
-    unit : Unit
-        To show the residual in.
 
     Returns
     -------
@@ -122,11 +111,6 @@ def spectra(before: Json, after: Json | None, unit: Unit) -> str:
         The same after the repair.
     unit : Unit
         To show the power density in.
-
-    Returns
-    -------
-    str
-        Data URI of an SVG.
     """
     with mpl.rc_context(LOOK):
         figure = Figure(figsize=(WIDE, 3.2), layout="constrained")
@@ -152,8 +136,6 @@ def set_aside_shots(shots: list[Json], noise_rms: float, unit: Unit) -> str | No
         Of ``set_aside`` of a diagnosis, with ``curves``; the first `MOST_SET_ASIDE` are drawn.
     noise_rms : float
         Of one sample, in grey. [as recorded]
-    unit : Unit
-        To show the records in.
 
     Returns
     -------
@@ -255,11 +237,6 @@ def _whisker(
 
 def svg(figure: Figure) -> str:
     """Return a figure as a data URI.
-
-    Parameters
-    ----------
-    figure : Figure
-        Drawn.
 
     Returns
     -------

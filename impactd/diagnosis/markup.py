@@ -21,11 +21,6 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
         One per column.
     rows : sequence of sequences
         Cells, escaped by the caller.
-
-    Returns
-    -------
-    str
-        HTML.
     """
     top = "".join(f"<th>{cell}</th>" for cell in head)
     body = "".join(

@@ -74,8 +74,6 @@ def write_report(file: Path, document: Json) -> None:
 
     Parameters
     ----------
-    file : Path
-        Where to.
     document : dict
         ``impactd-diagnosis/1``.
     """
@@ -89,11 +87,6 @@ def page(document: Json) -> str:
     ----------
     document : dict
         ``impactd-diagnosis/1``.
-
-    Returns
-    -------
-    str
-        HTML, complete in itself.
     """
     before, after = document["residual"]["before"], document["residual"]["after"]
     noise, unit = document["noise_rms_V"], unit_of(document)

@@ -89,8 +89,6 @@ def read_hdf5(path: Path, inside: str | None, *, transposed: bool = False) -> Re
 
     Parameters
     ----------
-    path : Path
-        The file.
     inside : str or None
         The dataset that is meant; ``None`` means any.
     transposed : bool

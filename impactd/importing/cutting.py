@@ -95,8 +95,6 @@ def cut_hits(
 
     Parameters
     ----------
-    recording : Recording
-        As read.
     stem : str
         What the shots' names begin with.
     choices : Choices

@@ -146,8 +146,6 @@ def quiet_level(record: NDArray[np.float64], step: float | None) -> tuple[float,
     ----------
     record : ndarray, shape (n,)
         In any unit.
-    step : float or None
-        Of the converter.
 
     Returns
     -------

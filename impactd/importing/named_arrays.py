@@ -34,8 +34,6 @@ def recording_of(
 
     Parameters
     ----------
-    file : str
-        Named in messages.
     arrays : mapping
         By name: signals, a column of times, the sampling rate or interval as a single number.
     units : mapping, optional

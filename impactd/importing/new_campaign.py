@@ -121,8 +121,6 @@ def refuse_taken(out: Path, count: int = 0) -> None:
 
     Parameters
     ----------
-    out : Path
-        The folder.
     count : int
         How many shots go into it.
 

@@ -26,20 +26,7 @@ _READERS: dict[str, Callable[[Path], Recording]] = {
 
 
 def split_inside(name: str) -> tuple[Path, str | None]:
-    """Return the file, and the path inside it that ``FILE.h5:/path`` names.
-
-    Parameters
-    ----------
-    name : str
-        As typed.
-
-    Returns
-    -------
-    path : Path
-        The file.
-    inside : str or None
-        The dataset.
-    """
+    """Return the file, and the path inside it that ``FILE.h5:/path`` names."""
     found = re.match(r"^(.*\.(?:h5|hdf5|hdf|nxs|mat)):(.+)$", name, re.IGNORECASE)
     return (Path(found[1]), found[2]) if found else (Path(name), None)
 

@@ -118,11 +118,6 @@ def read_text(path: Path) -> Recording:
 def decode(path: Path) -> str:
     """Return a file as text, whatever program wrote it.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
     Returns
     -------
     str

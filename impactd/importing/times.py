@@ -26,8 +26,6 @@ def rate_of_times(file: str, times: NDArray[np.float64], unit: str | None) -> Ra
 
     Parameters
     ----------
-    file : str
-        Named in messages.
     times : ndarray, shape (n,)
         As they stand in the file.
     unit : str or None

@@ -35,8 +35,6 @@ def export_campaign(
 
     Parameters
     ----------
-    archive : Archive
-        Where they are.
     numbers : sequence of int
         At least one shot.
     out : Path

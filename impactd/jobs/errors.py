@@ -23,15 +23,7 @@ class TaskError(Exception):
 
 
 class TaskFailedError(TaskError):
-    """A task raised an exception.
-
-    Parameters
-    ----------
-    kind : str
-        Class of the exception.
-    message : str
-        What it said.
-    """
+    """A task raised an exception."""
 
     def __init__(self, kind: str, message: str) -> None:
         self.kind = kind

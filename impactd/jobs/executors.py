@@ -46,8 +46,6 @@ class WorkerExecutor(Executor):
     ----------
     limits : WorkerLimits
         What a task may take.
-    workers : int
-        How many processes.
     warm_up : callable or str, optional
         Module-level function that every process calls at start, or its name.
     import_paths : sequence of Path
@@ -96,8 +94,6 @@ class WorkerExecutor(Executor):
             A module-level function.
         *args
             JSON values.
-        **kwargs
-            Not supported.
 
         Returns
         -------
@@ -165,11 +161,6 @@ class WorkerExecutor(Executor):
         ----------
         timeout_s : float
             [s]
-
-        Returns
-        -------
-        bool
-            Whether one is.
         """
         return self._warm.wait(timeout_s)
 

@@ -41,8 +41,6 @@ def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | No
 
     Parameters
     ----------
-    archive : Archive
-        Where the shots are.
     shots : list of int
         At least one number.
     model : str
@@ -88,8 +86,6 @@ def request_diagnosis(
 
     Parameters
     ----------
-    archive : Archive
-        Where the shots are.
     shots : list of int
         At least one number.
     base : str
@@ -131,14 +127,8 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
 
     Parameters
     ----------
-    job : Job
-        From the queue.
-    archive : Archive
-        Shots and calibrations.
     settings : Settings
         Certificate of the cell, gravity, release.
-    materials : Materials
-        Spheres and surfaces of today.
 
     Returns
     -------
@@ -208,11 +198,6 @@ def _compared(archive: Archive, shot: Shot) -> Json:
 def shot_models(archive: Archive) -> tuple[str, ...]:
     """Return the models that every shot is fitted with: the bases, and the active one.
 
-    Parameters
-    ----------
-    archive : Archive
-        Knows the active one.
-
     Returns
     -------
     tuple of str
@@ -249,14 +234,8 @@ def order_without_shots(
 
     Parameters
     ----------
-    archive : Archive
-        The calibration in force.
     settings : Settings
         Certificate of the cell, gravity, release.
-    materials : Materials
-        Spheres and surfaces of today.
-    models : sequence of str
-        Which to fit.
 
     Returns
     -------
@@ -291,8 +270,6 @@ def knowledge(calibration: Calibration | None, settings: Settings, materials: Ma
         Whose cell is meant; that of the certificate without one.
     settings : Settings
         Certificate of the cell, gravity, release.
-    materials : Materials
-        Spheres and surfaces.
 
     Returns
     -------

@@ -28,8 +28,6 @@ def report(text: str, share: float) -> None:
 
     Parameters
     ----------
-    text : str
-        What is being done.
     share : float
         How much of it is done, 0..1.
     """

@@ -21,8 +21,6 @@ def with_restitution(shot: Shot, metadata: ShotMetadata, rebound_height_m: Json 
 
     Parameters
     ----------
-    shot : Shot
-        As assembled.
     metadata : ShotMetadata
         Height, gravity and repeatability of that day.
     rebound_height_m : dict or None
@@ -62,12 +60,8 @@ def check_rebound(metadata: ShotMetadata, rebound_height_m: Json | None, result:
 
     Parameters
     ----------
-    metadata : ShotMetadata
-        Circumstances of the shot.
     rebound_height_m : dict or None
         As entered. [m]
-    result : FitResult
-        Fit of that shot alone.
 
     Returns
     -------

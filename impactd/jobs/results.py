@@ -30,8 +30,6 @@ class ResultWriter:
 
     Parameters
     ----------
-    archive : Archive
-        Where it goes.
     settings : Settings
         How long a calibration is valid.
     """

@@ -71,10 +71,6 @@ class JobRunner:
 
     Parameters
     ----------
-    archive : Archive
-        Queue, shots and results.
-    settings : Settings
-        Limits, certificate, release.
     on_event : callable
         Gets kind and data of each event: ``job.started``, ``job.progress``, ``job.retried``,
         ``job.failed``, ``job.cancelled``, ``fit.done``, ``drop.analysed``, ``calibration.done``,
@@ -168,11 +164,6 @@ class JobRunner:
     def cancel(self, number: int) -> Job:
         """End a job that waits or runs; one that has ended stays as it is.
 
-        Parameters
-        ----------
-        number : int
-            Which.
-
         Returns
         -------
         Job
@@ -212,11 +203,6 @@ class JobRunner:
         ----------
         timeout_s : float
             [s]
-
-        Returns
-        -------
-        bool
-            Whether one is.
         """
         lane = self._lanes.get(False)
         return lane is not None and lane.executor.wait_warm(timeout_s)

@@ -114,11 +114,6 @@ def fit_campaign(order: Json) -> Json:
 def calibrate(order: Json) -> Json:
     """Calibrate the load cell from drops of known spheres on known surfaces.
 
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_for`.
-
     Returns
     -------
     dict

@@ -156,8 +156,6 @@ class WorkerProcess:
             ``module:function``.
         arguments : sequence
             JSON values.
-        on_progress : callable
-            Hears how far it is.
         time_s : float, optional
             What this task may take, instead of the limits' own. [s]
         cancel : threading.Event, optional

@@ -26,11 +26,6 @@ Write = Callable[[], Sequence["Write"]]
 def will_pass(error: BaseException) -> bool:
     """Tell whether the same write may succeed later.
 
-    Parameters
-    ----------
-    error : BaseException
-        What a write raised.
-
     Returns
     -------
     bool

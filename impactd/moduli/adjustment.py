@@ -29,14 +29,10 @@ def adjusted(
 
     Parameters
     ----------
-    archive : Archive
-        Whose calibrations.
     materials : Materials
         Spheres and surfaces with what is known of them.
     observations : list of PairObservation
         At least one.
-    model : str
-        Of the fits.
     """
     from analysis.moduli import adjust_network
 
@@ -56,13 +52,6 @@ def at_temperature(
     materials: Materials, uses: Iterable[ShotUse]
 ) -> tuple[Materials, tuple[str, ...]]:
     """Return materials with their stated moduli at the temperature of the shots that take part.
-
-    Parameters
-    ----------
-    materials : Materials
-        As stated.
-    uses : iterable of ShotUse
-        The chosen shots.
 
     Returns
     -------

@@ -50,8 +50,6 @@ def write_budget_report(file: Path, document: Json, names: Sequence[str]) -> Non
         Ends in ``.html`` or ``.pdf``.
     document : dict
         ``impactd-budget/1`` of a campaign or of an archive.
-    names : sequence of str
-        Materials to report.
     """
     if file.suffix.lower() == ".pdf":
         _write_pdf(file, document, names)
@@ -66,13 +64,6 @@ def page(document: Json, names: Sequence[str]) -> str:
     ----------
     document : dict
         ``impactd-budget/1``.
-    names : sequence of str
-        Materials to report.
-
-    Returns
-    -------
-    str
-        HTML, complete in itself.
     """
     notes = [*(document.get("assumptions") or []), *(document.get("warnings") or [])]
     return _PAGE.substitute(

@@ -70,11 +70,6 @@ class PairChart:
     def places(self, most: int) -> list[int]:
         """Return the places to draw: all, or the extremes of even stretches and what is outside.
 
-        Parameters
-        ----------
-        most : int
-            About so many.
-
         Returns
         -------
         list of int

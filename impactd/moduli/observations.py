@@ -58,13 +58,6 @@ class ShotUse:
 class Observations:
     """The latest fit of every shot under one model. Not thread safe.
 
-    Parameters
-    ----------
-    archive : Archive
-        Whose fits.
-    model : str
-        Of the fits.
-
     Attributes
     ----------
     version : int

@@ -74,13 +74,7 @@ class _Network:
 
 
 class ModuliService:
-    """Answers what all stored fits together say about each material. Thread safe.
-
-    Parameters
-    ----------
-    archive : Archive
-        Fits and calibrations.
-    """
+    """Answers what all stored fits together say about each material. Thread safe."""
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
@@ -96,8 +90,6 @@ class ModuliService:
 
         Parameters
         ----------
-        model : str
-            Of the fits.
         wait : callable
             Waits for at most so many seconds and tells whether more urgent work is done.
         """
@@ -142,8 +134,6 @@ class ModuliService:
             dropped on a reference tells about the specimen too.
         since, until : str, optional
             First moment of a shot that counts and first that does not, in the archive's form.
-        model : str
-            Model of the fits.
 
         Returns
         -------
@@ -266,10 +256,6 @@ class ModuliService:
             Spheres and surfaces with what is known of them.
         specimen : str, optional
             Only report this surface.
-        since, until : str, optional
-            As in `answer`.
-        model : str
-            Model of the fits.
 
         Returns
         -------

@@ -26,8 +26,6 @@ class PageFile:
 
     Attributes
     ----------
-    path : Path
-        Where it lies.
     media_type : str
         For ``Content-Type``.
     etag : str

@@ -139,11 +139,6 @@ def compute(
         Told in words what is being done.
     turn_pairs : collection of tuple, optional
         (sphere, surface) of the loop's turns; all of Table 5 without it.
-
-    Returns
-    -------
-    PaperResult
-        Same numbers for same arguments.
     """
     if tell is not None:
         tell("figures 2-6")

@@ -168,13 +168,6 @@ def _held(printed: Sequence[PrintedRow]) -> dict[str, int]:
 def page(result: PaperResult, command: str) -> str:
     """Return the whole page.
 
-    Parameters
-    ----------
-    result : PaperResult
-        What was computed.
-    command : str
-        That makes this page again.
-
     Returns
     -------
     str

@@ -79,8 +79,6 @@ class PairTraces:
 
     Attributes
     ----------
-    pair : tuple of str
-        (sphere, surface).
     reduced_modulus_pa : float
         E* of Tables 1-2. [Pa]
     coupon_kg : float

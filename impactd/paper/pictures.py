@@ -41,10 +41,6 @@ def draw_all(folder: Path, rigs: RigFigures, valley: Valley) -> dict[str, Path]:
     ----------
     folder : Path
         Created if need be.
-    rigs : RigFigures
-        Of the simulated rigs.
-    valley : Valley
-        Of one shot.
 
     Returns
     -------

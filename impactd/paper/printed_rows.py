@@ -32,8 +32,6 @@ class PrintedRow:
     ----------
     table : str
         ``table4_hsd`` or ``table5_kv``.
-    pair : tuple of str
-        (sphere, surface).
     printed : PaperPair
         The four numbers of the row.
     surface_range_pa, sphere_range_pa : tuple of float

@@ -127,8 +127,6 @@ def paper_moduli(table: str, side: str, name: str) -> tuple[float, float, float]
         ``table4_hsd`` or ``table5_kv``.
     side : str
         ``sphere`` or ``surface``.
-    name : str
-        The material.
 
     Returns
     -------

@@ -62,14 +62,10 @@ class Turn:
         HSD, KV, and what was found on top.
     found : list of str
         Effects in the order in which they were named.
-    verdict, sentence : str
-        Of the diagnosis.
     noise_rms_v : float
         Before the trigger. [V]
     true_moduli_pa : dict
         E and E/(1 - nu^2) by the names of the moduli. [Pa]
-    shots : int
-        How many drops.
     """
 
     undeclared: str | None
@@ -118,11 +114,6 @@ def take_turns(
         Told in words what is being done.
     pairs : collection of tuple, optional
         (sphere, surface); all of Table 5 without it.
-
-    Returns
-    -------
-    list of Turn
-        Two.
     """
     leaky = make_effect(UNDECLARED, {"time_constant_s": TIME_CONSTANT_S})
     chosen = list(rows("table5_kv") if pairs is None else pairs)
@@ -138,8 +129,6 @@ def simulated(
     ----------
     seed : int
         Of everything drawn.
-    pairs : sequence of tuple
-        (sphere, surface).
     effects : sequence of Effect
         What the rig does and nobody says.
 

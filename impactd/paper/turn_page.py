@@ -58,8 +58,6 @@ def moduli_rows(turn: Turn, *, with_paper: bool) -> list[list[str]]:
 
     Parameters
     ----------
-    turn : Turn
-        What was found.
     with_paper : bool
         Whether Tables 4 and 5 stand beside it.
 

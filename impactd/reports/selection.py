@@ -55,8 +55,6 @@ class Selection:
         In the order of their numbers.
     chosen_by : mapping
         What chose them, for the head of a file.
-    software : str
-        Program and version.
     """
 
     shots: tuple[Shot, ...]
@@ -126,13 +124,6 @@ def as_json(archive: Archive, selection: Selection) -> str:
 
 def as_zip(archive: Archive, selection: Selection) -> Iterator[bytes]:
     """Yield a zip of the shots' NeXus files and the CSV, file by file: never whole in memory.
-
-    Parameters
-    ----------
-    archive : Archive
-        Holds the shots' files.
-    selection : Selection
-        Which shots.
 
     Yields
     ------

@@ -64,8 +64,6 @@ def build_valve(section: ValveSection, port: str) -> Valve:
 
     Parameters
     ----------
-    section : ValveSection
-        Checked.
     port : str
         Serial port or pseudo-terminal.
 

@@ -52,8 +52,6 @@ class PersonLoader:
 
         Parameters
         ----------
-        sphere, surface : str
-            Names in the materials file.
         drop_height_m : float
             Height of the sphere's lowest point above the coupon. [m]
 
@@ -78,8 +76,6 @@ def in_words(sphere: str, surface: str, drop_height_m: float) -> str:
 
     Parameters
     ----------
-    sphere, surface : str
-        Names in the materials file.
     drop_height_m : float
         Height of the sphere's lowest point above the coupon. [m]
 

@@ -44,8 +44,6 @@ class SimulatedTechnician:
 
     Parameters
     ----------
-    world : World
-        Where the sphere is hung.
     delay_s : float
         How long it takes, on the host's clock. [s]
     """
@@ -61,8 +59,6 @@ class SimulatedTechnician:
 
         Parameters
         ----------
-        sphere, surface : str
-            Names in the materials file.
         drop_height_m : float
             Height of the sphere's lowest point above the coupon. [m]
 
@@ -145,8 +141,6 @@ def world_settings(
     ----------
     settings : Settings
         Certificate of the cell, gravity, repeatability.
-    materials : Materials
-        Labels of spheres and coupons.
     section : SimulationSection
         Seed, clock, noise, physics, hidden effect.
 

@@ -59,8 +59,6 @@ class Planned:
     ----------
     id : int
         From 1, in the order of planning.
-    request : DropRequest
-        What to drop.
     state : str
         ``planned``, ``under way``, ``done`` or ``failed``.
     drop : int or None
@@ -83,8 +81,6 @@ class Series:
         The client's idempotency key, as stored.
     owner : str
         Who asked for it.
-    note : str
-        What it is for.
     state : str
         ``running``, ``paused`` or ``ended``.
     reason : str
@@ -114,8 +110,6 @@ class SeriesRunner:
 
     Parameters
     ----------
-    service : AcquisitionService
-        Makes the drops.
     settings : Settings
         How long a drop may take.
     publish : callable
@@ -158,10 +152,6 @@ class SeriesRunner:
         ----------
         requests : sequence of DropRequest
             In their order; at least one.
-        owner : str
-            Who asks.
-        note : str
-            What it is for.
         key : str
             Idempotency key as stored: the same key gives the same series.
         accepted : int

@@ -68,11 +68,6 @@ def explain(detail: Any, root: type[BaseModel]) -> SettingsFinding:
         One of ``ValidationError.errors()``.
     root : type of BaseModel
         The model of the whole file.
-
-    Returns
-    -------
-    SettingsFinding
-        For a person.
     """
     location = tuple(part for part in detail["loc"])
     path = ".".join(str(part) for part in location)

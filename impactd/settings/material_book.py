@@ -41,12 +41,8 @@ class MaterialChange:
         From 1; the book has this version after the change.
     utc : str
         When.
-    by : str
-        Who.
     role : str
         ``sphere`` or ``surface``.
-    name : str
-        Of the material.
     before : dict or None
         Its entry until then, ``None`` for a new one.
     after : dict
@@ -127,15 +123,6 @@ class MaterialBook:
             Letters, digits, ``_``, ``.`` and ``-``: it stands in requests and file names.
         entry : dict
             In the keys of the materials file; complete, not a difference.
-        by : str
-            Who.
-        note : str
-            Why.
-
-        Returns
-        -------
-        MaterialChange
-            As it is kept.
 
         Raises
         ------

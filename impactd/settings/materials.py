@@ -27,17 +27,7 @@ from impactd.storage.ranges import MODULUS_COEFFICIENT_PER_K, TEMPERATURE_C
 
 
 class UnknownMaterialError(Exception):
-    """A sphere or surface is not in the materials file.
-
-    Parameters
-    ----------
-    role : str
-        ``sphere`` or ``surface``.
-    name : str
-        What was asked for.
-    known : tuple of str
-        What there is.
-    """
+    """A sphere or surface is not in the materials file."""
 
     def __init__(self, role: str, name: str, known: tuple[str, ...]) -> None:
         self.role = role
@@ -57,10 +47,6 @@ class Materials:
 
     Attributes
     ----------
-    spheres : dict of str to Sphere
-        By name.
-    surfaces : dict of str to Surface
-        By name.
     reference_spheres, reference_surfaces : frozenset of str
         Those whose modulus counts as known: calibrations may rest on them.
     version : int
@@ -75,11 +61,6 @@ class Materials:
 
     def check(self, sphere: str, surface: str) -> None:
         """Raise `UnknownMaterialError` unless both are known.
-
-        Parameters
-        ----------
-        sphere, surface : str
-            Names a request gave.
 
         Raises
         ------
@@ -249,8 +230,6 @@ def materials_of(content: Mapping[str, Any], file: Path | None) -> Materials:
     ----------
     content : mapping
         Tables ``sphere`` and ``surface``, by name.
-    file : Path or None
-        Named in messages.
 
     Returns
     -------

@@ -207,11 +207,6 @@ def read_toml(path: Path | None) -> tuple[Path, dict[str, Any]]:
     path : Path or None
         As in `load_settings`.
 
-    Returns
-    -------
-    tuple of Path and dict
-        The file and its tables.
-
     Raises
     ------
     SettingsError

@@ -19,8 +19,6 @@ class Alarm:
         [1]
     kind : str
         The event that raised it, e.g. ``rig.fault``.
-    sentence : str
-        What happened.
     remedy : str
         What to do; may be empty.
     times : int
@@ -43,13 +41,7 @@ class Alarm:
 
 
 class AlarmTable:
-    """The table of alarms; nothing is ever taken out of it.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of alarms; nothing is ever taken out of it."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
@@ -59,15 +51,8 @@ class AlarmTable:
 
         Parameters
         ----------
-        kind : str
-            The event behind it.
         sentence, remedy : str
             What happened and what to do.
-
-        Returns
-        -------
-        Alarm
-            Open.
         """
         now = utc_now()
         with self._index.transaction():

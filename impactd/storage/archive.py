@@ -101,10 +101,6 @@ class Archive:
 
     Parameters
     ----------
-    directory : Path
-        Where it lives.
-    index : Index
-        Its open index.
     lock : int
         Descriptor of the lock, held while the archive is open.
     reserve_bytes : int
@@ -162,11 +158,6 @@ class Archive:
             What must stay free before a new drop may begin. [B]
         rescue_directory : Path or None
             Where a record goes that this disk does not take when the daemon must end.
-
-        Returns
-        -------
-        Archive
-            Ready to use.
 
         Raises
         ------
@@ -263,10 +254,6 @@ class Archive:
 
         Parameters
         ----------
-        request : DropRequest
-            What was asked for.
-        owner : str
-            Who asked.
         idempotency_key : str, optional
             With its namespace (`request_key`): the same key and request give the old drop.
         calibration : int, optional
@@ -344,10 +331,6 @@ class Archive:
         ----------
         number : int
             The drop; its shot gets the same number.
-        record : Record
-            As the digitizer gave it.
-        metadata : ShotMetadata
-            The circumstances.
 
         Returns
         -------
@@ -384,20 +367,6 @@ class Archive:
 
         The drop stays under way: `interrupt_unfinished` of the next start takes its file back.
 
-        Parameters
-        ----------
-        number : int
-            The drop.
-        record : Record
-            As the digitizer gave it.
-        metadata : ShotMetadata
-            The circumstances.
-
-        Returns
-        -------
-        Path
-            Where it is.
-
         Raises
         ------
         ArchiveError
@@ -424,12 +393,6 @@ class Archive:
 
         Parameters
         ----------
-        number : int
-            The drop.
-        record : Record
-            What there is of it.
-        metadata : ShotMetadata
-            The circumstances.
         reason : str
             Why it must not be used.
 
@@ -474,16 +437,6 @@ class Archive:
 
     def read_shot(self, number: int) -> StoredShot:
         """Return a shot from its file.
-
-        Parameters
-        ----------
-        number : int
-            The shot.
-
-        Returns
-        -------
-        StoredShot
-            Row, record and metadata.
 
         Raises
         ------

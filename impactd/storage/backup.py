@@ -40,8 +40,6 @@ class BackupReport:
 
     Attributes
     ----------
-    file : Path
-        The tar file.
     files : int
         Without the manifest.
     size_bytes : int
@@ -60,17 +58,10 @@ def back_up(
 
     Parameters
     ----------
-    directory : Path
-        The archive.
     out : Path
         The new tar file.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    BackupReport
-        What it holds.
 
     Raises
     ------
@@ -109,15 +100,8 @@ def restore(file: Path, directory: Path) -> ReindexReport:
 
     Parameters
     ----------
-    file : Path
-        The tar file.
     directory : Path
         New, or empty.
-
-    Returns
-    -------
-    ReindexReport
-        What the archive holds.
 
     Raises
     ------

@@ -47,8 +47,6 @@ class Calibration:
         Numbers of its drops in their order.
     result : dict or None
         The joint fit, once done.
-    problem : Problem or None
-        Why it failed.
     requested_utc : str
         When it was asked for.
     finished_utc, valid_until_utc : str or None
@@ -78,8 +76,6 @@ class CalibrationTable:
 
     Parameters
     ----------
-    index : Index
-        Where it lives.
     directory : Path
         Results are kept here too, one JSON file each, so that they outlive a lost index.
     """
@@ -97,10 +93,6 @@ class CalibrationTable:
         ----------
         slot : str or None
             The timer slot, or a client's idempotency key with the namespace of `request_key`.
-        plan : list of dict
-            The series.
-        owner : str
-            Who asks.
 
         Returns
         -------

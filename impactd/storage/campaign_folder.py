@@ -139,11 +139,6 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
     path : Path
         The folder or its ``campaign.json``.
 
-    Returns
-    -------
-    CampaignFolder
-        Campaign and raw samples.
-
     Raises
     ------
     CampaignError

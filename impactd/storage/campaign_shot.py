@@ -78,8 +78,6 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         Its object in ``shots``.
     header : Campaign
         The materials it may name.
-    folder : Path
-        Where its file lies.
 
     Returns
     -------

@@ -45,13 +45,7 @@ def first_columns(table: str) -> list[str]:
 
 
 def install(connection: sqlite3.Connection) -> None:
-    """Teach a connection the function that the triggers call.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Of this program.
-    """
+    """Teach a connection the function that the triggers call."""
     connection.create_function("row_digest", -1, _digest, deterministic=True)
 
 
@@ -85,11 +79,6 @@ def statements_of(table: str) -> Iterator[str]:
     ----------
     table : str
         One of `COLUMNS`.
-
-    Yields
-    ------
-    str
-        For a migration.
     """
     # ruff: noqa: S608 - nothing here but the names of our own tables and columns
     columns = first_columns(table)
@@ -132,11 +121,6 @@ def changed_rows(connection: sqlite3.Connection, table: str) -> Iterator[int]:
         Any connection to an index, also one beside the program's own.
     table : str
         One of `COLUMNS`.
-
-    Yields
-    ------
-    int
-        Row id.
     """
     install(connection)
     # An index of an older version lacks what was added since.

@@ -31,11 +31,6 @@ def is_clipped(samples: NDArray[Any], *, quantum: float | None = None) -> bool:
     quantum : float, optional
         Step of the converter in the unit of ``samples``; estimated when absent.
 
-    Returns
-    -------
-    bool
-        Whether to flag the record.
-
     Notes
     -----
     Source: own derivation (parabola through the crest).

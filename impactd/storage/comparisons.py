@@ -11,13 +11,7 @@ Json = dict[str, Any]
 
 
 class ComparisonTable:
-    """The table of comparisons; a shot has one, never made anew when more repetitions follow.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of comparisons; a shot has one, never made anew when more repetitions follow."""
 
     def __init__(self, index: Index) -> None:
         self._index = index

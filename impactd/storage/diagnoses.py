@@ -33,15 +33,7 @@ Json = dict[str, Any]
 
 
 class DiagnosisStore:
-    """The files of diagnoses, and the way back from them into the index.
-
-    Parameters
-    ----------
-    index : Index
-        What they are restored into.
-    directory : Path
-        The folder of the files.
-    """
+    """The files of diagnoses, and the way back from them into the index."""
 
     def __init__(self, index: Index, directory: Path) -> None:
         self._index = index
@@ -60,15 +52,8 @@ class DiagnosisStore:
 
         Parameters
         ----------
-        job : Job
-            Done.
         model : NamedModel or None
             What was named for it.
-
-        Returns
-        -------
-        Path
-            The file.
 
         Raises
         ------
@@ -87,11 +72,6 @@ class DiagnosisStore:
 
     def read(self, path: Path) -> Json:
         """Return the record of a file.
-
-        Parameters
-        ----------
-        path : Path
-            The file.
 
         Returns
         -------

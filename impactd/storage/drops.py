@@ -92,13 +92,7 @@ class Drop:
 
 
 class DropTable:
-    """The table of drops.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of drops."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
@@ -176,8 +170,6 @@ class DropTable:
 
         Parameters
         ----------
-        key : str
-            As it is stored.
         request : DropRequest
             What the client asks for now.
 

@@ -42,8 +42,6 @@ class StorageFullError(ArchiveError):
 
     Parameters
     ----------
-    directory : str
-        Where the archive lives.
     free_bytes : int
         What the file system still offers. [B]
     needed_bytes : int
@@ -79,15 +77,7 @@ class NotFoundError(ArchiveError):
 
 
 class CorruptShotError(ArchiveError):
-    """A shot file does not hold what was written.
-
-    Parameters
-    ----------
-    path : str
-        The file.
-    reason : str
-        What is wrong with it.
-    """
+    """A shot file does not hold what was written."""
 
     def __init__(self, path: str, reason: str) -> None:
         self.path = path
@@ -103,10 +93,6 @@ class DropStateError(ArchiveError):
 
     Parameters
     ----------
-    number : int
-        The drop.
-    state : str
-        The state it is in.
     wanted : str
         The state that was asked for.
     """
@@ -119,15 +105,7 @@ class DropStateError(ArchiveError):
 
 
 class IdempotencyConflictError(ArchiveError):
-    """A key was used before, for something else.
-
-    Parameters
-    ----------
-    key : str
-        The idempotency key.
-    number : int
-        What the key belongs to.
-    """
+    """A key was used before, for something else."""
 
     def __init__(self, key: str, number: int) -> None:
         self.key = key
@@ -144,8 +122,6 @@ class CampaignError(ArchiveError):
 
     Parameters
     ----------
-    file : str
-        The file that is wrong.
     json_path : str
         Where in ``campaign.json``, e.g. ``$.shots[3].sphere``.
     reason : str

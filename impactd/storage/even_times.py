@@ -49,8 +49,6 @@ class UnevenTimesError(ValueError):
 
     Parameters
     ----------
-    reason : str
-        What is wrong.
     row : int
         Where, counted from 1.
     """

@@ -35,13 +35,7 @@ class Event:
 
 
 class EventTable:
-    """The table of events; the last ``KEPT_EVENTS`` are kept.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of events; the last ``KEPT_EVENTS`` are kept."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
@@ -71,8 +65,6 @@ class EventTable:
 
         Parameters
         ----------
-        limit : int
-            At most so many.
         before : int, optional
             Only numbers below this one (the next page).
         kinds : sequence of str, optional

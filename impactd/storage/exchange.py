@@ -73,8 +73,6 @@ def import_folder(
         The folder or its ``campaign.json``.
     known : callable
         The shot that was imported from an origin before, or ``None``.
-    store : callable
-        Stores one recording durably.
 
     Returns
     -------
@@ -133,8 +131,6 @@ def export_shots(shots: Sequence[StoredShot], form: str, out: Path) -> list[Path
 
     Parameters
     ----------
-    shots : sequence of StoredShot
-        What to write.
     form : str
         ``csv`` (``time_s,volts`` and a json beside it), ``npz`` (codes, signal, time and facts) or
         ``campaign`` (a folder that `import_folder` reads).
@@ -214,11 +210,6 @@ def _facts(one: StoredShot) -> dict[str, object]:
 
 def csv_text(one: StoredShot) -> str:
     """Return a shot's samples as text.
-
-    Parameters
-    ----------
-    one : StoredShot
-        The shot.
 
     Returns
     -------

@@ -50,18 +50,12 @@ class ShotFit:
 
     Attributes
     ----------
-    fit : Fit
-        The result.
-    number : int
-        The shot.
     sha256, started_utc, source : str
         As in its row.
     clipped : bool
         The record sits on a limit.
     series : int or None
         The calibration run that its drop belongs to.
-    environment : Environment or None
-        At the shot.
     """
 
     fit: Fit
@@ -75,13 +69,7 @@ class ShotFit:
 
 
 class FitTable:
-    """The table of fits.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of fits."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
@@ -106,15 +94,6 @@ class FitTable:
 
     def not_in_run(self, run: str, *, after: int = 0, limit: int = 1000) -> list[int]:
         """Return the next shots that a re-fit has not done.
-
-        Parameters
-        ----------
-        run : str
-            Of the re-fit.
-        after : int
-            Only numbers above this one.
-        limit : int
-            At most so many.
 
         Returns
         -------
@@ -210,11 +189,6 @@ class FitTable:
 
     def noise_of_newest(self, limit: int) -> list[tuple[int, str, float]]:
         """Return number, start and noise before the trigger [V rms] of the newest own shots.
-
-        Parameters
-        ----------
-        limit : int
-            At most so many.
 
         Returns
         -------

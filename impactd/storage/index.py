@@ -251,8 +251,6 @@ class Index:
         ----------
         sql : str
             One statement with ``?`` for each value.
-        values : sequence
-            Its values.
 
         Returns
         -------
@@ -278,8 +276,6 @@ class Index:
         ----------
         sql : str
             One SELECT with ``?`` for each value.
-        values : sequence
-            Its values.
 
         Returns
         -------
@@ -295,8 +291,6 @@ class Index:
         ----------
         sql : str
             One SELECT with ``?`` for each value, answered by a key.
-        values : sequence
-            Its values.
 
         Returns
         -------
@@ -325,8 +319,6 @@ class Index:
         ----------
         sql : str
             One SELECT with ``?`` for each value.
-        values : sequence
-            Its values.
 
         Returns
         -------
@@ -343,13 +335,6 @@ class Index:
         ----------
         sql : str
             One SELECT with ``?`` for each value.
-        values : sequence
-            Its values.
-
-        Returns
-        -------
-        int
-            The number.
         """
         found = self.row(sql, values)
         return int(found[0] or 0) if found is not None else 0
@@ -432,11 +417,6 @@ def from_text(text: str) -> Any:
     ----------
     text : str
         JSON.
-
-    Returns
-    -------
-    object
-        The value.
 
     Raises
     ------

@@ -37,15 +37,6 @@ def verify_archive(
 ) -> Iterator[VerifyFinding]:
     """Check the index, its journal, every shot file and every diagnosis; nothing is changed.
 
-    Parameters
-    ----------
-    index : Index
-        The index.
-    store : ShotStore
-        The files.
-    diagnoses : DiagnosisStore
-        Their files.
-
     Yields
     ------
     VerifyFinding

@@ -70,11 +70,6 @@ class Job:
 class JobTable:
     """The table of jobs.
 
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-
     Attributes
     ----------
     arrival : threading.Event

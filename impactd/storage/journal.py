@@ -44,8 +44,6 @@ class Position:
 
     Attributes
     ----------
-    journal : str
-        Its id.
     n : int
         Number of the last transaction, 0 before the first.
     size_bytes : int
@@ -99,8 +97,6 @@ def entries(path: Path, *, start_bytes: int = 0, end_bytes: int | None = None) -
 
     Parameters
     ----------
-    path : Path
-        The file.
     start_bytes : int
         Where a line begins. [B]
     end_bytes : int, optional
@@ -139,8 +135,6 @@ def write_whole(path: Path, changes: Iterable[list[Change]]) -> Position:
     ----------
     path : Path
         Replaced when it exists.
-    changes : iterable of list
-        The transactions.
 
     Returns
     -------
@@ -210,13 +204,6 @@ class Journal:
         ----------
         at : Position
             Of the last one. What lies behind it was never acknowledged, and is overwritten.
-        rows : list
-            What the transaction changed.
-
-        Returns
-        -------
-        Position
-            Behind it.
 
         Raises
         ------

@@ -23,11 +23,6 @@ _Images = dict[tuple[str, tuple[Any, ...]], bytes]
 class Lines:
     """Reads a journal in order and remembers what is wrong with it.
 
-    Parameters
-    ----------
-    path : Path
-        The journal.
-
     Attributes
     ----------
     id : str or None

@@ -37,8 +37,6 @@ def install(connection: sqlite3.Connection, collect: Collect) -> None:
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Of this program.
     collect : callable
         Hears table, key and columns of each row after its change; ``None`` for a deleted one.
     """
@@ -74,18 +72,7 @@ def migration() -> tuple[str, ...]:
 
 
 def statements_of(table: str) -> Iterator[str]:
-    """Yield the statements that journal one table.
-
-    Parameters
-    ----------
-    table : str
-        One of `TABLES`.
-
-    Yields
-    ------
-    str
-        For a migration.
-    """
+    """Yield the statements that journal one table."""
     yield from triggers_of(table, checksums.first_columns(table))
     key = ", ".join(f"old.{name}" for name in key_of(table))
     yield (
@@ -128,13 +115,6 @@ class Collected:
 def apply(connection: sqlite3.Connection, rows: Sequence[Change]) -> None:
     """Make the changes of one line in an index; the caller holds the transaction.
 
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Of an index.
-    rows : sequence
-        From a journal.
-
     Raises
     ------
     ArchiveError
@@ -158,17 +138,7 @@ def apply(connection: sqlite3.Connection, rows: Sequence[Change]) -> None:
 
 
 def put(connection: sqlite3.Connection, table: str, row: dict[str, Any]) -> None:
-    """Insert a row, or update the one of its key; never at the cost of another row.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Of an index.
-    table : str
-        One of `TABLES`.
-    row : dict
-        Columns and values.
-    """
+    """Insert a row, or update the one of its key; never at the cost of another row."""
     # No upsert: its way with conflicts would replace that of the triggers' own statements.
     keys = " AND ".join(f"{name}=?" for name in key_of(table))
     news = ", ".join(f"{name}=?" for name in row)

@@ -26,8 +26,6 @@ class Journaling:
 
     Parameters
     ----------
-    connection : sqlite3.Connection
-        Of the index.
     path : Path or None
         The journal; without one the changes are kept in the index alone.
     """

@@ -47,16 +47,6 @@ _UNITS = frozenset(
 def read_json(path: Path) -> Any:
     """Return the JSON of a file; NaN, Infinity and repeated keys are refused.
 
-    Parameters
-    ----------
-    path : Path
-        The file.
-
-    Returns
-    -------
-    object
-        What it says.
-
     Raises
     ------
     CampaignError
@@ -77,13 +67,6 @@ def parse_json(content: bytes, file: str) -> Any:
     ----------
     content : bytes
         UTF-8.
-    file : str
-        Named in messages.
-
-    Returns
-    -------
-    object
-        What it says.
 
     Raises
     ------
@@ -127,12 +110,6 @@ class Fields:
 
     Parameters
     ----------
-    value : object
-        What should be an object.
-    file : str
-        Named in messages.
-    path : str
-        JSON path of the object.
     known : iterable of str
         The keys this object may have; a near miss of one of them is refused.
 

@@ -21,8 +21,6 @@ def lock_archive(directory: Path, *, alone: bool) -> int:
 
     Parameters
     ----------
-    directory : Path
-        The archive, with its folders.
     alone : bool
         Whether nobody else may have it open.
 

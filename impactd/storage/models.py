@@ -48,8 +48,6 @@ class ModelTable:
 
     Parameters
     ----------
-    index : Index
-        Where they live.
     directory : Path
         The archive; every choice is kept there in a file too, so that it outlives a lost index.
     """

@@ -33,8 +33,6 @@ def plain(file: h5py.File, path: str) -> h5py.Dataset:
     ----------
     file : h5py.File
         Open for reading, and looked at by `refuse_foreign`.
-    path : str
-        Of the dataset.
 
     Returns
     -------
@@ -80,8 +78,6 @@ def refuse_foreign(
         The soft links that may be there, and where each must lead.
     compressed : collection of str
         The datasets that may be compressed. Each may hold a value for every byte of the file.
-    chunk_values : int
-        The largest chunk.
 
     Raises
     ------

@@ -16,13 +16,6 @@ class NumberSequence:
     """The sequence, in the index and in a file of its own.
 
     The file outlives a lost index: numbers of drops that left no shot are not given out again.
-
-    Parameters
-    ----------
-    index : Index
-        Holds the sequence.
-    directory : Path
-        The archive.
     """
 
     def __init__(self, index: Index, directory: Path) -> None:

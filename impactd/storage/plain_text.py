@@ -17,11 +17,6 @@ _JOINERS = frozenset("\u200c\u200d")
 def find_forbidden(text: str) -> str | None:
     """Return the first character that a text must not hold.
 
-    Parameters
-    ----------
-    text : str
-        From outside.
-
     Returns
     -------
     str or None

@@ -22,8 +22,6 @@ class Problem:
         HTTP status that goes with it.
     detail : str
         What happened this time, with values and units.
-    remedy : str
-        What to do.
     """
 
     type: str

@@ -101,13 +101,7 @@ def _write_durably(path: Path, content: bytes) -> None:
 
 
 def sync_directory(directory: Path) -> None:
-    """Let the names in a directory survive a power cut; raise OSError.
-
-    Parameters
-    ----------
-    directory : Path
-        Exists.
-    """
+    """Let the names in a directory survive a power cut; raise OSError."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -21,15 +21,6 @@ def end_interrupted(
     A drop whose file was published before the end, or rescued to another disk, is stored: its shot
     is taken into the index. Every other one is interrupted.
 
-    Parameters
-    ----------
-    index : Index
-        The index.
-    store : ShotStore
-        The files.
-    rescue_directory : Path or None
-        As in the settings.
-
     Returns
     -------
     list of Drop

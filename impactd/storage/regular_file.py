@@ -78,8 +78,6 @@ def read_regular_file(path: Path, limit_bytes: int) -> bytes:
 
     Parameters
     ----------
-    path : Path
-        The file.
     limit_bytes : int
         Largest size that is read. [B]
 

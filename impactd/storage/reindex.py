@@ -83,8 +83,6 @@ def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
     ----------
     path : Path
         The index; may be absent or damaged.
-    store : ShotStore
-        The files.
 
     Returns
     -------

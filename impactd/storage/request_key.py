@@ -49,8 +49,6 @@ class BareKey:
 
     Attributes
     ----------
-    token : int
-        Whose it is.
     key : str
         The key as it came.
     """
@@ -64,8 +62,6 @@ def bare_key(text: str, *, has_kind: bool = False) -> BareKey | None:
 
     Parameters
     ----------
-    text : str
-        As it is stored now.
     has_kind : bool
         Whether the namespace names a kind behind the token, as for jobs and calibrations.
 
@@ -82,11 +78,6 @@ def bare_key(text: str, *, has_kind: bool = False) -> BareKey | None:
 
 def client_part(text: str | None) -> str | None:
     """Return the part of a drop's stored key that its client sent.
-
-    Parameters
-    ----------
-    text : str or None
-        As it is stored.
 
     Returns
     -------

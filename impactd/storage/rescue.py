@@ -68,17 +68,10 @@ def keep(archive: Path, number: int, content: bytes, configured: Path | None) ->
     ----------
     archive : Path
         Folder of the archive that has no room for it.
-    number : int
-        Of the drop.
     content : bytes
         The whole file.
     configured : Path or None
         ``storage.rescue_directory`` of the settings.
-
-    Returns
-    -------
-    Path
-        Where it is now.
 
     Raises
     ------
@@ -108,10 +101,6 @@ def find(archive: Path, number: int, configured: Path | None) -> Path | None:
 
     Parameters
     ----------
-    archive : Path
-        Folder of the archive.
-    number : int
-        Of the drop.
     configured : Path or None
         ``storage.rescue_directory`` of the settings.
 
@@ -132,8 +121,6 @@ def leave_mark(place: Path, archive: Path, start: str) -> None:
     ----------
     place : Path
         ``storage.rescue_directory`` of the settings.
-    archive : Path
-        Folder of the archive.
     start : str
         Identity of this start of the daemon.
 
@@ -158,8 +145,6 @@ def read_marks(place: Path, archive: Path) -> list[Mark]:
     ----------
     place : Path
         One of `places`.
-    archive : Path
-        Folder of the archive.
 
     Returns
     -------
@@ -178,8 +163,6 @@ def try_place(place: Path, size_bytes: int) -> None:
 
     Parameters
     ----------
-    place : Path
-        A folder.
     size_bytes : int
         Of a record. [B]
 

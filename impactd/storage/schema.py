@@ -18,11 +18,6 @@ def added_column(table: str, name: str) -> tuple[str, ...]:
         One of `checksums.COLUMNS`.
     name : str
         The column; the last of those that the table has by then.
-
-    Returns
-    -------
-    tuple of str
-        For a migration.
     """
     columns = checksums.COLUMNS[table].split()
     after = columns[: columns.index(name) + 1]

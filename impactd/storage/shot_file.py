@@ -71,10 +71,6 @@ def build_shot_file(
 
     Parameters
     ----------
-    number : int
-        The shot.
-    recording : Recording
-        The record.
     metadata : ShotMetadata
         What is known of the shot beside its samples.
     drop : Drop or None
@@ -108,13 +104,6 @@ def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotMetad
     ----------
     content : bytes
         The whole file, as `build_shot_file` made it.
-    path : str
-        Named in messages.
-
-    Returns
-    -------
-    tuple of int, Recording, ShotMetadata and (Drop or None)
-        Number, record, circumstances and drop.
 
     Raises
     ------

@@ -35,8 +35,6 @@ class ShotMetadata:
         Host clock at that same moment; ties the other host times to UTC. [ns]
     gravity_m_per_s2 : float
         [m/s^2]
-    operator : str
-        Who did it.
     sphere, surface : Sphere, Surface or None
         What was known of them on that day, with their names. ``None`` = unknown.
     drop_height_m : float or None
@@ -51,8 +49,6 @@ class ShotMetadata:
         Whether the board read the command back.
     vacuum_v : float or None
         The gauge before the release. [V]
-    digitizer : DigitizerIdentity or None
-        Which board.
     trigger : TriggerSettings or None
         What it waited for.
     baseline_v, noise_rms_v : float or None
@@ -71,8 +67,6 @@ class ShotMetadata:
         For an import, the file it came from.
     configuration : dict
         Snapshot of the settings, JSON, no secrets.
-    software : str
-        Program and version.
     notes : tuple of str
         What a reader should know, e.g. ``"valve state unconfirmed"``.
     """
@@ -180,8 +174,6 @@ class StoredShot:
     ----------
     shot : Shot
         Its row in the index.
-    recording : Recording
-        The record.
     metadata : ShotMetadata
         What is known of the shot beside its samples.
     drop : Drop or None

@@ -41,13 +41,7 @@ class FoundShot:
 
 
 class ShotStore:
-    """The shot files of an archive.
-
-    Parameters
-    ----------
-    directory : Path
-        The archive.
-    """
+    """The shot files of an archive."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -161,8 +155,6 @@ def read_shot(path: Path, sha256: str) -> StoredShot:
 
     Parameters
     ----------
-    path : Path
-        The file.
     sha256 : str
         What the whole file must hash to.
 

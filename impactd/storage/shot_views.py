@@ -27,10 +27,6 @@ def write_views(entry: h5py.Group, title: str, recording: Recording) -> None:
 
     Parameters
     ----------
-    entry : h5py.Group
-        The entry.
-    title : str
-        What both plots are of.
     recording : Recording
         The record; its samples are in the file already.
     """

@@ -81,13 +81,7 @@ _SEARCH = (
 
 
 class ShotTable:
-    """The table of shots.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of shots."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
@@ -138,8 +132,6 @@ class ShotTable:
             First moment that counts and first that does not, in the form of `moment.utc_now`.
         search : str, optional
             A shot's number, or a part of sphere, surface, operator or origin; case does not count.
-        limit : int
-            At most so many.
         before : int, optional
             Only numbers below this one (the next page).
 

@@ -46,13 +46,7 @@ class Token:
 
 
 class TokenTable:
-    """The table of tokens.
-
-    Parameters
-    ----------
-    index : Index
-        Where it lives.
-    """
+    """The table of tokens."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
@@ -64,8 +58,6 @@ class TokenTable:
 
         Parameters
         ----------
-        name : str
-            Whose it is.
         scope : str
             ``read``, ``operate`` or ``admin``.
         days : float, optional

@@ -45,8 +45,6 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     ----------
     diagnosis : Diagnosis
         From ``diagnose_campaign``.
-    software : str
-        Who made it, with version.
 
     Returns
     -------

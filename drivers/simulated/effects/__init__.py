@@ -37,11 +37,6 @@ def make_effect(
     form : str
         Which of its published forms; the first when left out.
 
-    Returns
-    -------
-    Effect
-        Ready to be switched on.
-
     Raises
     ------
     ValueError

@@ -102,11 +102,6 @@ class Scope:
     def includes(self, sphere: str, surface: str) -> bool:
         """Return whether a pair is concerned.
 
-        Parameters
-        ----------
-        sphere, surface : str
-            The pair.
-
         Returns
         -------
         bool
@@ -136,8 +131,6 @@ class Effect:
     ----------
     values : Mapping
         Parameter values by name; all of them, no defaults. [SI]
-    scope : Scope
-        Where it acts.
     form : str
         Which published form of its law, one of ``forms``; left out, the first.
     """
@@ -176,11 +169,6 @@ class Effect:
     def draw(cls, rng: np.random.Generator) -> dict[str, float]:
         """Return parameter values of random size.
 
-        Parameters
-        ----------
-        rng : numpy.random.Generator
-            Source of chance.
-
         Returns
         -------
         dict
@@ -217,15 +205,8 @@ class Effect:
 
         Parameters
         ----------
-        rng : numpy.random.Generator
-            Source of chance.
         values : dict
             As drawn for the first form. [SI]
-
-        Returns
-        -------
-        tuple of str, dict
-            Form and values.
         """
         return str(rng.choice(cls.sound_forms or cls.forms)), values
 
@@ -259,8 +240,6 @@ class Effect:
 
         Parameters
         ----------
-        mechanics : Mechanics
-            Changed in place.
         shot : Shot
             The release this impact belongs to.
         speed_m_per_s : float
@@ -269,11 +248,6 @@ class Effect:
 
     def stage(self, shot: Shot) -> Stage | None:
         """Return this effect's part of the chain behind the crystal, at rest.
-
-        Parameters
-        ----------
-        shot : Shot
-            The release it will serve.
 
         Returns
         -------
@@ -302,8 +276,6 @@ class Effect:
 
         Parameters
         ----------
-        shot : Shot
-            The release.
         t_s : ndarray, shape (n,)
             Time since then, >= 0. [s]
 

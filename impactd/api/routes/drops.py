@@ -37,11 +37,6 @@ def required_key(key: str | None, what: str) -> str:
     what : str
         What would happen twice without it.
 
-    Returns
-    -------
-    str
-        The key.
-
     Raises
     ------
     ProblemError
@@ -101,14 +96,8 @@ def begin_drop(  # noqa: PLR0917 - what a request brings, as the routes have it
 
     Parameters
     ----------
-    asked : DropRequest
-        What to drop.
     response : Response
         Gets the ``Location``.
-    daemon : Daemon
-        Has the rig.
-    caller : Caller
-        Whose token was used.
     key : str or None
         The idempotency key, without which nothing moves.
     accepted : int

@@ -56,10 +56,6 @@ def share(question: str, group: Group, test: Test, goal: str = "") -> Answer | N
     ----------
     question : str
         In words.
-    group : sequence of Trial
-        Who is asked.
-    test : callable
-        Of one trial.
     goal : str
         As in `Answer`.
 
@@ -83,8 +79,6 @@ def middle(
     ----------
     question : str
         In words.
-    group : sequence of Trial
-        Who is asked.
     measure : callable
         Of one trial, None where it has none.
     goal, unit : str

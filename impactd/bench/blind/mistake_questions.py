@@ -29,11 +29,6 @@ from impactd.bench.blind.trial import Trial
 def of_mistakes(trials: Group) -> Iterator[Answer | None]:
     """Ask of mistakes of people: kind and place, false names, the modulus, the time.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Of any kinds.
-
     Yields
     ------
     Answer or None

@@ -26,11 +26,6 @@ BESIDE = 1
 def outcome(trial: Trial) -> str:
     """Return what became of a trial.
 
-    Parameters
-    ----------
-    trial : Trial
-        Any.
-
     Returns
     -------
     str
@@ -66,11 +61,6 @@ def outcome(trial: Trial) -> str:
 def wanted_names(trial: Trial) -> list[str]:
     """Return the ids that a diagnosis should give.
 
-    Parameters
-    ----------
-    trial : Trial
-        Any.
-
     Returns
     -------
     list of str
@@ -84,11 +74,6 @@ def wanted_names(trial: Trial) -> list[str]:
 def wanted_shots(trial: Trial) -> list[int]:
     """Return the places of the shots that a diagnosis should set aside.
 
-    Parameters
-    ----------
-    trial : Trial
-        Any.
-
     Returns
     -------
     list of int
@@ -100,11 +85,6 @@ def wanted_shots(trial: Trial) -> list[int]:
 
 def said_names(trial: Trial) -> list[str]:
     """Return the ids that a diagnosis stands by.
-
-    Parameters
-    ----------
-    trial : Trial
-        Any.
 
     Returns
     -------
@@ -119,11 +99,6 @@ def said_names(trial: Trial) -> list[str]:
 def claims_mistake(trial: Trial) -> bool:
     """Return whether a diagnosis says that people did something wrong.
 
-    Parameters
-    ----------
-    trial : Trial
-        Any.
-
     Returns
     -------
     bool
@@ -134,11 +109,6 @@ def claims_mistake(trial: Trial) -> bool:
 
 def names_effect(trial: Trial) -> bool:
     """Return whether a diagnosis names an effect of the library.
-
-    Parameters
-    ----------
-    trial : Trial
-        Any.
 
     Returns
     -------

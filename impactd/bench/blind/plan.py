@@ -42,10 +42,6 @@ class Plan:
 
     Attributes
     ----------
-    kind : str
-        One of `KINDS`.
-    seed : int
-        Of the trial.
     settings : CampaignSettings
         For the simulator, effects and noise included.
     effects : tuple of Effect
@@ -78,8 +74,6 @@ def draw_plan(kind: str, seed: int, rig: str = DEFAULT_RIG) -> Plan:
 
     Parameters
     ----------
-    kind : str
-        One of `KINDS`.
     seed : int
         Of everything drawn.
     rig : str

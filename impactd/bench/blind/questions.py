@@ -39,11 +39,6 @@ LOUD = 3.0
 def answers(trials: Group) -> list[Answer]:
     """Answer every question that there are trials for.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Of any kinds.
-
     Returns
     -------
     list of Answer

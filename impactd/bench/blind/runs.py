@@ -20,8 +20,6 @@ class Task(NamedTuple):
 
     Attributes
     ----------
-    kind, seed : str, int
-        Which.
     rig : str
         Which physics its rig obeys.
     """
@@ -38,10 +36,6 @@ def run(
 
     Parameters
     ----------
-    tasks : sequence of Task
-        Which.
-    workers : int
-        Processes.
     budget_s : float, optional
         How long each diagnosis may search. [s]
 
@@ -82,10 +76,6 @@ def run_into(
     ----------
     path : Path
         JSON lines; created if need be. A last line that a kill cut short is dropped.
-    tasks : sequence of Task
-        Which.
-    workers : int
-        Processes.
     budget_s : float, optional
         How long each diagnosis may search. [s]
 

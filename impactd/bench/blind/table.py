@@ -18,11 +18,6 @@ MATRIX_FORMAT = "impactd-blind-confusion/1"
 def table(trials: Sequence[Trial]) -> str:
     """Return everything counted, as Markdown.
 
-    Parameters
-    ----------
-    trials : sequence of Trial
-        Any number.
-
     Returns
     -------
     str

@@ -32,16 +32,12 @@ class Trial:
         What was asked for, and the model that the diagnosis started from.
     effects : list of dict
         What acted: id, slot, parameters, scope.
-    materials : list of str
-        Spheres and surfaces.
     colour : str
         ``white``, ``ar1`` or ``pink``.
     ar1, noise_true_V : float
         Correlation and size of the noise as drawn. [1, V]
     verdict : str
         Of the diagnosis; ``failed`` where it raised, with ``error`` saying what.
-    named, confusable : list of str
-        Ids it gave.
     acts_on : list of dict
         Where each named effect acts, as the truth says it: side to name or names; empty where it
         acts on everything. Of a mistake that was named its scope, and ``first_shot`` where the
@@ -70,8 +66,6 @@ class Trial:
         Until the verdict stood: wall and process. [s]
     statement_seconds : float
         To write it down, held-out errors of all candidates included. [s]
-    error : str or None
-        What went wrong.
     rig : str
         Which physics the rig obeys.
     mistake : dict or None
@@ -132,18 +126,7 @@ class Trial:
 
     @classmethod
     def from_json(cls, row: Json) -> Trial:
-        """Return a trial from its line; keys of later versions are left aside.
-
-        Parameters
-        ----------
-        row : dict
-            From `to_json`.
-
-        Returns
-        -------
-        Trial
-            The same.
-        """
+        """Return a trial from its line; keys of later versions are left aside."""
         known = {f.name for f in fields(cls)}
         return cls(**{key: value for key, value in row.items() if key in known})
 
@@ -175,8 +158,6 @@ def run_trial(
         One of ``plan.KINDS``.
     seed : int
         Of everything drawn.
-    rig : str
-        Which physics the rig obeys.
     budget_s : float, optional
         How long the diagnosis may search. [s]
 

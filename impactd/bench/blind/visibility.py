@@ -59,8 +59,6 @@ def visibility(plan: Plan, campaign: Campaign) -> Visibility | None:
 
     Parameters
     ----------
-    plan : Plan
-        Of the trial.
     campaign : Campaign
         As it was recorded; only its noise is used.
 
