@@ -10,11 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from analysis.aliases import Array, Json
 from analysis.budget_advice import advice
 from analysis.budget_sources import Source, nu_slope, sources
 from analysis.campaign import Quantity, Sphere, Surface
@@ -26,9 +23,6 @@ FORMAT = "impactd-budget/1"
 PLANE, YOUNG = "plane_strain_modulus_Pa", "youngs_modulus_Pa"
 NEGLIGIBLE = 1e-12
 """Share of the variance below which a row is left out: what rounding leaves."""
-
-Json = dict[str, Any]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

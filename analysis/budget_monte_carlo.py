@@ -11,12 +11,11 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
+from analysis.aliases import Array, Json
 from analysis.budget import PLANE, YOUNG, Budget, budgets
 from analysis.campaign import Quantity, Uncertainty
 from analysis.fit import joint
@@ -32,8 +31,6 @@ LEAST_DRAWS = 100
 BURN_IN = 500
 REFIT_STEPS = 12
 
-Json = dict[str, Any]
-Array = NDArray[np.float64]
 Progress = Callable[[str, float], None]
 
 

@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sphere, Surface, Uncertainty
 from analysis.fit.blocks import ShotBlock
 from analysis.fit.estimates import CELL
@@ -29,8 +29,6 @@ from analysis.fit.priors import (
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.stated_effects import stated_effects
 from analysis.model import solver
-
-Array = NDArray[np.float64]
 
 _CELL_LABELS = {
     "crystal_mass_kg": ("sensor.crystal_mass_kg", "mass of the load cell's crystal", "kg"),

@@ -10,10 +10,10 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from analysis.aliases import Json
 from analysis.base_models import DEFAULT_BASE
 from analysis.calibration_document import FORMAT, IDENTIFIABLE, sensor_from_json
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
@@ -27,7 +27,6 @@ from analysis.identifiability_words import short_sentence
 
 __all__ = ["CalibrationResult", "calibrate", "drift", "sensor_from_json"]
 
-Json = dict[str, Any]
 
 LOOSENED_U = 0.5
 """An earlier calibration only starts the fit; were it a prior, drift would be hidden by itself."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from analysis.aliases import Json
 from analysis.campaign import Sensor
 from analysis.errors import AnalysisError
 from analysis.fit.measurand import as_quantity
 
 FORMAT = "impactd-calibration/1"
-Json = dict[str, Any]
 
 IDENTIFIABLE = {
     "sensor.gain_N_per_V": "gain_N_per_V",

@@ -11,17 +11,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Json
 from analysis.calibration_document import IDENTIFIABLE
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem
-
-Json = dict[str, Any]
-Array = NDArray[np.float64]
 
 DRIFT_LIMIT = 3.0
 """Drift in combined standard uncertainties from which it is called one."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 from scipy.special import ndtr
 
+from analysis.aliases import Json
 from analysis.errors import AnalysisError
 from analysis.fit.measurand import NORMAL95
 
@@ -25,8 +25,6 @@ RULES = {
 LEAST_LIMIT_PA = 1e3
 """Softer than any coupon that a sphere rebounds from; a smaller number is a limit in GPa."""
 NAMES = {"youngs_modulus_Pa": "E", "plane_strain_modulus_Pa": "E/(1-nu^2)"}
-
-Json = dict[str, Any]
 
 
 @dataclass(frozen=True)

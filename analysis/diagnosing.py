@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from analysis.aliases import Json
 from analysis.campaign import Campaign
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.progress import MethodStep, Progress, TimeBudget
-
-Json = dict[str, Any]
 
 
 def diagnose(

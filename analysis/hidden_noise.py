@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from analysis.aliases import Array
 from analysis.quantisation import Coarse
-
-Array = NDArray[np.float64]
 
 COARSE = 0.5
 """Noise below this share of the step, and the step counts: at half a step a resting signal keeps

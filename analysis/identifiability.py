@@ -18,11 +18,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array, Json
 from analysis.campaign import Sphere, Surface
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import Json
 from analysis.fit.priors import SEEN, UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
 from analysis.fit.profile import Profile, profile
@@ -43,7 +42,6 @@ from analysis.quantities_of_fit import asked_of
 
 __all__ = ["Finding", "Identifiability", "identifiability", "short_contacts"]
 
-Array = NDArray[np.float64]
 
 PRIOR_ABOVE = 0.7
 """Posterior over prior u, above which the shots said little."""

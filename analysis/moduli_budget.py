@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array, Json
 from analysis.budget import Budget, budgets_of, by_material
 from analysis.budget_sources import INPUT_LABELS, Source, of_moduli
 from analysis.campaign import Sphere, Surface, Uncertainty
@@ -21,9 +20,6 @@ from analysis.fit.inputs import PREFIX
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.moduli import Adjustment
 from analysis.moduli_network import linearise_rows
-
-Json = dict[str, Any]
-Array = NDArray[np.float64]
 
 CERTIFICATE = "certificate"
 """What a calibration is called that is none: the cell's certificate."""

@@ -7,7 +7,6 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from analysis.moduli_network import (
@@ -20,8 +19,6 @@ from analysis.moduli_network import (
     solve,
 )
 from analysis.moduli_result import NETWORK_P, Network, PairCheck, contradiction_limit
-
-Array = NDArray[np.float64]
 
 LARGEST_DARK_U = 2.0
 """A between-recording uncertainty of ln E* beyond this is no measurement any more."""

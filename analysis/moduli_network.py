@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.campaign import Sphere, Surface
 from analysis.errors import AnalysisError
 from analysis.fit.freed_inputs import without_inputs
 from analysis.fit.problem import UNKNOWN_LOG_U, Prior, modulus_prior
 from analysis.pair_observation import PairObservation
 
-Array = NDArray[np.float64]
 SensorCovariance = Array | Mapping[str, Array]
 CalibrationInputs = Mapping[str, Array]
 """Change of the logarithms that a calibration found, by one u of each input it rests on."""

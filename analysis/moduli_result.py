@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import norm
 
+from analysis.aliases import Json
 from analysis.campaign import Sphere, Surface
 from analysis.fit.result import WITHHOLD_ABOVE, measurand, young_from_plane_strain
 
 FORMAT = "impactd-moduli/1"
-Json = dict[str, Any]
 
 CONTRADICTION_P = 0.01
 """Chance that any pair of a sound network is called contradicting."""

@@ -13,13 +13,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft
 from scipy.linalg import solve_toeplitz, solve_triangular, toeplitz
 
+from analysis.aliases import Array
 from analysis.quiet_spectrum import Spectrum, slow_covariance
-
-Array = NDArray[np.float64]
 
 LONG_ORDER = 256
 """Taps of the filter that whitens 1/f: it holds down to a few hundredths of its inverse."""

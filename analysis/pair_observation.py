@@ -5,17 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array, Json
 from analysis.fit.estimates import HSD_FIELDS
 from analysis.fit.problem import SENSOR_FIELDS
 from analysis.fit.result import FitResult
-
-Json = dict[str, Any]
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from analysis.aliases import Array
 
 LEVELS = 16
 """Distinct values that a record must have for its smallest difference to be a converter's step."""

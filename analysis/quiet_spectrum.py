@@ -18,11 +18,10 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import dct, irfft, next_fast_len, rfft
 from scipy.special import sici
 
-Array = NDArray[np.float64]
+from analysis.aliases import Array
 
 DRIFT_HZ = 420.0
 """The seventh harmonic of 60 Hz: what lies below may be hum and is not taken for noise."""

@@ -11,16 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Json
 from analysis.errors import AnalysisError, ParameterOutOfRangeError
 from analysis.fit.measurand import measurand
 
 FORMAT = "impactd-static-calibration/1"
-Json = dict[str, Any]
 
 MEANINGLESS_LEFT = 0.5
 """Where less than this share of the step is left, the reading tells the leak, not the weight."""

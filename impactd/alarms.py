@@ -15,11 +15,11 @@ from typing import Any, Literal
 
 import structlog
 
+from impactd.aliases import Json
 from impactd.events import EventBus
 from impactd.storage.alarms import Alarm, AlarmTable
 from impactd.storage.errors import ArchiveError
 
-Json = dict[str, Any]
 Words = tuple[str, str]
 
 _log = structlog.get_logger("impactd.alarms")

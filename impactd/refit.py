@@ -22,8 +22,8 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.jobs.errors import WorkerLostError
 from impactd.jobs.orders import order_without_shots, shot_models, shot_places
 from impactd.jobs.refit_task import fit_chunk
@@ -32,8 +32,6 @@ from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.index import as_text
 from impactd.storage.version import software
-
-Json = dict[str, Any]
 
 CHUNK = 16
 """Shots a worker takes at once: enough that the way there and back costs little."""

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.proposals import Proposal, rescoped
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.marginal_likelihood import Price, price_of_effect
@@ -25,7 +25,6 @@ from analysis.fit.stated_effects import effect_prior, stated_effects
 from analysis.fit.window import quiet_part
 from analysis.model.impact_model import NUISANCE
 
-Array = NDArray[np.float64]
 KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
 HELD = 1e-3

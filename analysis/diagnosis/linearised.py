@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.stats import chi2 as chi2_distribution
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.families import (
     BASELINE,
     Scale,
@@ -40,7 +40,6 @@ from analysis.fit.joint import Fitted
 from analysis.fit.law_error import KIND as LAW
 from analysis.fit.problem import FitShot, JointProblem
 
-Array = NDArray[np.float64]
 Families = dict[str, tuple[list[int], list[str]]]
 """Positions of each family's columns, and their labels."""
 _Way = tuple[Array, Array, Array, Array]

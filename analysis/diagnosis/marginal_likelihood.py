@@ -16,8 +16,8 @@ import dataclasses
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.groupings import price_of_grouping
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit import joint
@@ -29,8 +29,6 @@ UNIFORM_VARIANCE = 1.0 / 12.0
 LEAST_EIGENVALUE = 1e-12
 """Of a matrix with ones along its diagonal; below is rounding."""
 LN_2_PI = math.log(2.0 * math.pi)
-
-Array = NDArray[np.float64]
 
 
 def log_integral(problem: JointProblem, fitted: joint.Fitted) -> float:

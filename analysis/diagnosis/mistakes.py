@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Selection, Step
@@ -29,8 +29,6 @@ from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import numbers_of_shots, widened_by
 from analysis.fit.inputs import Input
 from analysis.fit.problem import JointProblem
-
-Array = NDArray[np.float64]
 
 TRIED = 4
 """Mistakes that are fitted, those that promise most. A choice of time: each is a base fit."""

@@ -33,6 +33,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.special import eval_legendre as legendre
 
+from analysis.aliases import Array
 from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.mean_waveform import Hit, aligned_mean
@@ -44,8 +45,6 @@ from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
 from analysis.fit.shot_fit import collect
 from analysis.fit.window import MAX_SAMPLES, quiet_part, rail
-
-Array = NDArray[np.float64]
 
 NARROW, WIDER = 0.005, 20.0
 """Share of a pulse's height within which its top is, at least, and how many times more tells what

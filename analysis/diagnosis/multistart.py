@@ -8,8 +8,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.families import scale_of, tuned
 from analysis.diagnosis.basis.groupings import Sizes
 from analysis.diagnosis.basis.linear_filter import DAMPED
@@ -34,8 +34,6 @@ from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
-
-Array = NDArray[np.float64]
 
 STARTS_PER_EFFECT, STARTS_PER_STRUCTURE = 2, 4
 """Forms or starts that the linear look puts first; what is below the sphere has more valleys."""

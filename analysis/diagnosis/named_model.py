@@ -16,6 +16,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 
+from analysis.aliases import Json
 from analysis.campaign import Campaign
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.effects.acts_on import ActsOn
@@ -24,7 +25,6 @@ from analysis.errors import UnknownModelError
 from analysis.fit import joint
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import Json
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import FitResult
 from analysis.fit.start import prepare

@@ -19,19 +19,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array, Json
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
 from analysis.fit.fit_shot import ASSUMED_REPEATABILITY, poissons_ratio
-from analysis.fit.measurand import Json
 from analysis.fit.priors import Prior
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import NUISANCE, SHARED
-
-Array = NDArray[np.float64]
 
 BELOW, ABOVE = 1.5, 2.0
 """How far beyond the heights already tried a drop may be. A choice: what most rigs still reach."""

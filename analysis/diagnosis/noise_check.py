@@ -12,16 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import get_window, periodogram
 from scipy.stats import chi2, norm
 
+from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit.problem import FitShot
 from analysis.fit.window import quiet_part
 from analysis.quiet_spectrum import drift_basis, drift_degree, without_drift, without_long_drift
-
-Array = NDArray[np.float64]
 
 FIRST_LINE = 2
 """Below it lies what a record's mean smears."""

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 from scipy.stats import chi2
 
+from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.progress import MethodStep, Progress
@@ -30,8 +30,6 @@ from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
 from analysis.model import solver
-
-Array = NDArray[np.float64]
 
 FEWEST = 3
 """Shots from which one may be the odd one: of two nobody knows which."""

@@ -16,8 +16,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.proposals import proposals, scopes_of
 from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
@@ -32,8 +32,6 @@ from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
-
-Array = NDArray[np.float64]
 
 MOST_MATERIALS = 2
 """Materials that may make the difference: a sphere and a coupon that met in all odd shots."""

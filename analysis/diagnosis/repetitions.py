@@ -21,9 +21,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import t as student
 
+from analysis.aliases import Array
 from analysis.campaign import Shot
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.mean_waveform import (
@@ -36,7 +36,6 @@ from analysis.diagnosis.discrepancy.mean_waveform import (
 )
 from analysis.fit.window import cut, quiet_part
 
-Array = NDArray[np.float64]
 Condition = tuple[str | None, str | None, float | None]
 """Sphere, surface and drop height: what repetitions have in common."""
 

@@ -17,15 +17,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize, minimize_scalar
 from scipy.signal import butter, freqz, welch
 
+from analysis.aliases import Array
 from analysis.campaign import Shot
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit.window import quiet_part
-
-Array = NDArray[np.float64]
 
 SEGMENT = 64
 """Samples of a periodogram: so many are there before most pulses."""

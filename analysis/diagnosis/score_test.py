@@ -19,12 +19,12 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.sparse import csr_array
 from scipy.stats import chi2 as chi2_distribution
 from scipy.stats import norm
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.time_course import BASELINE_ORDERS
 from analysis.diagnosis.criteria import CRITERIA
@@ -43,7 +43,6 @@ from analysis.fit.problem import JointProblem
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
 from analysis.quiet_spectrum import drift_basis, slow_powers
 
-Array = NDArray[np.float64]
 Part = tuple[str, str]
 """Family, and whose a coefficient is."""
 

@@ -12,9 +12,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import NDArray
-
+from analysis.aliases import Array
 from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
 from analysis.diagnosis.candidate import Refit, continued, refit, refit_elsewhere
 from analysis.diagnosis.criteria import CRITERIA
@@ -47,8 +45,6 @@ AFAR_KEPT, AFAR_STEPS = 4, 14
 """Starts of a form, and steps of each, where the way from afar is long."""
 ALWAYS_TRIED = 6
 """Effects that are fitted even where the first has left nothing for others to explain."""
-
-Array = NDArray[np.float64]
 
 
 def ranked(

@@ -40,7 +40,8 @@ import numpy as np
 from numba import njit
 from scipy.signal import besselap
 
-from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
+from analysis.aliases import Array
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
 from analysis.effects.resonance import curvature, resonance
 
 Hook = Callable[[Array, Values, ShotContext], Array]

@@ -20,7 +20,8 @@ Scope: the rig's.
 
 import numpy as np
 
-from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
+from analysis.aliases import Array
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
 
 
 def _hard(signal: Array, values: Values, context: ShotContext) -> Array:

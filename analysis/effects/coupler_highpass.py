@@ -23,7 +23,8 @@ import math
 import numpy as np
 from numba import njit
 
-from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
+from analysis.aliases import Array
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
 
 
 @njit(cache=True, nogil=True)

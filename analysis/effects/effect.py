@@ -29,9 +29,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO
 from analysis.effects.acts_on import ActsOn
 from analysis.errors import ParameterOutOfRangeError
@@ -43,7 +41,6 @@ from analysis.model.hertz import (
 from analysis.model.solver import CONTACT_STEPS
 from analysis.model.structure import Structure
 
-Array = NDArray[np.float64]
 Values = Mapping[str, float]
 
 SLOTS = ("release", "contact", "mounting", "sensor", "electronics")

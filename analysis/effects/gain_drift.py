@@ -23,7 +23,8 @@ Scope: the rig's. Fitted where a model names it (``kv2+gain_drift``); the search
 closure for what drifts.
 """
 
-from analysis.effects.effect import Array, Effect, EffectParameter, ShotContext, Values
+from analysis.aliases import Array
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values
 
 
 def _output(signal: Array, values: Values, context: ShotContext) -> Array:

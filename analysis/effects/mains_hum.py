@@ -19,7 +19,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from analysis.effects.effect import Array, Effect, ShotContext
+from analysis.aliases import Array
+from analysis.effects.effect import Effect, ShotContext
 
 _HARMONICS = 7
 _SIZE = 6

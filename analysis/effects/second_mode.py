@@ -20,14 +20,8 @@ Scope: the rig's, there is one cell.
 
 import math
 
-from analysis.effects.effect import (
-    Array,
-    Effect,
-    EffectParameter,
-    ShotContext,
-    Values,
-    damping_ratio,
-)
+from analysis.aliases import Array
+from analysis.effects.effect import Effect, EffectParameter, ShotContext, Values, damping_ratio
 from analysis.effects.resonance import resonance
 
 

@@ -6,13 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.nuisances import prior_of
 from analysis.fit.problem import UNKNOWN_LOG_U, FitShot, JointProblem
 from analysis.model.impact_model import ImpactModel, Prediction
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

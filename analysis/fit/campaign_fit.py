@@ -7,8 +7,8 @@ import math
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.fit import joint
@@ -30,7 +30,6 @@ model is linear, and the step ends at the minimum."""
 HELDOUT_FOLDS = 3
 
 Progress = Callable[[str, float], None]
-Array = NDArray[np.float64]
 
 
 def _chi2_per_dof(problem: JointProblem, fitted: joint.Fitted) -> float:

@@ -7,13 +7,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array, Json
 from analysis.campaign import Quantity
 from analysis.fit import joint
 from analysis.fit.joint import Fitted
 from analysis.fit.law_error import KIND as LAW
-from analysis.fit.measurand import Json
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_effects import stated_effect, stated_effects
@@ -28,8 +27,6 @@ FIRST_STEPS = 12
 """Steps after which a fit without statements must be near the noise, or it is given up. What only a
 wrong statement kept away from the shots comes near them as fast as any fit does, in 3 to 11 steps;
 a model that lacks physics wandered on for more than 120."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

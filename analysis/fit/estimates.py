@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import (
     SENSOR_FIELDS,
@@ -19,8 +19,6 @@ from analysis.model import solver
 
 HSD_FIELDS = ("hsd_n_per_v",)
 CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
-
-Array = NDArray[np.float64]
 
 
 def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, float]:

@@ -6,8 +6,8 @@ import dataclasses
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit import joint
 from analysis.fit.estimates import CELL
 from analysis.fit.inputs import Input, stated_numbers
@@ -21,8 +21,6 @@ SETTLING_STEPS = 8
 """Of a fit that frees inputs, at most. From where they are exact it took 3 in 8 of 8 campaigns."""
 LEAST_SHARE = 1e-12
 """Of the largest variance, below which a covariance has no direction but rounding."""
-
-Array = NDArray[np.float64]
 
 
 def with_inputs(problem: JointProblem) -> JointProblem:

@@ -24,9 +24,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Campaign, Uncertainty
 from analysis.fit.fit_shot import FitShot, log_speed_in_air
 from analysis.fit.priors import Prior
@@ -37,8 +35,6 @@ LOG_STEP = 1e-6
 HEIGHT_STEP_MM = 1e-4
 LARGEST_LOG = 300.0
 """No stated number is wrong by e^300; more than twice that, and a double cannot hold it."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

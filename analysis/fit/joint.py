@@ -12,8 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
 from analysis.fit.problem import JointProblem
 from analysis.fit.steps import along
@@ -46,8 +46,6 @@ SUM_ROUNDING = 1e-12
 STALLED_DAMPING = 1e10
 STALLED_GAIN = 0.05
 """Fall of chi2 that a full step still promises where none succeeds, below which it is a minimum."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

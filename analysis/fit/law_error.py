@@ -10,16 +10,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.inputs import Input
 from analysis.fit.priors import Prior
 from analysis.fit.problem import JointProblem
 
 KIND = "law"
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from analysis.aliases import Json
 from analysis.campaign import Quantity
 
 NORMAL95 = 1.959963984540054
-
-Json = dict[str, Any]
 
 
 def measurand(

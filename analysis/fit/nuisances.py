@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.effects.effect import EffectParameter
 from analysis.fit.priors import UNKNOWN_LOG_U, Prior
 from analysis.model.impact_model import ImpactModel
-
-Array = NDArray[np.float64]
 
 COORDINATE_U = 20.0
 """Width, in coordinates, that only keeps a shot's own number finite."""

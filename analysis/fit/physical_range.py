@@ -24,15 +24,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import norm
 
+from analysis.aliases import Json
 from analysis.campaign import Sensor
 from analysis.effects import crystal_dynamics
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit.estimates import sensor_logs
 from analysis.fit.joint import Fitted, nuisance_covariance
-from analysis.fit.measurand import Json
 from analysis.fit.priors import SENSOR_FIELDS
 from analysis.fit.problem import JointProblem
 
@@ -53,8 +52,6 @@ _CELL = {
     "compliance_m_per_v": (1e-11, 1e-6, "m/V"),
 }
 _PLANE_STRAIN_PA = (1.0, 2e12, "Pa")
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -13,13 +13,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit import joint, steps
 from analysis.fit.measurand import NORMAL95
 from analysis.fit.problem import JointProblem
-
-Array = NDArray[np.float64]
 
 LEVEL95 = NORMAL95**2
 """Rise of the cost at the ends of a 95 % interval for one parameter."""

@@ -11,11 +11,12 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Json
 from analysis.budget import budgets_json
 from analysis.fit import estimates, statements
 from analysis.fit.conflicts import Conflict, conflicts, fit_without
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import Json, as_quantity, measurand, young_from_plane_strain
+from analysis.fit.measurand import as_quantity, measurand, young_from_plane_strain
 from analysis.fit.physical_range import OutOfRange, advice, out_of_range
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.shot_fit import MISFIT_ABOVE, ShotFit, collect

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.fit_shot import FitShot
 
 DAMPING_RATIOS = (0.01, 0.03, 0.07, 0.15, 0.3)
@@ -17,8 +17,6 @@ FREQUENCY_STEP = 0.01
 LEAST_SHARE = 0.3
 """A tail of which a damped sine explains less holds no ring worth starting from."""
 LONGEST_TAIL = 1000
-
-Array = NDArray[np.float64]
 
 
 def _tail(item: FitShot) -> Array:

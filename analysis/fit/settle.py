@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.blocks import linearise_shot
 from analysis.fit.problem import JointProblem
 
@@ -13,8 +13,6 @@ SETTLE_STEPS = 8
 SETTLED_SHARE = 1e-3
 """A shot's own parameters are good enough to start from when a step gains less than this share of
 its squares. Chosen by trial; a fit of everything follows in any case."""
-
-Array = NDArray[np.float64]
 
 
 def settle(

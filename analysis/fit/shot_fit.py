@@ -9,17 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Array, Json
 from analysis.fit.blocks import rebound_as_seen
 from analysis.fit.joint import Fitted, nuisance_covariance
-from analysis.fit.measurand import Json, measurand
+from analysis.fit.measurand import measurand
 from analysis.fit.problem import FitShot, JointProblem
 
 RESTITUTION_DISAGREES_ABOVE = 4.0
 """Bounce and trace then tell two stories; chance alone does it once in 16 000 shots."""
 MISFIT_ABOVE = 1.2
 """chi2 per degree of freedom beyond which the stated uncertainty no longer covers the model."""
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from analysis.aliases import Json
 from analysis.campaign import Sphere, Surface
 from analysis.effects.effect import EffectParameter
 from analysis.fit.conflicts import STABLE_BELOW
@@ -20,12 +21,7 @@ from analysis.fit.estimates import (
     through_calibration,
 )
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import (
-    NORMAL95,
-    Json,
-    measurand,
-    young_from_plane_strain,
-)
+from analysis.fit.measurand import NORMAL95, measurand, young_from_plane_strain
 from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, modulus_prior
 from analysis.fit.problem import JointProblem
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.fit.problem import JointProblem
 
 STRAIGHT_UP_TO = 0.5
 """Share by which 1/E' may fall in one straight step."""
 _BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
-
-Array = NDArray[np.float64]
 
 
 def _is_modulus(name: str) -> bool:

@@ -9,13 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.effects.effect import Effect, ShotContext
 from analysis.effects.library import term_addresses
 from analysis.model.by_address import address_of
 from analysis.model.effect_solver import integrate_columns
 from analysis.model.structure import RIGID, Assembled, Structure
-
-Array = NDArray[np.float64]
 
 _PACKED = 4
 """Numbers of a contact term, see `analysis.model.effect_solver.TERM`."""

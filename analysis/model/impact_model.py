@@ -38,6 +38,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO
 from analysis.effects.effect import Effect, EffectParameter, ShotContext
 from analysis.effects.library import effect_named
@@ -54,7 +55,6 @@ NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
 COUPON_SHARE = "coupon_share"
 """Behind an effect's id: a local parameter that follows from the moduli of the two bodies."""
 
-Array = NDArray[np.float64]
 
 _LARGEST_COORDINATE = 200.0
 """Beyond this a logarithm overflows; such a point has no trace, and a fit steps back from it."""

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.model import solver
 from analysis.model.effect_trace import Cell, Column, integrate_with_effects
@@ -22,7 +22,6 @@ from analysis.model.effect_trace import Cell, Column, integrate_with_effects
 if TYPE_CHECKING:
     from analysis.model.impact_model import ImpactModel, ShotFrame
 
-Array = NDArray[np.float64]
 
 SOLVE, GAIN, AGAIN, READ, NOTHING = range(5)
 """Stages from which a parameter acts; a gain scales what was integrated."""

@@ -10,9 +10,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.interpolate import CubicHermiteSpline
 
+from analysis.aliases import Array
 from analysis.model import solver
 from analysis.model.hertz import (
     closed_damping_coefficient,
@@ -21,8 +21,6 @@ from analysis.model.hertz import (
     plane_strain_modulus,
     reduced_modulus,
 )
-
-Array = NDArray[np.float64]
 
 GRAVITY_M_PER_S2 = 9.80665
 FINE_STEPS = 1500

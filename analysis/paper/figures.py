@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.paper.contact import (
     FIG2_CELL,
     FIG2_DROP,
@@ -17,8 +17,6 @@ from analysis.paper.contact import (
     contact_history,
     crystal_trace,
 )
-
-Array = NDArray[np.float64]
 
 FIG2_RESTITUTIONS = (0.7, 0.8, 0.9, 1.0)
 FIG4_MASSES_KG = tuple(float(x) for x in np.geomspace(0.010, 0.200, 13))

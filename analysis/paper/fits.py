@@ -12,15 +12,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from analysis.aliases import Array
 from analysis.fit.problem import FitShot
 from analysis.model.hertz import contact_stiffness
 from analysis.model.impact_model import model_named
 from analysis.paper.contact import Cell
-
-Array = NDArray[np.float64]
 
 _LN_E_GRID = np.linspace(-1.8, 1.8, 16)
 _SHIFTS_US = np.arange(-5.0, 26.0, 5.0)

@@ -6,8 +6,8 @@ import itertools
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.model.hertz import contact_time, damping_coefficient
 from analysis.paper.contact import (
     FIG2_CELL,
@@ -18,8 +18,6 @@ from analysis.paper.contact import (
     contact_history,
     crystal_trace,
 )
-
-Array = NDArray[np.float64]
 
 
 def seen_after(ratio_at_lift_off: float, ratio_seen: float, speed_m_per_s: float) -> float:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.model import solver
 from analysis.model.hertz import damping_coefficient
 from analysis.paper.contact import Cell, Drop, crystal_trace
-
-Array = NDArray[np.float64]
 
 
 def hsd_volts(drop: Drop, restitution: float, newtons_per_volt: float, times_s: Array) -> Array:

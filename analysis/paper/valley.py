@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from analysis.aliases import Array
 from analysis.fit.problem import FitShot
 from analysis.paper.fits import Known, predict
-
-Array = NDArray[np.float64]
-
 
 SOLIDS_PA = 1e6, 1.3e12
 """Young's moduli that solids have, from soft rubber to diamond. [Pa]"""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import textwrap
-from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.aliases import Json
 from analysis.plots.style import AFTER, BEFORE, INK, SOFT, styled
-
-Json = dict[str, Any]
 
 SHOWN = 14
 """Rows on a sheet; the others are told together."""

@@ -10,11 +10,10 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from analysis.aliases import Json
 from analysis.cell_drift import DRIFT_LIMIT
 from analysis.errors import AnalysisError
 from analysis.plots.style import AFTER, BEFORE, INK, SOFT, WIDE, styled
-
-Json = dict[str, Any]
 
 QUANTITIES = (
     ("natural_frequency_Hz", "frequency f0", "Hz"),

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from analysis.aliases import Json
 from analysis.errors import AnalysisError
 from analysis.plots.style import INK, styled
-
-Json = dict[str, Any]
 
 
 def plot_confusion(matrix: Json, which: str = "detectable") -> Figure:

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from analysis.aliases import Json
 from analysis.campaign import Campaign, Quantity
 from analysis.errors import AnalysisError
 from analysis.plots.style import AFTER, INK, SOFT, WIDE, styled
 
-Json = dict[str, Any]
 _K95 = 1.959963984540054
 _MARKS = {"fitted": "o", "reference": "s", "withheld": "X"}
 

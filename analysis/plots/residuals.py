@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from analysis.aliases import Json
 from analysis.diagnosis.document.residual import stacks_json
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
@@ -27,8 +28,6 @@ from analysis.plots.style import (
     shown,
     styled,
 )
-
-Json = dict[str, Any]
 
 MOST_COLUMNS = 3
 _STYLES = ("-", (0, (4, 1.4)), (0, (1.2, 1.2)), (0, (6, 1.2, 1.2, 1.2)))

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-Json = dict[str, Any]
+from analysis.aliases import Json
 
 USUAL_SHARES = (-0.7, 7.0)
 """What is drawn at least, in contact times."""

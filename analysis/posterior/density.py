@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.errors import AnalysisError
 from analysis.fit.blocks import linearise_shot
 from analysis.fit.joint import total_cost
 from analysis.fit.problem import FitShot
 from analysis.fit.result import FitResult
-
-Array = NDArray[np.float64]
 
 _NEGLIGIBLE = 0.01
 """Fall of a shot's squares that is taken as promised; the density is then good to half a per cent

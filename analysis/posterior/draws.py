@@ -7,13 +7,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
 from analysis.posterior.density import GlobalDensity, JointDensity, require_a_fit
-
-Array = NDArray[np.float64]
 
 TAIL_DEGREES = 5.0
 """Of the multivariate t that proposes independent draws. Its tails are heavier than any Gaussian's,

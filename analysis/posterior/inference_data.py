@@ -7,8 +7,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.errors import AnalysisError
 from analysis.fit.estimates import pair_modulus
 from analysis.fit.priors import modulus_prior
@@ -18,8 +18,6 @@ from analysis.posterior.draws import Draws
 
 if TYPE_CHECKING:
     import arviz
-
-Array = NDArray[np.float64]
 
 
 def inference_data(result: FitResult, draws: Draws, *, seed: int) -> arviz.InferenceData:

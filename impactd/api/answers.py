@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from impactd.advice import UNLIKE, advice, best_fit, in_words
+from impactd.aliases import Json
 from impactd.api.client_keys import own_part
 from impactd.api.finite import without_nan
 from impactd.api.problems import URI_PREFIX, ProblemError
@@ -21,8 +22,6 @@ from impactd.storage.shots import Shot
 from impactd.storage.timestamp import as_utc
 from impactd.wire.answers import DropAnswer, FitAnswer, FitJobAnswer, ProblemMember, ShotAnswer
 from impactd.wire.rig_answers import CalibrationAnswer
-
-Json = dict[str, Any]
 
 
 def problem_member(problem: Problem | None) -> ProblemMember | None:

@@ -15,6 +15,7 @@ from typing import Any
 from prometheus_client.core import GaugeMetricFamily, Metric
 
 from impactd.advice import advice, best_fit
+from impactd.aliases import Json
 from impactd.storage.archive import Archive
 from impactd.storage.calibrations import DROPS
 from impactd.storage.shots import Shot
@@ -24,8 +25,6 @@ LOOKED_AT_SHOTS = 200
 _DAY_S = 86_400.0
 FILLING_DAYS = 7.0
 """Over which the archive's growth is taken: a working week and its weekend."""
-
-Json = dict[str, Any]
 
 
 class DomainMetrics:

@@ -28,7 +28,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -46,11 +45,10 @@ from drivers.simulated.noise import NoiseSettings
 from drivers.simulated.rig_model import DEFAULT_RIG, RIGS
 from drivers.simulated.specimens import SPHERES, SURFACES
 from impactd import blas_threads
+from impactd.aliases import Json
 from impactd.bench.figure import Figure
 from impactd.bench.simulated_campaign import BASES
 from impactd.storage.campaign_folder import read_campaign
-
-Json = dict[str, Any]
 
 CAMPAIGNS = 300
 SEED = 1

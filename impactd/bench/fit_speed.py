@@ -15,9 +15,9 @@ import time
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from analysis import calibrate, fit_campaign
+from analysis.aliases import Array
 from analysis.campaign import Campaign
 from analysis.fit.problem import FitShot, JointProblem, build
 from analysis.fit.result import FitResult
@@ -35,8 +35,6 @@ RATIO_GOAL = 500.0
 SAME_OPTIMUM = 1e-4
 JOINT_GOAL_S = 1.0
 ROUNDS = 15
-
-Array = NDArray[np.float64]
 
 
 def measure() -> list[Figure]:

@@ -29,12 +29,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from analysis.aliases import Array
 from impactd import blas_threads
 
 blas_threads.keep_to_one()  # before anything imports numpy
 
 import numpy as np  # noqa: E402 - see above
-from numpy.typing import NDArray  # noqa: E402 - see above
 from scipy.signal import butter, lfilter, lfilter_zi  # noqa: E402 - see above
 
 from analysis.campaign import Campaign, Shot  # noqa: E402 - see above
@@ -43,7 +43,6 @@ from analysis.diagnosis.progress import TimeBudget  # noqa: E402 - see above
 from impactd.bench.blind.interval import wilson95  # noqa: E402 - see above
 from impactd.storage.campaign_folder import load_campaign  # noqa: E402 - see above
 
-Array = NDArray[np.float64]
 Change = Callable[[Array, float, np.random.Generator], Array]
 """A record over the median peak, its rest taken off, its rate and a source of chance."""
 

@@ -13,11 +13,11 @@ import tempfile
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from impactd.aliases import Json
 from impactd.jobs.orders import SHOT_MODELS, order_without_shots, shot_places
 from impactd.jobs.refit_task import fit_chunk
 from impactd.settings.materials import Materials
@@ -34,8 +34,6 @@ ROWS_A_TRANSACTION = 500
 """So that the write-ahead log stays small; a benchmark need not wait for every row."""
 _FIRST = datetime(2025, 1, 1, tzinfo=UTC)
 _SECONDS_A_DROP = 60.0
-
-Json = dict[str, Any]
 
 
 @dataclass(frozen=True)

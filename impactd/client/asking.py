@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from impactd.aliases import Json
 from impactd.client import talk
 from impactd.client.environment import login_name
 from impactd.client.errors import RigError
-from impactd.client.talk import Json, Talk, Tell
+from impactd.client.talk import Talk, Tell
 
 Reading = tuple[float, float]
 """A value and its standard uncertainty."""

@@ -8,11 +8,12 @@ from typing import Any
 import anyio
 import httpx2
 
+from impactd.aliases import Json
 from impactd.client import talk
 from impactd.client.answering import checked, client_options, lost_lines_named, request_options
 from impactd.client.errors import LostError, RigError, UnreachableError
 from impactd.client.events import Event, Position
-from impactd.client.talk import Ask, Json, Pause, Said, Talk
+from impactd.client.talk import Ask, Pause, Said, Talk
 
 
 class AsyncConnection:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import anyio
 
+from impactd.aliases import Json
 from impactd.client import asking, talk
 from impactd.client.async_connection import AsyncConnection
 from impactd.client.connection import Connection
@@ -17,7 +18,7 @@ from impactd.client.errors import RigError
 from impactd.client.events import Event
 from impactd.client.runs import READY_WITHIN_S
 from impactd.client.shot import Shot
-from impactd.client.talk import Json, Tell, fresh_key, silent
+from impactd.client.talk import Tell, fresh_key, silent
 from impactd.wire.answers import FitJobAnswer
 from impactd.wire.rig_answers import (
     AbortAnswer,

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from impactd.aliases import Json
 from impactd.client import asking, talk
 from impactd.client.connection import Connection
 from impactd.client.environment import address, token_from_environment
@@ -14,7 +15,7 @@ from impactd.client.events import Event
 from impactd.client.progress import ProgressBar
 from impactd.client.runs import READY_WITHIN_S, Calibration, Series
 from impactd.client.shot import Shot
-from impactd.client.talk import Json, Tell, fresh_key
+from impactd.client.talk import Tell, fresh_key
 from impactd.wire.answers import FitJobAnswer
 from impactd.wire.rig_answers import (
     AbortAnswer,

@@ -6,11 +6,12 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, suppress
 from types import TracebackType
 
+from impactd.aliases import Json
 from impactd.client import talk
 from impactd.client.connection import Connection
 from impactd.client.errors import RigError
 from impactd.client.shot import Shot
-from impactd.client.talk import Json, Tell
+from impactd.client.talk import Tell
 from impactd.wire.rig_answers import CalibrationAnswer
 
 Telling = Callable[[str], AbstractContextManager[Tell]]

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from pydantic import PrivateAttr
 
+from impactd.aliases import Json
 from impactd.client.connection import Connection
 from impactd.client.range_file import RangeFile
-from impactd.client.talk import Json
 from impactd.wire.answers import ShotAnswer
 
 if TYPE_CHECKING:

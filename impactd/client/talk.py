@@ -12,9 +12,9 @@ from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from impactd.aliases import Json
 from impactd.client.errors import EndedError, LostError, NotReadyError
 
-Json = dict[str, Any]
 Said = TypeVar("Said")
 Tell = Callable[[str, float | None], None]
 """Is told what is being done and, where the daemon says so, the share that is done."""

@@ -6,8 +6,8 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.console.client import connect
 from impactd.console.decisions import Asked
 from impactd.console.failure import Failure
@@ -18,8 +18,6 @@ from impactd.reports.numbers import measured
 SHOWN_SHARE = 1e-3
 """Share of the variance below which a row is only in the JSON."""
 _NAMES = {"plane_strain_modulus_Pa": "E/(1-nu^2)", "youngs_modulus_Pa": "E"}
-
-Json = dict[str, Any]
 
 
 def budget(

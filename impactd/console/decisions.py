@@ -5,8 +5,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.console.failure import Failure
 from impactd.console.options import Modulus, Rule
 
@@ -14,8 +14,6 @@ MEASURANDS = {
     Modulus.YOUNG: "youngs_modulus_Pa",
     Modulus.PLANE_STRAIN: "plane_strain_modulus_Pa",
 }
-
-Json = dict[str, Any]
 
 
 @dataclass(frozen=True)

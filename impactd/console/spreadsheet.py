@@ -6,10 +6,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from impactd.aliases import Json
 from impactd.console.failure import Failure
 from impactd.storage.csv_table import csv_line
-
-Json = dict[str, Any]
 
 COLUMNS = ("model", "of", "name", "quantity", "value", "u", "low95", "high95", "unit", "status")
 

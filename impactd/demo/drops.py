@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from typing import Any
 
 from rich.console import Console
 
 from analysis.base_models import DEFAULT_BASE
+from impactd.aliases import Json
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.failure import Failure
@@ -22,7 +22,6 @@ REFERENCE_SURFACES = ("aluminium",)
 DROP_HEIGHTS_M = (0.020, 0.045, 0.070)
 REPEATS = 2
 
-Json = dict[str, Any]
 
 MOST_SHOTS = 500
 NEARLY, LOWERED = 0.99, 0.6

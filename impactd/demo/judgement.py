@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from analysis.effects.library import library
-
-Json = dict[str, Any]
+from impactd.aliases import Json
 
 
 @dataclass(frozen=True)

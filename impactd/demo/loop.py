@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
 from analysis.base_models import DEFAULT_BASE
+from impactd.aliases import Json
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.failure import Failure
 from impactd.demo.drops import until
-
-Json = dict[str, Any]
 
 _DIAGNOSIS_LIMIT_S = 1800.0
 """What has no name is looked for longest; on shared cores that took ten minutes."""

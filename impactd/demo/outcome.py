@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from analysis.model.hertz import reduced_modulus
+from impactd.aliases import Json
 from impactd.demo.judgement import Judgement, judge
 from impactd.diagnosis.repair import is_repaired
-
-Json = dict[str, Any]
 
 SPECIMEN = "specimen"
 """The surface whose modulus nobody stated."""

@@ -8,7 +8,6 @@ import shutil
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from rich.console import Console
 
@@ -21,8 +20,6 @@ from impactd.rig.simulated import SEALED_NAME
 from impactd.settings.settings import load_settings
 from impactd.storage.archive import Archive
 from impactd.storage.campaign_folder import read_campaign
-
-Json = dict[str, Any]
 
 _SETTINGS, _DATA, _SHOTS, _LOG, _DIAGNOSIS = (
     "rig.toml", "archive", "shots", "daemon.log", "diagnosis.html"

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import html
 from collections.abc import Sequence
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.diagnosis.markup import table
 from impactd.reports.numbers import measured
-
-Json = dict[str, Any]
 
 SHOWN_SHARE = 1e-3
 """Share of the variance below which rows are told in one line; all are in the JSON."""

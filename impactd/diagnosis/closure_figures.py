@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from analysis.plots.style import height_words, named_pair
+from impactd.aliases import Json
 from impactd.diagnosis.figures import (
     AFTER,
     BEFORE,
@@ -21,8 +22,6 @@ from impactd.diagnosis.figures import (
     svg,
 )
 from impactd.diagnosis.unit import Unit
-
-Json = dict[str, Any]
 
 SHALLOW = 0.25
 """Indentation from which the force is drawn to scale. [median largest indentation]"""

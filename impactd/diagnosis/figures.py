@@ -16,10 +16,9 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from analysis.plots.residuals import plot_stack
 from analysis.plots.span import span_us
 from analysis.plots.style import Shown, styled
+from impactd.aliases import Json
 from impactd.diagnosis.set_aside import shot_words
 from impactd.diagnosis.unit import Unit
-
-Json = dict[str, Any]
 
 BEFORE, AFTER, NOISE, INK = "#c4572c", "#1c6dd0", "#8a8f98", "#202124"
 """Colours that stay apart in grey and for the colour-blind."""

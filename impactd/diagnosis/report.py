@@ -9,15 +9,13 @@ from __future__ import annotations
 import html
 from pathlib import Path
 from string import Template
-from typing import Any
 
 from analysis.plots.span import span_us
+from impactd.aliases import Json
 from impactd.diagnosis import budgets, closure_figures, figures, sections, trail
 from impactd.diagnosis.set_aside import set_aside
 from impactd.diagnosis.style import STYLE
 from impactd.diagnosis.unit import Unit, unit_of
-
-Json = dict[str, Any]
 
 ORDER_MATTERS = 0.01
 """p value of a drift from which the order of the shots is shown."""

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 from analysis import diagnosing
 from analysis.campaign import Campaign
 from analysis.diagnosis.progress import TimeBudget
+from impactd.aliases import Json
 from impactd.storage.version import software
-
-Json = dict[str, Any]
 
 
 def diagnose(

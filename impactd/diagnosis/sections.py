@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import html
 import math
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import set_aside, shot_words
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
 from impactd.reports.numbers import measured
-
-Json = dict[str, Any]
 
 _PHASES = (
     ("before", "before touch-down"),

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from analysis import campaign
-
-Json = dict[str, Any]
+from impactd.aliases import Json
 
 
 def set_aside(document: Json) -> list[Json]:

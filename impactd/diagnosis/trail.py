@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import html
-from typing import Any
 
 from analysis.diagnosis.document.wording import FAMILIES
+from impactd.aliases import Json
 from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.unit import Unit, unit_of
-
-Json = dict[str, Any]
 
 OWNERS = {"rig": "one set for all shots", "shot": "numbers of its own in every shot"}
 

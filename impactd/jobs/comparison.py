@@ -5,15 +5,13 @@ from __future__ import annotations
 import dataclasses
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
 
 from analysis.diagnosis.repetitions import Recorded, compare
 from analysis.errors import ShotRejectedError
+from impactd.aliases import Json
 from impactd.storage.assemble import campaign_shot
 from impactd.storage.errors import CorruptShotError
 from impactd.storage.shot_store import read_shot
-
-Json = dict[str, Any]
 
 SHOTS_KEPT = 400
 """Windows that stay in memory, some 100 kB each: of a session each shot is read once."""

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import base64
 import zlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from impactd.aliases import Json
+
 if TYPE_CHECKING:
     from analysis.fit.shot_fit import ShotFit
 
-Json = dict[str, Any]
 _TYPE = np.dtype("<i4")
 _STEPS = 30_000
 """Steps from zero to the highest sample: finer than the converter's, a screen's and the noise."""

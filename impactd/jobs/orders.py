@@ -13,6 +13,7 @@ from typing import Any
 from analysis.base_models import BASE_MODELS, DEFAULT_BASE
 from analysis.calibration_document import sensor_from_json
 from analysis.campaign import Sensor
+from impactd.aliases import Json
 from impactd.settings.materials import Materials
 from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, ArchiveError, Calibration, Shot
@@ -32,8 +33,6 @@ SESSION_DAYS = 0.5
 """What is older is of another session: a cell set up anew, a room of another temperature."""
 SESSION_SHOTS, REPETITIONS = 120, 8
 """The newest that a shot is held against, in all and of one condition: more tell little more."""
-
-Json = dict[str, Any]
 
 
 def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | None = None) -> Job:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 from analysis import restitution_from_bounce
 from analysis.bounce import restitution_from_rebound_height
 from analysis.campaign import Quantity, Shot
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import RESTITUTION_DISAGREES_ABOVE
+from impactd.aliases import Json
 from impactd.storage.shot_metadata import ShotMetadata
-
-Json = dict[str, Any]
 
 
 def with_restitution(shot: Shot, metadata: ShotMetadata, rebound_height_m: Json | None) -> Shot:

@@ -6,11 +6,8 @@ long as the shot files can be read under the same path.
 
 from __future__ import annotations
 
-from typing import Any
-
+from impactd.aliases import Json
 from impactd.jobs import tasks
-
-Json = dict[str, Any]
 
 
 def fit_chunk(order: Json) -> list[Json]:

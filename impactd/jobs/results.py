@@ -9,8 +9,7 @@ somebody could not be told, and nobody is told twice because a write was tried a
 
 from __future__ import annotations
 
-from typing import Any
-
+from impactd.aliases import Json
 from impactd.jobs.orders import CALIBRATE, FIT_SHOT
 from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive, Problem
@@ -20,7 +19,6 @@ from impactd.storage.jobs import COMPARE, DIAGNOSE, Job
 from impactd.storage.timestamp import utc_after
 
 CANCELLED = "It was cancelled."
-Json = dict[str, Any]
 Told = tuple[str, Json]
 """Kind and data of an event."""
 

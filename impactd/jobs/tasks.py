@@ -9,7 +9,6 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface,
 from analysis.diagnosis.named_model import fit_named
 from analysis.errors import AnalysisError
 from analysis.fit.result import FitResult
+from impactd.aliases import Json
 from impactd.jobs.curves import curve_of
 from impactd.jobs.progress import report
 from impactd.jobs.rebound import check_rebound, with_restitution
@@ -36,7 +36,6 @@ from impactd.storage.shot_metadata import StoredShot
 from impactd.storage.shot_store import read_shot
 from impactd.storage.version import software
 
-Json = dict[str, Any]
 FORMAT = "impactd-shot-fit/1"
 _FIRST_LANDING_ONLY = ("release_speed_bias", "recontact")
 """Effects of the release and of a second touch: a bounce has neither."""

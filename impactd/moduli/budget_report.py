@@ -8,13 +8,11 @@ import html
 from collections.abc import Sequence
 from pathlib import Path
 from string import Template
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.diagnosis import budgets
 from impactd.diagnosis.markup import bullets
 from impactd.diagnosis.style import STYLE
-
-Json = dict[str, Any]
 
 _PAGE = Template("""<!doctype html>
 <html lang="en">

@@ -13,11 +13,12 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import structlog
 
 from analysis.base_models import DEFAULT_BASE
+from impactd.aliases import Json
 from impactd.moduli.adjustment import adjusted, at_temperature, calibrations_of_other_bases
 from impactd.moduli.control_chart import PairChart
 from impactd.moduli.observations import Observations, ShotUse
@@ -36,7 +37,6 @@ MODELS_KEPT = 3
 NETWORKS_KEPT = 8
 """Adjusted networks of so many choices of model and time. About 0.1 kB a shot each."""
 
-Json = dict[str, Any]
 _WAIT_S = 0.5
 _log = structlog.get_logger("impactd.moduli")
 

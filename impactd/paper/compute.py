@@ -6,10 +6,10 @@ import math
 import statistics
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from analysis.paper.valley import Valley, valley
 from impactd import __version__
+from impactd.aliases import Json
 from impactd.paper.claim import Claim
 from impactd.paper.claims import all_claims
 from impactd.paper.printed_rows import PrintedRow, printed_rows
@@ -25,8 +25,6 @@ from impactd.paper.source import (
 from impactd.paper.table_claims import MEAN_R2, table_claims
 from impactd.paper.trace_page import closed_model
 from impactd.paper.turn import Turn, take_turns
-
-Json = dict[str, Any]
 
 VALLEY_PAIR = ("acetal", "polycarbonate")
 STARTS_PA = (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from importlib import resources
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.paper.claim import FAILS, HOLDS, Claim
 from impactd.paper.compute import PaperResult
 from impactd.paper.printed_rows import ROW_HEADINGS, TABLES, PrintedRow, row_texts
@@ -17,8 +17,6 @@ from impactd.paper.turn_page import (
     moduli_rows,
     section,
 )
-
-Json = dict[str, Any]
 
 _SHORT = ("steel", "aluminium")
 _UNITS = {

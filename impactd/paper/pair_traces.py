@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.model.hertz import closed_damping_coefficient
 from analysis.paper.contact import (
     GRAVITY_M_PER_S2,
@@ -32,7 +32,6 @@ from drivers.simulated.specimens import SURFACES
 from impactd.paper.rig_claims import HEIGHT_M
 from impactd.paper.source import literature_reduced, reduced, rows, tables
 
-Array = NDArray[np.float64]
 Pair = tuple[str, str]
 Model = Callable[[Drop, Array], Array]
 

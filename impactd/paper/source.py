@@ -8,9 +8,8 @@ import tomllib
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
-from typing import Any
 
-Json = dict[str, Any]
+from impactd.aliases import Json
 
 
 @dataclass(frozen=True)

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.paper.claim import FAILS, HOLDS, Claim
 from impactd.paper.source import distance_from_literature, literature, rows
-
-Json = dict[str, Any]
 
 MEAN_R2 = {"table4_hsd": 0.48, "table5_kv": 0.86}
 """The text's."""

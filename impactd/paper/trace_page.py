@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 from analysis.paper.contact import TABLE3_CELL, Cell
+from impactd.aliases import Json
 from impactd.paper.pair_traces import PairTraces, Reading, all_pair_traces
-
-Json = dict[str, Any]
 
 CLOSED_HEADINGS = (
     "sphere / surface",

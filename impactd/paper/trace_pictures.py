@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.paper.contact import TABLE3_CELL
 from analysis.plots.style import AFTER, BEFORE, INK
 from impactd.paper.pair_traces import (
@@ -24,8 +23,6 @@ from impactd.paper.pair_traces import (
     printed_trace,
 )
 from impactd.paper.trace_claims import SECOND_PEAK_PAIR, ring_after
-
-Array = NDArray[np.float64]
 
 _WIDE = 9.0
 _SHOWN_US = 300.0

@@ -10,18 +10,16 @@ import tempfile
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from analysis import Campaign, fit_campaign
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import Effect, make_effect
 from drivers.simulated.specimens import SPHERES, SURFACES
+from impactd.aliases import Json
 from impactd.diagnosis.run import diagnose
 from impactd.paper.rigs import RANGE_V, Pair, table_3_cell
 from impactd.paper.source import rows
 from impactd.storage.campaign_folder import read_campaign
-
-Json = dict[str, Any]
 
 TO_BE_FOUND = ("pvc", "ptfe")
 """Materials whose moduli nobody states; spheres and coupons of PTFE, and PVC."""

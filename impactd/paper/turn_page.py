@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.paper.source import paper_moduli, tables
 from impactd.paper.turn import TO_BE_FOUND, Rung, Turn
-
-Json = dict[str, Any]
 
 LADDER_HEADINGS = (
     "model",

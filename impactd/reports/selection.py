@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from impactd.advice import UNLIKE, advice, best_fit, in_words
+from impactd.aliases import Json
 from impactd.storage.archive import Archive, Shot
 from impactd.storage.csv_table import csv_line
 
@@ -41,8 +42,6 @@ _ABOUT = {
     "expanded_95_Pa": "its expanded uncertainty U (95 %)",
     "peak": "largest value of the record, V",
 }
-
-Json = dict[str, Any]
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,9 @@ import threading
 from copy import deepcopy
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
+from impactd.aliases import Json
 from impactd.settings.errors import SettingsError
 from impactd.settings.materials import Materials, materials_of, read_entries
 from impactd.storage.material_changes import MATERIAL_CHANGES_NAME, append_line, whole_lines
@@ -27,7 +28,6 @@ from impactd.storage.plain_text import find_forbidden
 from impactd.storage.timestamp import utc_now
 
 Role = Literal["sphere", "surface"]
-Json = dict[str, Any]
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 

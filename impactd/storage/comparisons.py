@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
+from impactd.aliases import Json
 from impactd.storage.index import Index, as_text, from_text
 from impactd.storage.timestamp import utc_now
-
-Json = dict[str, Any]
 
 
 class ComparisonTable:

@@ -16,8 +16,8 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
+from impactd.aliases import Json
 from impactd.storage.errors import ArchiveError
 from impactd.storage.index import Index, as_text
 from impactd.storage.jobs import DIAGNOSE, Job, JobTable
@@ -28,8 +28,6 @@ from impactd.storage.sealed import SEALED_LIMIT_BYTES
 
 FORMAT = "impactd-diagnosis-record/1"
 DIAGNOSES_NAME = "diagnoses"
-
-Json = dict[str, Any]
 
 
 class DiagnosisStore:

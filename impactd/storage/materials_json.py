@@ -21,6 +21,7 @@ from analysis.campaign import (
     Surface,
     Uncertainty,
 )
+from impactd.aliases import Json
 from impactd.storage import ranges
 from impactd.storage.json_fields import Fields
 
@@ -44,8 +45,6 @@ SENSOR_KEYS = (
 )
 ENVIRONMENT_KEYS = ("temperature_C", "relative_humidity")
 LOG_PARAMETERS = 4
-
-Json = dict[str, Any]
 
 
 def quantity_to_json(quantity: Quantity | None) -> dict[str, float] | None:

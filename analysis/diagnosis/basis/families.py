@@ -19,8 +19,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis import linear_filter, nonlinearity, time_course
 from analysis.diagnosis.basis.linear_filter import DAMPED, MODE_ZETA, TUNED, Crystal, Labelled
 from analysis.diagnosis.basis.nonlinearity import RIPPLE, SLEW
@@ -28,8 +28,6 @@ from analysis.diagnosis.basis.time_course import LATE_IMPACT
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import SHARED, ImpactModel
-
-Array = NDArray[np.float64]
 
 TOUCH_DOWN, BASELINE = 2, 3
 """Places among a shot's own parameters."""

@@ -37,6 +37,7 @@ import numpy as np
 from numpy.polynomial.legendre import legvander
 from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.campaign import Uncertainty
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.effects.effect import Effect
@@ -47,7 +48,6 @@ from analysis.fit.problem import FitShot, JointProblem
 HIGHEST_ORDER = 3
 """Of the polynomials: a signal's start, middle and end apart, no single sample."""
 
-Array = NDArray[np.float64]
 Places = NDArray[np.intp]
 
 

@@ -17,12 +17,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.effects.acts_on import ActsOn
 from analysis.fit.problem import FitShot, JointProblem
 
-Array = NDArray[np.float64]
 Weights = list[tuple[str, float]]
 """The groups whose coefficients a shot has, each with a weight."""
 

@@ -29,7 +29,8 @@ from scipy import fft
 from scipy.optimize import minimize
 from scipy.signal import lfilter
 
-Array = NDArray[np.float64]
+from analysis.aliases import Array
+
 Labelled = tuple[list[str], Array]
 """Labels, and as many columns."""
 Crystal = tuple[float, float]

@@ -29,9 +29,9 @@ from collections.abc import Sequence
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.linear_filter import (
     Crystal,
     Labelled,
@@ -42,8 +42,6 @@ from analysis.diagnosis.basis.linear_filter import (
 from analysis.effects.probe import probe
 from analysis.fit.problem import FitShot
 from analysis.model.impact_model import ImpactModel
-
-Array = NDArray[np.float64]
 
 TOPS = (0.5, 0.7, 0.82, 0.9, 0.96)
 CURVE_KNOTS = (-0.2, -0.06, -0.02, -0.006, -0.002, 0.0, 0.002, 0.006, 0.02, 0.06,

@@ -8,14 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.effects.effect import Effect, EffectParameter
 from analysis.effects.library import library
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.model.impact_model import ImpactModel
-
-Array = NDArray[np.float64]
 
 AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""

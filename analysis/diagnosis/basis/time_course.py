@@ -25,17 +25,15 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 from scipy.signal import correlate
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.linear_filter import (
     Crystal,
     Labelled,
     linear_spline,
     through_crystal,
 )
-
-Array = NDArray[np.float64]
 
 BUMPS_US = (0, 15, 30, 45, 60, 80, 100, 125, 150, 190, 240, 300, 380, 480, 620,
             800, 1050, 1400, 1900)  # fmt: skip

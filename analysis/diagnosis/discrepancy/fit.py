@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from analysis.aliases import Array
 from analysis.diagnosis.basis.families import BASELINE, Scale, View, family_columns, scale_of, tuned
 from analysis.diagnosis.basis.groupings import groups
 from analysis.diagnosis.basis.nonlinearity import RIPPLE, SLEW
@@ -31,7 +32,6 @@ from analysis.fit.blocks import prior_rows
 from analysis.fit.campaign_fit import heldout_folds
 from analysis.fit.problem import JointProblem
 
-Array = NDArray[np.float64]
 Part = tuple[str, str]
 """(family, scope) of columns; the scope ``shot`` gives every shot its own coefficients."""
 Equations = tuple[Array, Array]

@@ -24,12 +24,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.ndimage import spline_filter1d
 
+from analysis.aliases import Array, Json
 from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.progress import BudgetSpentError
 from analysis.fit.campaign_fit import heldout_fits, heldout_folds, refit_nuisances
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import Json
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.window import Window
 
@@ -55,7 +55,6 @@ that does not help is shortened anyway."""
 RIDGE = 1e-13
 """On columns of length one: rounding, where two are alike."""
 
-Array = NDArray[np.float64]
 Start = tuple[float, float]
 """Place and pace."""
 

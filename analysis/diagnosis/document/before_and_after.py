@@ -11,14 +11,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.wording import two_digits
 from analysis.diagnosis.model_free import CONTACT_ENDS, FEWEST_HITS
 from analysis.fit.fit_shot import FitShot
-
-Array = NDArray[np.float64]
 
 MARGIN = 0.25
 """Pulse widths between what is looked at and where a pulse exceeds 5 % of its height. A Hertz pulse

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from analysis.aliases import Json
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import mean_waveform
@@ -30,7 +31,6 @@ from analysis.diagnosis.progress import BudgetSpentError
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed
-from analysis.fit.measurand import Json
 from analysis.fit.physical_range import advice
 from analysis.fit.problem import FitShot
 from analysis.fit.result import FitResult

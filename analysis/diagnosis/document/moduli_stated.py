@@ -14,11 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from analysis.aliases import Json
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.fit.freed_inputs import inputs_freed
-from analysis.fit.measurand import NORMAL95, Json, measurand
+from analysis.fit.measurand import NORMAL95, measurand
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
 

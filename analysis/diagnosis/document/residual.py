@@ -14,17 +14,15 @@ from numpy.typing import NDArray
 from scipy.signal import correlate, freqz, welch
 from scipy.stats import spearmanr
 
+from analysis.aliases import Array, Json
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.document.before_and_after import said_before_and_after
 from analysis.diagnosis.document.wording import frequency, times_noise, two_digits
 from analysis.diagnosis.forward_selection import Step
 from analysis.effects.contact_closure import ELASTIC_POWERS, RATE_POWERS
-from analysis.fit.measurand import Json
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import ShotFit, collect
-
-Array = NDArray[np.float64]
 
 RING_ENDS = 4.0
 """The ring is looked at until so many contact times after touch-down. A choice of words: no verdict

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import kruskal, norm, spearmanr
 
+from analysis.aliases import Array
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import shot_words
 from analysis.diagnosis.basis.proposals import scopes_of
@@ -25,8 +26,6 @@ from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.result import FitResult
 from analysis.noise import NoiseModel
-
-Array = NDArray[np.float64]
 
 FAMILIES = {
     "response": "a linear chain: delays, slow decays, resonances",

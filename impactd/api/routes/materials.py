@@ -7,12 +7,13 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path
 
+from impactd.aliases import Json
 from impactd.api.materials_schemas import MaterialBody
 from impactd.api.problems import ProblemError
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.settings.ball_grades import grades
 from impactd.settings.errors import SettingsError
-from impactd.settings.material_book import Json, MaterialBook, MaterialChange, Role
+from impactd.settings.material_book import MaterialBook, MaterialChange, Role
 from impactd.wire.material_answers import (
     MaterialAnswer,
     MaterialChangeAnswer,

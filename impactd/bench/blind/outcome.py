@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from drivers.simulated.mistakes import MISTAKES, SINGLE_SHOT
-from impactd.bench.blind.trial import Json, Trial
+from impactd.aliases import Json
+from impactd.bench.blind.trial import Trial
 from impactd.bench.blind.visibility import VISIBLE
 
 OUTCOMES = ("right", "family", "half", "wrong", "unknown", "missed", "adequate", "failed")

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from drivers.simulated.effects import EFFECTS
+from impactd.aliases import Json
 from impactd.bench.blind.counting import (
     Answer,
     Group,
@@ -27,7 +28,7 @@ from impactd.bench.blind.outcome import (
     outcome,
 )
 from impactd.bench.blind.plan import COLOURS
-from impactd.bench.blind.trial import Json, Trial
+from impactd.bench.blind.trial import Trial
 from impactd.bench.blind.visibility import VISIBLE
 
 VERDICTS = ("adequate", "identified", "family", "partial", "unknown")

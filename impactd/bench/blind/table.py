@@ -6,11 +6,12 @@ from collections import Counter, defaultdict
 from collections.abc import Sequence
 
 from drivers.simulated.mistakes import MISTAKES
+from impactd.aliases import Json
 from impactd.bench.blind.counting import Answer
 from impactd.bench.blind.interval import median
 from impactd.bench.blind.outcome import groups_right, is_detectable, names_all, outcome
 from impactd.bench.blind.questions import answers
-from impactd.bench.blind.trial import Json, Trial
+from impactd.bench.blind.trial import Trial
 
 MATRIX_FORMAT = "impactd-blind-confusion/1"
 

@@ -4,19 +4,17 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any
 
 from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
 from drivers.simulated.mistakes import make_mistake
 from drivers.simulated.rig_model import DEFAULT_RIG
 from drivers.simulated.specimens import SPECIMEN
+from impactd.aliases import Json
 from impactd.bench.blind.plan import Plan, colour_of, draw_plan
 from impactd.bench.blind.visibility import visibility
 from impactd.bench.simulated_campaign import through_a_folder
 from impactd.diagnosis.run import diagnose
-
-Json = dict[str, Any]
 
 RECORD_SLOT = "record"
 """Slot of what people did wrong: neither physics nor electronics, but what is written down."""

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.signal import bessel, butter, lsim
 
+from analysis.aliases import Array
 from analysis.effects.amplifier_lowpass import bessel_sections, butterworth_sections
-from analysis.effects.effect import Array
 from analysis.effects.library import effect_named
 from analysis.model.impact_model import model_named
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import residue
 
-from analysis.effects.effect import Array
+from analysis.aliases import Array
 from analysis.effects.library import effect_named
 from analysis.effects.resonance import free_oscillation, resonance
 

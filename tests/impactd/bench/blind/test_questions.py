@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from impactd.aliases import Json
 from impactd.bench.blind.questions import answers
-from impactd.bench.blind.trial import Json, Trial
+from impactd.bench.blind.trial import Trial
 
 
 def test_coverage_is_asked_of_every_verdict_that_states_a_modulus(

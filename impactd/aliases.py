@@ -1,0 +1,8 @@
+"""One type that most modules name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+Json = dict[str, Any]
+"""What JSON calls an object."""
