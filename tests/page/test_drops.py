@@ -18,8 +18,9 @@ def _latest(visitor) -> int:
     return drops["items"][0]["number"] if drops["items"] else 0
 
 
-def test_a_series_tells_its_progress_and_ends_by_itself(visitor):
+def test_a_series_tells_its_progress_and_ends_by_itself(calm_hands):
     """Two drops from one press: progress, how long to go, both shots."""
+    visitor = calm_hands
     page = visitor.page
     visitor.sign_in()
     before = _latest(visitor)
