@@ -406,11 +406,12 @@ def _linearised_shot(
     for family, (labels, _, _) in parts.items():
         families[family] = (list(range(at, at + len(labels))), labels)
         at += len(labels)
-    signal = np.column_stack([columns for _, columns, _ in parts.values()])
+    # samples of a column behind one another, as whitening and products want them
+    signal = np.vstack([columns.T for _, columns, _ in parts.values()]).T
     speed = np.concatenate([shift for _, _, shift in parts.values()])
     residual = item.window.signal - found.signal
     white = item.whiten(residual)
-    plain = np.column_stack([jacobian[:, :s], signal, jacobian[:, s:]])
+    plain = np.vstack([jacobian[:, :s].T, signal.T, jacobian[:, s:].T]).T
     design = item.whiten(plain)
     matrix = design.T @ design
     vector = design.T @ white

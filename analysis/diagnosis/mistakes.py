@@ -20,13 +20,13 @@ import numpy as np
 from analysis.aliases import Array
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step
+from analysis.diagnosis.forward_selection import Step, make_step
 from analysis.diagnosis.labels import likely_labels
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot
 from analysis.fit.fit_shot import FitShot
-from analysis.fit.freed_inputs import numbers_of_shots, widened_by
+from analysis.fit.freed_inputs import numbers_of_shots, widened_by, with_free_inputs
 from analysis.fit.inputs import Input
 from analysis.fit.problem import JointProblem
 
@@ -80,29 +80,41 @@ class Named:
     """The base fitted to the campaign without the mistake."""
 
 
-Fit = Callable[[Campaign], tuple[Selection, joint.Fitted]]
+Fit = Callable[[Campaign], tuple[JointProblem, joint.Fitted]]
 """How the base is fitted to a campaign."""
 
 
 def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None:
-    """Return the mistake without which only noise is left; None where there is none."""
-    found: list[tuple[Mistake, Step]] = []
+    """Return the mistake without which only noise is left; None where there is none.
+
+    What leaves fewest squares is asked first. Where that is no noise, what leaves more is none
+    either.
+    """
+    tried: list[tuple[Mistake, JointProblem, joint.Fitted]] = []
     structure = step.score_test.beyond_labels
     if structure is None:
         structure = step.score_test.left
     least = CRITERIA.structure.odd_part * structure
     for likely in (*_likeliest(step, least), *_labels(step)):
         progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
-        again = fit_base(likely.restated)[0].last
-        if not (again.impossible or again.score_test.structured):
-            paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
-            found.append((dataclasses.replace(likely, cost=again.fitted.cost + paid), again))
+        problem, fitted = fit_base(likely.restated)
+        free = with_free_inputs(problem, fitted)
+        paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
+        cost = paid + (fitted if free is None else free[1]).cost
+        tried.append((dataclasses.replace(likely, cost=cost), problem, fitted))
+    found: list[tuple[Mistake, Step]] = []
+    for one, problem, fitted in sorted(tried, key=lambda way: way[0].cost):
+        if found and one.cost > found[0][0].cost + CRITERIA.stepwise.confusable_within:
+            break
+        again = make_step(problem, fitted)
+        if again.impossible:
+            continue
+        if again.score_test.structured:
+            break
+        found.append((one, again))
     if not found:
         return None
-    found.sort(key=lambda pair: pair[0].cost)
-    best, again = found[0]
-    within = best.cost + CRITERIA.stepwise.confusable_within
-    return Named(best, tuple(m for m, _ in found[1:] if m.cost < within), again)
+    return Named(found[0][0], tuple(one for one, _ in found[1:]), found[0][1])
 
 
 def _labels(step: Step) -> list[Mistake]:

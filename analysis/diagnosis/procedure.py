@@ -202,7 +202,7 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
 def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnosis | None:
     """Return the verdict that a mistake of the record explains all, None where an effect may."""
     name = selection.last.problem.model.base
-    named = named_mistake(selection.last, lambda restated: _base(restated, name, told), told)
+    named = named_mistake(selection.last, lambda restated: _restated(restated, name, told), told)
     if named is None:
         return None
     as_good = []
@@ -256,12 +256,23 @@ def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.
     What is fitted on top of it ends when the time is over; it does not.
     """
     told(MethodStep.NOISE.told("from the stretches before the trigger"), 0.0)
-    problem = build(_without_restitution(campaign), _base_model(base))
+    problem = _stated(campaign, base)
     told(MethodStep.BASE_FIT.told(f"{base} on all shots"), 0.0)
     nuisances = prepare(problem)
     fitted = joint.fit(problem, nuisances)
     told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
     return Selection([make_step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
+
+
+def _stated(campaign: Campaign, base: str) -> JointProblem:
+    return build(_without_restitution(campaign), _base_model(base))
+
+
+def _restated(campaign: Campaign, base: str, told: Watch) -> tuple[JointProblem, joint.Fitted]:
+    """Return the base model fitted to a campaign that is stated otherwise."""
+    problem = _stated(campaign, base)
+    fitted = joint.fit(problem, prepare(problem))
+    return told.over(problem), fitted
 
 
 def _obeyed_base(
@@ -273,7 +284,7 @@ def _obeyed_base(
     leaves: whatever else acts, closed rigs and the paper's were 5e5 squares apart and more.
     """
     for name in RINGING_BASES[1:]:
-        problem = build(_without_restitution(campaign), _base_model(name))
+        problem = _stated(campaign, name)
         fitted = joint.fit(problem, prepare(problem), max_iterations=FIRST_LOOK)
         samples = sum(shot.white.size for shot in selection.last.linearised.shots)
         least = CRITERIA.comparison.least_lead * max(1.0, fitted.cost / samples)
@@ -322,7 +333,7 @@ def _crystal(
     effect, step = effect_named("crystal_dynamics"), selection.last
     ways: list[tuple[Refit, joint.Fitted]] = []
     for base in RINGING_BASES:
-        problem = told.over(build(_without_restitution(campaign), _base_model(base)))
+        problem = told.over(_stated(campaign, base))
         nuisances = prepare(problem)
         fitted = joint.fit(problem, nuisances)
         count = len(problem.names) - len(step.problem.names)

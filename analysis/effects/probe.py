@@ -7,12 +7,17 @@ It defines no ``EFFECT``, so the library never lists it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from numba import njit
 
-from analysis.effects.effect import Effect
+from analysis.effects.effect import Effect, ShotContext
 from analysis.model.effect_solver import TERM
 
 PROBE_ID = "probe"
+NUMBERS = ("strength", "power", "rate_power", "sphere_only")
+"""c [m^-i (m/s)^-j], i, j (0, 1, or 2 with the rate's sign), and 1 where the force spares the cell,
+as the paper's dashpot does."""
 
 
 @njit(TERM, cache=True)
@@ -30,32 +35,11 @@ def probe_term(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-unty
     return force, 0.0, 0.0, 0.0
 
 
-def probe(strength: float, power: float, rate_power: int, *, sphere_only: bool) -> Effect:
-    """Return the probe as an effect without parameters.
+def _numbers(values: Mapping[str, float], context: ShotContext) -> tuple[float, ...]:
+    return tuple(values.get(name, 0.0) for name in NUMBERS)
 
-    Parameters
-    ----------
-    strength : float
-        Coefficient c. [m^-i (m/s)^-j]
-    power, rate_power : float, int
-        i and j; j is 0, 1 or 2 (2 keeps the sign of the rate).
-    sphere_only : bool
-        Whether the force spares the cell, as the paper's dashpot does.
 
-    Returns
-    -------
-    Effect
-        To be added to a model.
-    """
-    numbers = (strength, power, float(rate_power), float(sphere_only))
-    return Effect(
-        PROBE_ID,
-        "contact",
-        "",
-        "",
-        "",
-        "not validated",
-        (),
-        contact=probe_term,
-        pack=lambda values, context: numbers,
-    )
+PROBE = Effect(
+    PROBE_ID, "contact", "", "", "", "not validated", (), contact=probe_term, pack=_numbers
+)
+"""The probe as an effect without parameters; a trace is given its `NUMBERS`, zeros by default."""

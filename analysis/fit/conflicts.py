@@ -27,6 +27,8 @@ FIRST_STEPS = 12
 """Steps after which a fit without statements must be near the noise, or it is given up. What only a
 wrong statement kept away from the shots comes near them as fast as any fit does, in 3 to 11 steps;
 a model that lacks physics wandered on for more than 120."""
+FURTHER_STEPS = 24
+"""Steps after these, twice as many: a fit that has not ended then is one that wanders."""
 
 
 @dataclass(frozen=True)
@@ -204,4 +206,11 @@ def fit_without(
         return wide, first
     if not first.blocks or joint.is_hopeless(wide, first.cost, widened=widened):
         return None
-    return wide, joint.fit(wide, first.nuisances, theta=first.theta, blocks=first.blocks)
+    second = joint.fit(
+        wide,
+        first.nuisances,
+        theta=first.theta,
+        blocks=first.blocks,
+        max_iterations=FURTHER_STEPS,
+    )
+    return (wide, second) if second.converged else None

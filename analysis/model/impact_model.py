@@ -32,6 +32,7 @@ from __future__ import annotations
 
 import math
 import operator
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -52,6 +53,7 @@ SHARED = {
     solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M", "seen_ms"),
 }
 NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
+EffectValues = Mapping[str, Mapping[str, float]]
 COUPON_SHARE = "coupon_share"
 """Behind an effect's id: a local parameter that follows from the moduli of the two bodies."""
 
@@ -330,6 +332,40 @@ class ImpactModel:
         prediction = model._prediction(signal, found[0], column)
         frame.cut(prediction.signal)
         return prediction
+
+    @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
+    def predict_each(
+        self, local: Array, frame: ShotFrame, values: Sequence[EffectValues], *, steps: int
+    ) -> Array:
+        """Return the traces of one shot for other values of its effects, on one grid.
+
+        Parameters
+        ----------
+        values : sequence of mapping
+            Of each trace what is other than at ``local``: by effect id, by name.
+
+        Returns
+        -------
+        ndarray, shape (len(values), n)
+            NaN where a motion cannot be followed. [unit of the signal]
+        """
+        model = self.felt_by(frame)
+        table = np.zeros((len(values), frame.samples))
+        try:
+            centre = model._column(local, frame)
+            columns = [
+                replace(centre, row=row, values={**centre.values, **own}, same_structure=True)
+                for row, own in enumerate(values)
+            ]
+            found, ends = neighbours.add_first_contacts(table, model, columns, steps)
+            for row, column in enumerate(columns):
+                neighbours.add_second_contacts(table[row], model, column, steps, ends[row])
+                signal = neighbours.read(table[row], model.chain, column)[-1]
+                table[row] = model._prediction(signal, found[row], column).signal
+                frame.cut(table[row])
+        except OverflowError:  # an effect's numbers that no float can hold
+            table[:] = math.nan
+        return table
 
     def reads_alike(self, one: ShotFrame, other: ShotFrame) -> bool:
         """Tell whether two frames have the same trace at the same local parameters."""

@@ -15,7 +15,7 @@ from analysis.diagnosing import diagnose
 from analysis.diagnosis import mistakes
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.mistakes import Mistake, named_mistake
-from analysis.diagnosis.procedure import _base
+from analysis.diagnosis.procedure import _base, _restated
 from analysis.diagnosis.progress import Watch
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.drops import draw_drops
@@ -169,7 +169,7 @@ def test_an_effect_is_no_mistake(tmp_path: Path) -> None:
     """Nothing that is written down takes up what a coupler does."""
     step = base_of(campaign(tmp_path, make_effect("coupler_highpass", {"time_constant_s": 5e-3})))
     assert step.score_test.structured
-    assert named_mistake(step, lambda whole: _base(whole, "kv2", Watch()), Watch()) is None
+    assert named_mistake(step, lambda whole: _restated(whole, "kv2", Watch()), Watch()) is None
 
 
 @pytest.mark.slow
