@@ -25,7 +25,7 @@ from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.score_test import chance_of, check_residual
-from analysis.diagnosis.successive_halving import PresentModel, rank, ranked
+from analysis.diagnosis.successive_halving import PresentModel, leaves_noise, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -136,7 +136,7 @@ def tried_alone(
     tried = [p for p in proposals(apart.problem)[0] if _can_be_felt_by_one(p.effect)]
     already = present.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
-    if refits and not _is_noise(apart.problem, refits[0].fitted):
+    if refits and not leaves_noise(refits[0].problem, refits[0].fitted):
         near = best_form(apart.problem, apart.fitted, refits[0])
         refits[0] = best_grouping(apart.problem, apart.fitted, near, of_some=False)
     found = []
@@ -165,11 +165,7 @@ def tried_alone(
 def explains_all(found: Refit, present: PresentModel) -> bool:
     """Tell whether so much was explained, down to the noise, that no other slot need be asked."""
     certain = found.usable and found.gain > CRITERIA.grouping.certain_squares
-    return certain and _is_noise(present.problem, found.fitted)
-
-
-def _is_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
-    return excess(problem, fitted) < chance(problem)
+    return certain and leaves_noise(found.problem, found.fitted)
 
 
 def on_all_shots(

@@ -30,6 +30,7 @@ from analysis.diagnosis.score_test import chance_of
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint
+from analysis.fit.freed_inputs import cost_with_free_inputs
 from analysis.fit.problem import JointProblem
 
 FEW, MORE = 9, 18
@@ -74,7 +75,7 @@ def ranked(
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     step = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
-    explained = False
+    explained, leader = False, None
     for at, effect_id in enumerate(order):
         if explained and at >= ALWAYS_TRIED:
             break
@@ -106,8 +107,12 @@ def ranked(
         best += new
         if not explained:
             best = _leader_ended(best, new, base, samples)
-            least = min((r.fitted.cost for r in best if not r.at_bound), default=base.cost)
-            explained = least - samples < chance_of(samples)
+            asked, leader = leader, _leader(best)
+            explained = (
+                leader is not asked
+                and leader is not None
+                and leaves_noise(leader.problem, leader.fitted)
+            )
     last = [] if whole is None else whole
 
     def told(what: str, share: float) -> None:
@@ -124,13 +129,24 @@ def _leader_ended(
 
     Only then is it known whether it leaves noise. One that still creeps is left at that.
     """
-    leader = min((r for r in best if not r.at_bound), key=rank, default=None)
+    leader = _leader(best)
     if leader is None or not any(leader is one for one in new):
         return best
     if leader.fitted.converged or leader.gain < leader.fitted.cost - samples:
         return best
     ended = continued(base, leader, max_iterations=AFAR_STEPS)
     return [ended if r is leader else r for r in best]
+
+
+def _leader(refits: list[Refit]) -> Refit | None:
+    return min((r for r in refits if not r.at_bound), key=rank, default=None)
+
+
+def leaves_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
+    """Tell whether so little is left that it is no sign of more, stated numbers being uncertain."""
+    samples = sum(item.window.signal.size for item in problem.shots)
+    most = samples + chance_of(samples)
+    return fitted.cost < most or cost_with_free_inputs(problem, fitted) < most
 
 
 def _begins(

@@ -126,6 +126,17 @@ def with_free_inputs(
     return (wide, freed) if freed.blocks else None
 
 
+def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
+    """Return the squares that are left where masses, heights and the like may be off as stated.
+
+    Those of the fit itself where it is far from the shots: no such number brings it near.
+    """
+    if joint.is_hopeless(problem, fitted.cost):
+        return fitted.cost
+    free = with_free_inputs(problem, fitted)
+    return fitted.cost if free is None else min(free[1].cost, fitted.cost)
+
+
 def at_likeliest_inputs(
     problem: JointProblem, wide: JointProblem, freed: joint.Fitted
 ) -> tuple[JointProblem, joint.Fitted] | None:

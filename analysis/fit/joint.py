@@ -39,6 +39,10 @@ HOPELESS = 10.0
 """Variance of the residual over the noise's above which a shot's own parameters mean nothing.
 Measured: sound fits that ended at a rebound too fast left 1.02 to 1.5, models that lack physics 100
 to 11 000, and for those a second descent would only double the cost."""
+CREEPS, CREEPING = 20, 0.01
+"""A model as far off as that which gains less than this share of its squares in so many steps is
+left where it is. Measured: what lacks a soft tape went on like that for 120 steps and more, by
+1e-5 of its squares each; what reached the noise from afar gained more all the way."""
 NEARLY_FREE = 1e-2
 """Damping below which a step is within a hundredth as long as the linear model has it."""
 SUM_ROUNDING = 1e-12
@@ -329,8 +333,13 @@ def _descend(
     converged, iteration, likely = False, 0, damping <= LEAST_DAMPING
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
     samples = sum(item.data for item in problem.shots)
+    passed = [cost]
     while not converged and iteration < steps.most:
         iteration += 1
+        creeps = len(passed) > CREEPS and passed[-CREEPS - 1] - cost < CREEPING * cost
+        if creeps and is_hopeless(problem, cost):
+            break
+        passed.append(cost)
         try:
             matrix, vector, parts = _gather(problem, blocks, theta, damping)
             damped = matrix.copy()
