@@ -8,6 +8,7 @@ from tests.page.conftest import DESKTOP, TABLET, Visitor
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe")
 
+PHONE = {"width": 390, "height": 844}
 VIEWS = (
     "Drop",
     "Shots",
@@ -68,6 +69,20 @@ def test_no_view_shuts_anybody_out(daemon, browser, size, scheme):
     page.locator(".chart .main-svg").nth(2).wait_for(state="attached")
     assert _serious(page) == []
     assert page.evaluate(TOO_SMALL) == []
+    visitor.context.close()
+
+
+def test_abort_is_in_sight_on_a_phone(daemon, browser):
+    """On every view the button lies within the screen, and nothing is wider than it."""
+    visitor = Visitor(daemon, browser, size=PHONE)
+    page = visitor.page
+    visitor.sign_in()
+    for view in VIEWS:
+        visitor.go(view)
+        page.wait_for_timeout(300)  # until the view has asked for what it shows
+        box = page.get_by_role("button", name="Abort").bounding_box()
+        assert 0 <= box["x"] and box["x"] + box["width"] <= PHONE["width"], view
+        assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, view
     visitor.context.close()
 
 

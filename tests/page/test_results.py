@@ -72,7 +72,8 @@ def test_the_rig_is_shown_as_it_was_found(visitor):
     page = visitor.page
     visitor.sign_in()
     visitor.go("Rig")
-    page.locator("[data-check=good]").nth(5).wait_for()
+    page.locator("[data-check=good]").nth(4).wait_for()
+    page.locator("[data-check=warn]").get_by_text("never calibrated").wait_for()
     page.get_by_text("more shots").wait_for()
     page.get_by_role("heading", name="Noise before the trigger").wait_for()
     visitor.assert_clean()

@@ -44,14 +44,22 @@ export async function showHealth(place, { signal }) {
   await Promise.all([load(), loadGain()]);
 }
 
-function showChecks(place, { checks, attention }) {
-  const now = JSON.stringify([checks, attention]);
+// A drop is possible without a calibration; that is no reason to call the cell in order.
+const standing = (one, calibration) => {
+  if (!one.ok) return ["bad", "not OK"];
+  const until = calibration.valid_until_utc;
+  const due = one.name === "calibration" && !(until && new Date(until) > new Date());
+  return due ? ["warn", "due"] : ["good", "OK"];
+};
+
+function showChecks(place, { checks, attention, calibration }) {
+  const now = JSON.stringify([checks, attention, calibration]);
   if (now === place.dataset.drawn) return;
   place.dataset.drawn = now;
   fill(place, h("h2", { id: "checks-title" }, "Looked at before every drop"),
     attention && h("p", { class: "notice warn" }, `${attention[0].toUpperCase()}${attention.slice(1)}.`),
-    h("ul", { class: "checks" }, checks.map((one) => h("li", { data: { check: one.ok ? "good" : "bad" } },
-      h("span", { class: `badge ${one.ok ? "good" : "bad"}` }, one.ok ? "well" : "not well"),
+    h("ul", { class: "checks" }, checks.map((one) => [one, ...standing(one, calibration)]).map(([one, check, said]) => h("li", { data: { check } },
+      h("span", { class: `badge ${check}` }, said),
       h("div", {}, h("strong", {}, NAMES[one.name] ?? one.name), h("p", {}, `${one.sentence}.`), one.remedy && h("p", { class: "wrong" }, one.remedy))))));
 }
 
