@@ -182,6 +182,8 @@ class Shot:
         Of the converter's volts per code, which all shots of a campaign share. [1]
     environment : Environment or None
         At this shot.
+    path : str
+        Where a campaign file tells of it (``$.shots[3]``); empty for what stands in none.
     """
 
     name: str
@@ -201,6 +203,7 @@ class Shot:
     u_sample_rate_hz: Uncertainty | None = None
     u_gain_relative: float = 0.0
     environment: Environment | None = None
+    path: str = ""
 
 
 def shot_words(place: int, name: str) -> str:
