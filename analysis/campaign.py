@@ -259,6 +259,8 @@ class Campaign:
         Of a time base that all shots share; counts instead of the shots' own. [1]
     environment : Environment or None
         Of the whole campaign.
+    assumptions : tuple of str
+        What was taken to be so on the way in, in words; every result tells it.
     """
 
     shots: tuple[Shot, ...]
@@ -272,3 +274,4 @@ class Campaign:
     u_height_offset_m: Uncertainty | None = None
     u_sample_rate_relative: Uncertainty | None = None
     environment: Environment | None = None
+    assumptions: tuple[str, ...] = ()

@@ -474,7 +474,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     _set_priors(problem, priors)
     if model.closed:
         problem.assumptions.extend(_closed_assumptions(problem))
-    problem.assumptions.extend(_reduced_units(shots))
+    problem.assumptions.extend((*campaign.assumptions, *_reduced_units(shots)))
     if any(s.speed_prior for s in shots) and campaign.speed_repeatability is None:
         problem.assumptions.append(
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."

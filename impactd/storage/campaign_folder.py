@@ -222,8 +222,23 @@ def _with_shots(root: Fields, header: Campaign, certificate: Sensor, file: Path)
     if not good:
         first = f"The first: {rejected[0].path}: {rejected[0].reason}"
         root.refuse("shots", f"none of {len(rejected)} shots can be used. {first}")
-    campaign = replace(header, shots=tuple(one.shot for one in good), rejected=tuple(rejected))
+    campaign = replace(
+        header,
+        shots=tuple(one.shot for one in good),
+        rejected=tuple(rejected),
+        assumptions=_assumed(root, good),
+    )
     return CampaignFolder(campaign, tuple(good), certificate)
+
+
+def _assumed(root: Fields, good: Sequence[CampaignShot]) -> tuple[str, ...]:
+    """Return what was taken to be so; without a drop height nothing rests on gravity."""
+    if root.has("gravity_m_per_s2") or all(one.shot.drop_height_m is None for one in good):
+        return ()
+    return (
+        f"No gravity_m_per_s2 given: the standard {STANDARD_GRAVITY_M_PER_S2} m/s^2 taken, from "
+        "which most places differ by up to 0.3 %.",
+    )
 
 
 def _called(value: object) -> str:

@@ -235,6 +235,7 @@ def test_in_a_pipe_nothing_is_asked_and_json_is_json(tmp_path: Path, record: Rec
     answer = json.loads(made.stdout)
     assert len(answer["shots"]) == 3
     assert any("taken for V" in one for one in answer["assumptions"])
+    assert any("standard value, 9.80665" in one for one in answer["assumptions"])
     assert (tmp_path / "a-campaign" / "campaign.json").is_file()
 
 

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from analysis.fit.fit_shot import usable_shots
+from analysis.fit.problem import build
+from analysis.model.impact_model import model_named
 from impactd.storage.archive import ArchiveError
 from impactd.storage.campaign_folder import read_campaign, read_campaign_folder, write_campaign
 from impactd.storage.errors import CampaignError
@@ -260,6 +262,19 @@ def test_a_shot_without_a_pulse_is_listed_with_its_place(campaign_folder: Make) 
 
     assert (rejected.name, rejected.path) == ("shot001.npy", "$.shots[1]")
     assert "no more than noise" in rejected.reason
+
+
+def test_a_gravity_that_nobody_stated_is_told(campaign_folder: Make) -> None:
+    """The standard value is taken, and every result says so where a height rests on it."""
+
+    def change(root: Root, _: Path) -> None:
+        del root["gravity_m_per_s2"]
+
+    campaign = read_campaign(campaign_folder(change))
+    problem = build(campaign, model_named("kv"))
+
+    assert campaign.gravity_m_per_s2 == 9.80665
+    assert any("No gravity_m_per_s2 given" in one for one in problem.assumptions)
 
 
 def test_the_mark_of_a_windows_editor_is_read_over(campaign_folder: Make) -> None:
