@@ -182,6 +182,8 @@ class Shot:
         Of the converter's volts per code, which all shots of a campaign share. [1]
     environment : Environment or None
         At this shot.
+    path : str
+        Where a campaign file tells of it (``$.shots[3]``); empty for what stands in none.
     """
 
     name: str
@@ -201,6 +203,7 @@ class Shot:
     u_sample_rate_hz: Uncertainty | None = None
     u_gain_relative: float = 0.0
     environment: Environment | None = None
+    path: str = ""
 
 
 def shot_words(place: int, name: str) -> str:
@@ -256,6 +259,8 @@ class Campaign:
         Of a time base that all shots share; counts instead of the shots' own. [1]
     environment : Environment or None
         Of the whole campaign.
+    assumptions : tuple of str
+        What was taken to be so on the way in, in words; every result tells it.
     """
 
     shots: tuple[Shot, ...]
@@ -269,3 +274,4 @@ class Campaign:
     u_height_offset_m: Uncertainty | None = None
     u_sample_rate_relative: Uncertainty | None = None
     environment: Environment | None = None
+    assumptions: tuple[str, ...] = ()

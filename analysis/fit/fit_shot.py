@@ -289,7 +289,7 @@ def usable_shots(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:
         try:
             cut(shot)
         except ShotRejectedError as error:
-            rejected.append(Rejected(shot.name, "", str(error)))
+            rejected.append(Rejected(shot.name, shot.path, str(error)))
         else:
             shots.append(shot)
     return shots, rejected

@@ -474,7 +474,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
     _set_priors(problem, priors)
     if model.closed:
         problem.assumptions.extend(_closed_assumptions(problem))
-    problem.assumptions.extend(_reduced_units(shots))
+    problem.assumptions.extend((*campaign.assumptions, *_reduced_units(shots)))
     if any(s.speed_prior for s in shots) and campaign.speed_repeatability is None:
         problem.assumptions.append(
             f"No speed repeatability given: {ASSUMED_REPEATABILITY:.0%} from shot to shot assumed."
@@ -491,7 +491,9 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
 def _reduced_units(shots: list[FitShot]) -> list[str]:
     """Return what is not in SI because no mass, or no gain, is stated, in words."""
     found = []
-    massless = sorted({s.shot.sphere or "?" for s in shots if not s.mass_is_stated})
+    massless = sorted(
+        {s.shot.sphere or "a sphere without a name" for s in shots if not s.mass_is_stated}
+    )
     if massless:
         found.append(f"No mass given for {', '.join(massless)}: 1 kg taken. Stiffness is per mass.")
     if not all(s.in_si for s in shots):

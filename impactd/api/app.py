@@ -155,10 +155,13 @@ async def _http_problem(request: Request, error: Exception) -> JSONResponse:
 
 async def _validation_problem(_request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, RequestValidationError)
+    first = error.errors()[0]
+    if first["type"] == "json_invalid":
+        return _no_json(first)
     found = [
         {
             "pointer": _pointer(item["loc"]),
-            "reason": item["msg"],
+            "reason": item["msg"].removeprefix("Value error, "),  # the framework's own words
             "given": without_nan(item.get("input")) if _is_short(item.get("input")) else None,
         }
         for item in error.errors()
@@ -167,10 +170,22 @@ async def _validation_problem(_request: Request, error: Exception) -> JSONRespon
     return ProblemError("invalid", f"{said}.", errors=found).response()
 
 
+def _no_json(item: dict[str, Any]) -> JSONResponse:
+    """Return what a person needs to mend a body that is no JSON: what is wrong, and where."""
+    at, why = item["loc"][-1], item["ctx"]["error"]
+    reason = f"it is no JSON: {why[:1].lower()}{why[1:]} at character {at}"
+    return ProblemError(
+        "invalid",
+        f"The body cannot be read: {reason}.",
+        remedy="Send one JSON object; `/openapi.json` has an example.",
+        errors=[{"pointer": "#/", "reason": reason, "given": None}],
+    ).response()
+
+
 def _sentence(found: dict[str, Any]) -> str:
     """Return what is wrong with one value, as a person reads it."""
     name = found["pointer"].removeprefix("#/") or "the body"
-    given = "" if found["given"] is None else f" is {found['given']}"
+    given = "" if found["given"] is None else f" is {json.dumps(found['given'])}"
     reason = str(found["reason"]).removesuffix(".")
     return f"{name}{given}: {reason[:1].lower()}{reason[1:]}"
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import ConfigDict, Field
+from pydantic import AfterValidator, ConfigDict, Field
 
 from analysis.base_models import DEFAULT_BASE
 from impactd.api.environment_schema import EnvironmentBody
 from impactd.api.finite import without_nan
-from impactd.api.schemas import Name, Request
+from impactd.api.schemas import Name, Request, once
 from impactd.storage.jobs import Job
 from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisProgress
 
@@ -22,7 +22,11 @@ class DiagnosisBody(Request):
     model_config = ConfigDict(
         json_schema_extra={"example": {"shots": [17, 18, 19, 20], "base": "kv2"}}
     )
-    shots: list[Annotated[int, Field(ge=1, le=LARGEST)]] = Field(min_length=1, max_length=500)
+    shots: Annotated[
+        list[Annotated[int, Field(ge=1, le=LARGEST)]],
+        Field(min_length=1, max_length=500),
+        AfterValidator(once),
+    ]
     base: Literal["kv2", "kv", "hsd"] = DEFAULT_BASE
     budget_s: Annotated[float, Field(gt=0, allow_inf_nan=False)] | None = Field(
         None,

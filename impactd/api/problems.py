@@ -133,7 +133,7 @@ _TYPES = (
         "unknown-material",
         422,
         "The material is not known",
-        "Use a name from the material list, or add it to config/materials.toml.",
+        "Use a name that `impactd materials` lists, or add this one.",
     ),
     ProblemType(
         "internal",

@@ -92,11 +92,23 @@ class ReboundBody(Request):
     u_rebound_height_m: float = Field(gt=0, le=5, description="Standard uncertainty. [m]")
 
 
+def once(shots: list[int]) -> list[int]:
+    """Refuse a shot that is named twice: it would count as two drops."""
+    twice = next((one for one in shots if shots.count(one) > 1), None)
+    if twice is not None:
+        raise ValueError(f"shot {twice} is named twice, and would count as two drops")
+    return shots
+
+
 class FitBody(Request):
     """Shots to fit again, together when there are several."""
 
     model_config = ConfigDict(json_schema_extra={"example": {"shots": [17, 18], "model": "kv2"}})
-    shots: list[Annotated[int, Field(ge=1, le=_LARGEST)]] = Field(min_length=1, max_length=500)
+    shots: Annotated[
+        list[Annotated[int, Field(ge=1, le=_LARGEST)]],
+        Field(min_length=1, max_length=500),
+        AfterValidator(once),
+    ]
     model: Annotated[str, Field(min_length=1, max_length=200)] = DEFAULT_BASE
 
 

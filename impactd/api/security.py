@@ -86,6 +86,7 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/v1/rig/health"): Scope.READ,
     ("GET", "/v1/materials"): Scope.READ,
     ("GET", "/v1/materials/{kind}/{name}"): Scope.READ,
+    ("GET", "/v1/materials/{kind}/{name}/changes"): Scope.READ,
     ("PUT", "/v1/materials/{kind}/{name}"): Scope.OPERATE,
     ("GET", "/v1/alarms"): Scope.READ,
     ("POST", "/v1/alarms/{number}/acknowledge"): Scope.OPERATE,

@@ -12,6 +12,7 @@ from impactd.console.failure import Failure
 from impactd.console.options import open_archive, settings_of
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json
+from impactd.reports.rejected import rejected_words
 from impactd.settings.settings import Settings
 from impactd.storage.archive import Archive
 
@@ -45,7 +46,7 @@ def import_campaign(
         if report.already:
             print(f"Already here: {_ranges(report.already)}.")
         for item in report.rejected:
-            print(f"Rejected: {item.name} ({item.path}): {item.reason}")
+            print(rejected_words(asdict(item)))
     if not report.numbers and not report.already:
         raise Failure(f"no shot of {campaign} could be used.")
 

@@ -20,6 +20,7 @@ from impactd.console.tables import print_json, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import likely_words, set_aside, shot_words
 from impactd.reports.numbers import measured
+from impactd.reports.rejected import rejected_words
 
 MOST_SHOTS = 500
 """As many as the daemon takes into one diagnosis."""
@@ -205,10 +206,7 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         parts.append(table(("candidate", f"held out / {unit}", ""), lines))
     if document["next_drop"]:
         parts.append(_drop_next(document["next_drop"], number))
-    parts += [
-        f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
-        for item in document["rejected"]
-    ]
+    parts += [rejected_words(item) for item in document["rejected"]]
     return "\n\n".join(parts)
 
 

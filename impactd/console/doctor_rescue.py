@@ -48,13 +48,12 @@ def _without(left: list[Path], archive: Path) -> tuple[str, str]:
         f"Set storage.rescue_directory to a folder on another disk, e.g. {_PROPOSED}, that "
         "belongs to the daemon's user."
     )
-    where = f"goes to {left[0]}, " if left else "has no place to go and "
-    lost = "lost if that is full, too" if left else "lost"
+    goes = f"goes to {left[0]}, and is lost if that is full, too" if left else "is lost"
     if left and _disk(left[0]) == _disk(archive):
-        lost = "lost: that is the same disk"
+        goes = f"has only {left[0]} to go to, on the same disk, and is lost"
     return (
         f"none is configured: when the disk of {archive} is full and the daemon must end, the "
-        f"record in memory {where}is {lost}",
+        f"record in memory {goes}",
         mend,
     )
 

@@ -17,6 +17,7 @@ from impactd.console.progress_bar import progress
 from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import print_json, table
 from impactd.reports.numbers import measured
+from impactd.reports.rejected import rejected_words
 
 if TYPE_CHECKING:
     from analysis.fit.result import FitResult
@@ -162,10 +163,7 @@ def report(document: dict[str, Any]) -> str:
     parts += _improvements(document)
     parts += _warnings(document)
     parts += document.get("assumptions") or []
-    parts += [
-        f"Rejected: {item['name']} ({item['path']}): {item['reason']}"
-        for item in document.get("rejected") or []
-    ]
+    parts += [rejected_words(item) for item in document.get("rejected") or []]
     return "\n\n".join(parts)
 
 

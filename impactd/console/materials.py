@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import typer
@@ -85,11 +86,7 @@ def show_or_change(
             body = {"entry": assigned(entry or {}, assignments), "note": note}
             client.send("PUT", f"{at}/{name}", body)
         shown = client.get(f"{at}/{name}")
-        changes = [
-            one
-            for one in client.get("/v1/materials")["changes"]
-            if (one["role"], one["name"]) == (role, name)
-        ]
+        changes = client.get(f"{at}/{name}/changes")["items"]
     if as_json:
         print_json({**shown, "changes": changes})
         return
@@ -114,7 +111,7 @@ def assigned(entry: Entry, assignments: list[str]) -> Entry:
     Raises
     ------
     typer.BadParameter
-        If one has no equals sign.
+        If one has no equals sign, leads into a number, or is `nan` or infinite.
     """
     found: Entry = json.loads(json.dumps(entry))
     for one in assignments:
@@ -125,21 +122,26 @@ def assigned(entry: Entry, assignments: list[str]) -> Entry:
         place = found
         for folder in folders:
             place = place.setdefault(folder, {})
+            if not isinstance(place, dict):
+                raise typer.BadParameter(f"{one!r}: {folder} is one value, and holds no keys")
         if text == "":
             place.pop(key, None)
         else:
-            place[key] = _value(text)
+            place[key] = _value(text, one)
     return found
 
 
-def _value(text: str) -> Any:
+def _value(text: str, assignment: str) -> Any:
     if text in ("true", "false"):
         return text == "true"
     value, both, u = text.partition("+-")
     try:
-        return {"value": float(value), "u": float(u)} if both else float(value)
+        numbers = [float(value), float(u)] if both else [float(value)]
     except ValueError:
         return text
+    if not all(math.isfinite(number) for number in numbers):
+        raise typer.BadParameter(f"{assignment!r}: that is no number that a material can have")
+    return {"value": numbers[0], "u": numbers[1]} if both else numbers[0]
 
 
 def _entry(known: list[dict[str, Any]], name: str) -> Entry | None:

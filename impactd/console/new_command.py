@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +21,15 @@ class TimeUnit(StrEnum):
     MS = "ms"
     US = "us"
     NS = "ns"
+
+
+def _scale(scale: float) -> float:
+    """Return the scale as given; one that leaves nothing of the numbers is wrong usage."""
+    if not math.isfinite(scale) or scale == 0.0:
+        raise typer.BadParameter(
+            f"{scale:g} leaves nothing of the numbers; give what one of them is in --unit."
+        )
+    return scale
 
 
 def add_to(app: typer.Typer) -> None:
@@ -57,7 +67,8 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
         typer.Option("--column", help="Name or number of the signal; repeatable; all takes each."),
     ] = None,
     scale: Annotated[
-        float, typer.Option("--scale", help="One of the file's numbers in --unit.")
+        float,
+        typer.Option("--scale", help="One of the file's numbers in --unit.", callback=_scale),
     ] = 1.0,
     time: Annotated[
         TimeUnit | None, typer.Option("--time", help="What the file's times are in.")

@@ -4,6 +4,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -105,6 +106,15 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
     from impactd.client.environment import login_name
     from impactd.console import drops
 
+    _refuse_no_numbers(
+        {
+            "the drop height": drop_height_m,
+            "--temperature": temperature,
+            "--temperature-u": temperature_u,
+            "--humidity": humidity,
+            "--humidity-u": humidity_u,
+        }
+    )
     named = {"sphere": sphere, "surface": surface, "drop_height_m": drop_height_m}
     if proposed_by is None and None in named.values():
         raise typer.BadParameter("name sphere, surface and drop height, or give --proposed-by")
@@ -129,6 +139,13 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
         url=url,
         as_json=as_json,
     )
+
+
+def _refuse_no_numbers(given: dict[str, float | None]) -> None:
+    """Refuse `nan` and `inf`, which are numbers to Python and none to JSON or to a rig."""
+    for name, value in given.items():
+        if value is not None and not math.isfinite(value):
+            raise typer.BadParameter(f"{name} is {value:g}; give a number.")
 
 
 def abort(url: Url = None, as_json: Json = False) -> None:

@@ -12,6 +12,7 @@ from impactd.diagnosis.set_aside import set_aside, shot_words
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
 from impactd.reports.numbers import measured
+from impactd.reports.rejected import rejected_words
 
 _PHASES = (
     ("before", "before touch-down"),
@@ -284,9 +285,7 @@ def _cut_short(document: Json) -> bool:
 def circumstances(document: Json) -> str:
     """Return what was assumed and what was refused."""
     lines = list(document["assumptions"])
-    lines += [
-        f"Rejected: {one['name']} ({one['path']}): {one['reason']}" for one in document["rejected"]
-    ]
+    lines += [rejected_words(one) for one in document["rejected"]]
     unit = unit_of(document)
     noise = document["noise_rms_V"] * unit.factor
     lines.append(f"Noise before the trigger: {noise:.4g} {unit.label} rms.")

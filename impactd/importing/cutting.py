@@ -224,6 +224,7 @@ def _rate(recording: Recording, choices: Choices, said: list[str]) -> tuple[floa
         factor = TIME_FACTORS[recording.time_unit or "s"] / TIME_FACTORS[choices.time_unit]
         rate, u_rate = rate * factor, u_rate * factor
     if choices.rate_hz is not None:
+        _refuse_rate(recording, choices.rate_hz)  # before anything is divided by it
         if rate is not None and not math.isclose(rate, choices.rate_hz, rel_tol=0.01):
             said.append(
                 f"{recording.file}: the file says {rate:g} Hz; --rate says {choices.rate_hz:g} Hz, "

@@ -12,14 +12,19 @@ from impactd.importing.cutting import Cut, cut_hits, names_of
 from impactd.importing.errors import RecordingError
 from impactd.importing.picture import save_picture
 from impactd.importing.readers import read_recording
-from impactd.storage.campaign_folder import JSON_NAME, write_campaign
+from impactd.storage.campaign_folder import (
+    JSON_NAME,
+    STANDARD_GRAVITY_M_PER_S2,
+    write_campaign,
+)
 
 PICTURE_NAME = "recordings.png"
 _NAMED = 4
 """Files in a sentence."""
 UNKNOWN = (
     "Not known and left out are what fell or hit (radius, mass, modulus), on what (modulus, "
-    "thickness), the drop height, and the sensor. Write what you have measured into campaign.json."
+    "thickness), the drop height, and the sensor. Write what you have measured into campaign.json; "
+    f"gravity_m_per_s2 stands there with its standard value, {STANDARD_GRAVITY_M_PER_S2}."
 )
 
 

@@ -25,6 +25,7 @@ from impactd.settings.errors import SettingsError
 from impactd.settings.materials import Materials, materials_of, read_entries
 from impactd.storage.material_changes import MATERIAL_CHANGES_NAME, append_line, whole_lines
 from impactd.storage.plain_text import find_forbidden
+from impactd.storage.ranges import impossible_density
 from impactd.storage.timestamp import utc_now
 
 Role = Literal["sphere", "surface"]
@@ -148,10 +149,20 @@ class MaterialBook:
             )
             entries = _applied(self._entries, (made,))
             materials = replace(materials_of(entries, None), version=made.version)
+            _refuse_impossible(role, name, materials)
             _append(self._log, made)
             self.changes = (*self.changes, made)
             self._entries, self.current = entries, materials
             return made
+
+
+def _refuse_impossible(role: Role, name: str, materials: Materials) -> None:
+    """Refuse a sphere of a density that nothing has: millimetres or grams were given."""
+    if role == "sphere":
+        sphere = materials.spheres[name]
+        impossible = impossible_density(sphere.radius_m, sphere.mass_kg)
+        if impossible is not None:
+            raise SettingsError(None, f"{role}.{name}.mass_kg", impossible.removesuffix("."))
 
 
 def _applied(entries: Json, changes: tuple[MaterialChange, ...]) -> Json:

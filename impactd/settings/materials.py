@@ -37,7 +37,8 @@ class UnknownMaterialError(Exception):
         hint = f" Did you mean {close[0]!r}?" if close else ""
         super().__init__(
             f"There is no {role} called {name!r}.{hint} Known: {', '.join(known)}. "
-            "Others are added on the page, with `impactd materials set`, or in the materials file."
+            f"Others are added on the page, with `impactd materials {role} NAME KEY=VALUE...`, or "
+            "in the materials file."
         )
 
 

@@ -209,17 +209,56 @@ def _with_shots(root: Fields, header: Campaign, certificate: Sensor, file: Path)
     rejected: list[Rejected] = []
     for position, value in enumerate(root.array("shots")):
         at = f"$.shots[{position}]"
-        name = value.get("file") if isinstance(value, dict) else None
         try:
             fields = Fields(value, file=str(file), path=at, known=SHOT_KEYS)
-            good.append(read_campaign_shot(fields, header, file.parent))
+            one = read_campaign_shot(fields, header, file.parent)
+            _refuse_again(fields, one, good)
         except CampaignError as error:
-            rejected.append(Rejected(str(name or at), error.json_path, error.reason))
+            rejected.append(Rejected(_called(value) or at, error.json_path, error.reason))
+        else:
+            good.append(one)
+    if not good and not rejected:
+        root.refuse("shots", "is empty; list at least one shot with its file.")
     if not good:
-        first = f" The first: {rejected[0].path}: {rejected[0].reason}" if rejected else ""
-        root.refuse("shots", f"none of {len(rejected)} shots can be used.{first}")
-    campaign = replace(header, shots=tuple(one.shot for one in good), rejected=tuple(rejected))
+        first = f"The first: {rejected[0].path}: {rejected[0].reason}"
+        root.refuse("shots", f"none of {len(rejected)} shots can be used. {first}")
+    campaign = replace(
+        header,
+        shots=tuple(one.shot for one in good),
+        rejected=tuple(rejected),
+        assumptions=_assumed(root, good),
+    )
     return CampaignFolder(campaign, tuple(good), certificate)
+
+
+def _assumed(root: Fields, good: Sequence[CampaignShot]) -> tuple[str, ...]:
+    """Return what was taken to be so; without a drop height nothing rests on gravity."""
+    if root.has("gravity_m_per_s2") or all(one.shot.drop_height_m is None for one in good):
+        return ()
+    return (
+        f"No gravity_m_per_s2 given: the standard {STANDARD_GRAVITY_M_PER_S2} m/s^2 taken, from "
+        "which most places differ by up to 0.3 %.",
+    )
+
+
+def _called(value: object) -> str:
+    """Return how a shot that cannot be read is called: by its name, else by its file."""
+    if not isinstance(value, dict):
+        return ""
+    told = (value.get("name"), value.get("file"))
+    return next((one for one in told if isinstance(one, str) and one), "")
+
+
+def _refuse_again(fields: Fields, one: CampaignShot, good: Sequence[CampaignShot]) -> None:
+    """Refuse a blow that stands in the list already: two copies would weigh as two blows."""
+    blow = (one.file, one.recording.trigger_index)
+    for other in good:
+        if (other.file, other.recording.trigger_index) == blow:
+            fields.refuse(
+                "file",
+                f"{one.file!r} with the same trigger_index is {other.shot.path} already; "
+                "one blow counts once.",
+            )
 
 
 def release_to_json(repeatability: float | None, offset: Uncertainty | None) -> dict[str, object]:
@@ -235,9 +274,14 @@ def release_to_json(repeatability: float | None, offset: Uncertainty | None) -> 
 
 def _spheres(root: Fields) -> dict[str, Sphere]:
     group = root.child("spheres")
-    return {
-        name: sphere_from_json(name, group.child(name, known=SPHERE_KEYS)) for name in group.names()
-    }
+    found = {}
+    for name in group.names():
+        fields = group.child(name, known=SPHERE_KEYS)
+        found[name] = sphere_from_json(name, fields)
+        impossible = ranges.impossible_density(found[name].radius_m, found[name].mass_kg)
+        if impossible is not None:
+            fields.refuse("mass_kg", impossible)
+    return found
 
 
 def _surfaces(root: Fields) -> dict[str, Surface]:

@@ -140,6 +140,7 @@ def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> Campai
         u_sample_rate_hz=u_rate,
         u_gain_relative=u_per_code.u / per_code if per_code and u_per_code else 0.0,
         environment=environment_from_json(fields.child("environment", known=ENVIRONMENT_KEYS)),
+        path=fields.path,
     )
     return CampaignShot(shot, recording, name)
 

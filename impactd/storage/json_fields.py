@@ -17,7 +17,12 @@ from typing import Any, NoReturn
 from analysis.campaign import Quantity, Uncertainty
 from impactd.storage.errors import CampaignError
 from impactd.storage.plain_text import find_forbidden
-from impactd.storage.ranges import DEGREES_OF_FREEDOM, RELATIVE_RESOLUTION, Range
+from impactd.storage.ranges import (
+    DEGREES_OF_FREEDOM,
+    RELATIVE_RESOLUTION,
+    Range,
+    with_unit,
+)
 from impactd.storage.regular_file import read_regular_file
 
 JSON_LIMIT_BYTES = 16 * 1024 * 1024
@@ -66,7 +71,7 @@ def parse_json(content: bytes, file: str) -> Any:
     Parameters
     ----------
     content : bytes
-        UTF-8.
+        UTF-8, with or without the mark that Windows editors put before it.
 
     Raises
     ------
@@ -89,7 +94,7 @@ def parse_json(content: bytes, file: str) -> Any:
 
     try:
         return json.loads(
-            content.decode("utf-8"), parse_constant=refuse_constant, object_pairs_hook=once
+            content.decode("utf-8-sig"), parse_constant=refuse_constant, object_pairs_hook=once
         )
     except UnicodeDecodeError as error:
         raise CampaignError(file, "$", "is not UTF-8 text.") from error
@@ -167,7 +172,7 @@ class Fields:
         if not math.isfinite(number):
             self.refuse(key, "must be finite.")
         if not within.low <= number <= within.high:
-            self.refuse(key, f"is {number:g} {within.unit}; it must be {within}.")
+            self.refuse(key, f"is {with_unit(number, within.unit)}; it must be {within}.")
         return number
 
     def whole(self, key: str) -> int | None:
@@ -237,8 +242,8 @@ class Fields:
         """Refuse an uncertainty that rounding hides beside its value, unless it is 0."""
         least = RELATIVE_RESOLUTION * (abs(beside) or 1.0)
         if 0.0 < u < least:
-            limits = f"0 or at least {least:g} {unit}"
-            self.refuse(key, f"is {u:g} {unit}; beside {beside:g} it must be {limits}.")
+            limits = f"0 or at least {with_unit(least, unit)}"
+            self.refuse(key, f"is {with_unit(u, unit)}; beside {beside:g} it must be {limits}.")
 
     def child(self, key: str, *, known: Iterable[str] = ()) -> Fields:
         """Return the object at a key; an absent one is empty."""

@@ -6,6 +6,7 @@ squared 1e308 is infinite, and the inverse of a subnormal number, too.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 RELATIVE_RESOLUTION = 1e-12
@@ -30,7 +31,12 @@ class Range:
     unit: str = "1"
 
     def __str__(self) -> str:
-        return f"between {self.low:g} and {self.high:g} {self.unit}"
+        return f"between {self.low:g} and {with_unit(self.high, self.unit)}"
+
+
+def with_unit(number: float, unit: str) -> str:
+    """Return a number as messages write it: a pure number has no unit behind it."""
+    return f"{number:g}" if unit == "1" else f"{number:g} {unit}"
 
 
 # Slower than 1 Hz no impact is seen; no converter of such resolution is faster than 1 GHz.
@@ -56,6 +62,8 @@ RESTITUTION = Range(1e-6, 1.0)
 # From a grain of dust to a wrecking ball; the masses are those of such spheres.
 RADIUS_M = Range(1e-6, 10.0, "m")
 MASS_KG = Range(1e-15, 1e6, "kg")
+# The lightest balloon has 0.2 kg/m^3, osmium has 22600.
+DENSITY_KG_PER_M3 = Range(0.1, 3e4, "kg/m^3")
 THICKNESS_M = Range(1e-9, 10.0, "m")
 # The softest gels have 1 Pa, diamond has 1.2e12 Pa.
 YOUNGS_MODULUS_PA = Range(1e-1, 1e14, "Pa")
@@ -77,3 +85,27 @@ TEMPERATURE_C = Range(-273.15, 5e3, "degC")
 # A modulus that changes by its own size in ten kelvins is in a transition, and has no coefficient.
 MODULUS_COEFFICIENT_PER_K = Range(-0.1, 0.1, "1/K")
 RELATIVE_HUMIDITY = Range(0.0, 1.0)
+
+
+def impossible_density(radius_m: float | None, mass_kg: float | None) -> str | None:
+    """Return what is wrong with a sphere that no matter is light or heavy enough for.
+
+    Parameters
+    ----------
+    radius_m, mass_kg : float or None
+        Each within its own range; one in millimetres or grams is found only beside the other.
+
+    Returns
+    -------
+    str or None
+        For the middle of a sentence; ``None`` where nothing is wrong or one is unknown.
+    """
+    if radius_m is None or mass_kg is None:
+        return None
+    density = mass_kg / (4.0 / 3.0 * math.pi * radius_m**3)
+    if DENSITY_KG_PER_M3.low <= density <= DENSITY_KG_PER_M3.high:
+        return None
+    return (
+        f"is {mass_kg:g} kg beside a radius of {radius_m:g} m: that is {density:.3g} kg/m^3, and a "
+        f"sphere has {DENSITY_KG_PER_M3}. Give the radius in metres and the mass in kilograms."
+    )

@@ -13,6 +13,8 @@ from impactd.storage.timestamp import utc_after, utc_now
 
 SCOPES = ("read", "operate", "admin")
 """Each scope holds the ones before it."""
+_LONGEST_LIFE_D = 36525
+"""A century; a calendar has no moment for much longer ones. [d]"""
 
 
 @dataclass(frozen=True)
@@ -71,12 +73,15 @@ class TokenTable:
         Raises
         ------
         ArchiveError
-            If the scope is unknown or the life is not positive.
+            If the scope is unknown, or the life is not positive or longer than a century.
         """
         if scope not in SCOPES:
             raise ArchiveError(f"The scope {scope!r} is unknown; there are {', '.join(SCOPES)}.")
-        if days is not None and not days > 0:
-            raise ArchiveError(f"A token must live for more than 0 days, not {days:g}.")
+        if days is not None and not 0 < days <= _LONGEST_LIFE_D:
+            raise ArchiveError(
+                f"A token lives for more than 0 and at most {_LONGEST_LIFE_D} days, not {days:g}.",
+                remedy="Say no days for one that lives until it is revoked.",
+            )
         # A plain SHA-256 is enough for 256 random bits: there is nothing to guess.
         secret = "impactd_" + secrets.token_urlsafe(32)
         number = self._index.write(

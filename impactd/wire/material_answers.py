@@ -33,6 +33,12 @@ class MaterialChangeAnswer(Answer):
     note: str
 
 
+class MaterialChangesAnswer(Answer):
+    """Every change of one material, newest first."""
+
+    items: list[MaterialChangeAnswer]
+
+
 class MaterialsAnswer(Answer):
     """All materials, and their latest changes, newest first."""
 

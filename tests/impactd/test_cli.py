@@ -67,6 +67,21 @@ def test_wrong_usage_ends_with_2():
     assert run("token", "create", "--scope", "root").returncode == 2
 
 
+def test_numbers_that_are_none_are_wrong_usage(tmp_path):
+    """`nan` and a scale of 0 are answered before anything is asked of a rig or a file."""
+    assert "the drop height is nan" in run("drop", "acetal", "specimen", "nan").stderr
+    hot = run("drop", "acetal", "specimen", "0.04", "--temperature", "inf")
+    assert (hot.returncode, "--temperature is inf" in hot.stderr) == (2, True)
+    scaled = run("new", tmp_path / "a.csv", "--scale", "0")
+    assert (scaled.returncode, "leaves nothing" in scaled.stderr) == (2, True)
+
+
+def test_a_token_for_longer_than_the_calendar_is_one_sentence(tmp_path):
+    """Nobody needs it, and the way to one without an end is told."""
+    words = ("token", "create", "--scope", "read", "--days", "1e300")
+    assert "36525 days" in failed(run(*words, "--config", CONFIG, "--data", tmp_path))
+
+
 def test_no_daemon_is_one_sentence():
     """A client without a daemon says where it looked and what to do."""
     said = failed(run("status", "--url", "http://127.0.0.1:9"))

@@ -402,7 +402,8 @@ def _over_shots(values: Sequence[float], unit: str, shots: Sequence[FitShot]) ->
 def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
     """Return every effect of the library with what became of it in one turn, best first."""
     found: list[Json] = []
-    for refit in step.refits:
+    refits = _with_the_taken(step, wording.taken_in(diagnosis, step))
+    for refit in refits:
         ended = wording.fitted_to_the_end(refit)
         whole = ended and refit.on_all_shots
         held = heldout_or_none(refit.problem, refit.fitted) if whole else None
@@ -423,7 +424,7 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
         )
     if not step.score_test.structured:
         return found
-    refitted = {refit.effect_id for refit in step.refits}
+    refitted = {refit.effect_id for refit in refits}
     return found + [
         {
             "id": effect_id,
@@ -437,6 +438,14 @@ def _candidates(diagnosis: Diagnosis, step: Step) -> list[Json]:
         for effect_id, effect in library().items()
         if effect_id not in refitted
     ]
+
+
+def _with_the_taken(step: Step, taken: Refit | None) -> list[Refit]:
+    """Return a turn's candidates with the one it took, in the place of its own earlier fit."""
+    if taken is None or any(taken is refit for refit in step.refits):
+        return list(step.refits)
+    others = [r for r in step.refits if (r.effect.id, r.scope) != (taken.effect.id, taken.scope)]
+    return [taken, *others]
 
 
 # -- the turns of the selection, and what remains ------------------------------------------------

@@ -362,7 +362,7 @@ def background_words(seen: Background | None) -> str:
 # -- why a candidate was not named ---------------------------------------------------------------
 def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
     """Return why a candidate was not taken in a turn of the loop; None for the one that was."""
-    taken = next((c for c in diagnosis.chosen if any(c is r for r in step.refits)), None)
+    taken = taken_in(diagnosis, step)
     if refit is taken:
         return None
     if not fitted_to_the_end(refit):
@@ -376,6 +376,22 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
             "alone"
         )
     return _beaten(diagnosis, step, refit, taken)
+
+
+def taken_in(diagnosis: Diagnosis, step: Step) -> Refit | None:
+    """Return the candidate that a turn of the loop took; None where it took none.
+
+    What the selection put in another's place afterwards is among no turn's candidates: it belongs
+    to the turn whose model it extends.
+    """
+    chosen, tried = diagnosis.chosen, [r for one in diagnosis.steps for r in one.refits]
+    for place, one in enumerate(chosen):
+        if any(one is r for r in step.refits):
+            return one
+        in_turn = place < len(diagnosis.steps) and diagnosis.steps[place] is step
+        if in_turn and not any(one is r for r in tried):
+            return one
+    return None
 
 
 def fitted_to_the_end(refit: Refit) -> bool:

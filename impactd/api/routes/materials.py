@@ -17,6 +17,7 @@ from impactd.settings.material_book import MaterialBook, MaterialChange, Role
 from impactd.wire.material_answers import (
     MaterialAnswer,
     MaterialChangeAnswer,
+    MaterialChangesAnswer,
     MaterialsAnswer,
 )
 
@@ -48,6 +49,17 @@ def show_material(kind: _Kind, name: _Name, daemon: TheDaemon) -> MaterialAnswer
     if name not in entries:
         raise ProblemError("not-found", f"There is no {role} called {name!r}.")
     return _answer(daemon.book, role, name, entries[name])
+
+
+@router.get("/{kind}/{name}/changes")
+def list_changes(kind: _Kind, name: _Name, daemon: TheDaemon) -> MaterialChangesAnswer:
+    """List every change of one material, newest first."""
+    role = _ROLES[kind]
+    if name not in daemon.book.entries(role):
+        raise ProblemError("not-found", f"There is no {role} called {name!r}.")
+    return MaterialChangesAnswer(
+        items=[_change(one) for one in reversed(_changes_of(daemon.book, role, name))]
+    )
 
 
 @router.put("/{kind}/{name}")
@@ -84,7 +96,7 @@ def _refused(error: SettingsError, role: Role, name: str) -> ProblemError:
 
 
 def _answer(book: MaterialBook, role: Role, name: str, entry: Json) -> MaterialAnswer:
-    changes = [one for one in book.changes if (one.role, one.name) == (role, name)]
+    changes = _changes_of(book, role, name)
     last = changes[-1] if changes else None
     return MaterialAnswer(
         role=role,
@@ -94,6 +106,10 @@ def _answer(book: MaterialBook, role: Role, name: str, entry: Json) -> MaterialA
         changed_by=None if last is None else last.by,
         changes=len(changes),
     )
+
+
+def _changes_of(book: MaterialBook, role: Role, name: str) -> list[MaterialChange]:
+    return [one for one in book.changes if (one.role, one.name) == (role, name)]
 
 
 def _change(change: MaterialChange) -> MaterialChangeAnswer:

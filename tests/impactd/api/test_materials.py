@@ -87,6 +87,27 @@ def test_a_new_coupon_may_be_dropped_on_by_name(own, run_own):
     assert "plate_7" in run_own("materials").output
 
 
+def test_every_change_of_a_material_is_shown_however_many_others_there_were(own, run_own):
+    """A first change is not crowded out of its own list by a hundred of another material."""
+    first = run_own("materials", "sphere", "neoprene", "source=drawer 1", "--note", "the first")
+    assert first.exit_code == 0, first.output
+    for turn in range(101):
+        body = {"entry": entry(own, "steel") | {"source": f"box {turn}"}}
+        assert own.operator.put("/v1/materials/spheres/steel", json=body).status_code == 200
+    assert "the first" in run_own("materials", "sphere", "neoprene").output
+    told = own.reader.get("/v1/materials/spheres/steel/changes").json()["items"]
+    assert [one["after"]["source"] for one in told] == [f"box {n}" for n in range(100, -1, -1)]
+    assert own.reader.get("/v1/materials/spheres/marble/changes").status_code == 404
+
+
+@pytest.mark.parametrize("wrong", ["mass_kg=nan", "radius_m.u=1e-6", "mass_kg"])
+def test_an_assignment_that_cannot_be_is_wrong_usage(run_own, wrong):
+    """It is answered with what was written; nothing is changed."""
+    told = run_own("materials", "sphere", "hdpe", wrong)
+    assert told.exit_code == 2
+    assert wrong in told.output
+
+
 @pytest.fixture
 def run_own(own, monkeypatch):
     """Return the command line of this daemon's operator."""

@@ -99,6 +99,30 @@ def test_a_body_that_is_no_json_object_is_a_422_problem(rig, text):
     problem(answer, "invalid")
 
 
+def test_broken_json_is_answered_with_what_breaks_it(rig):
+    """Where it breaks, and that it should be JSON at all."""
+    headers = KEY | {"Content-Type": "application/json"}
+    answer = rig.operator.post("/v1/drops", content='{"sphere": }', headers=headers)
+    document = problem(answer, "invalid")
+    assert "no JSON" in document["detail"]
+    assert "at character 11" in document["detail"]
+
+
+def test_a_text_that_is_refused_is_quoted(rig):
+    """An empty one can be seen."""
+    document = problem(rig.drop(ACETAL_ON_ALUMINIUM | {"operator": ""}), "invalid")
+    assert document["detail"].startswith('operator is "":')
+
+
+@pytest.mark.parametrize("path", ["/v1/fits", "/v1/diagnoses"])
+def test_a_shot_named_twice_is_refused(rig, path):
+    """It would count as two drops, and make the uncertainty smaller than it is."""
+    answer = rig.operator.post(path, json={"shots": [3, 1, 3]}, headers=KEY)
+    document = problem(answer, "invalid")
+    assert document["errors"][0]["pointer"] == "#/shots"
+    assert "shot 3 is named twice" in document["detail"]
+
+
 @pytest.mark.parametrize("kind", ["text/plain", "application/x-www-form-urlencoded", None])
 def test_a_body_that_is_not_called_json_is_a_415_problem(rig, kind):
     """A form of another web site cannot pose as JSON."""
@@ -136,6 +160,7 @@ def test_an_unknown_material_is_named_with_those_there_are(rig):
     """A typing error in a sphere's name is answered with the list."""
     document = problem(rig.drop(ACETAL_ON_ALUMINIUM | {"sphere": "acetl"}), "unknown-material")
     assert "acetal" in document["detail"]
+    assert "`impactd materials sphere NAME KEY=VALUE...`" in document["detail"]
 
 
 def test_a_full_disk_is_a_507_problem_before_anything_moves(rig, monkeypatch):

@@ -56,6 +56,14 @@ def is_told(finding: Finding, said: str, mend: str) -> None:
     assert mend in finding.mend
 
 
+def test_where_a_record_goes_without_a_rescue_directory_is_a_sentence(tmp_path):
+    """Whether there is a place, and whether it is of any use."""
+    nowhere, _ = doctor_rescue._without([], tmp_path)
+    assert nowhere.endswith("the record in memory is lost")
+    same, _ = doctor_rescue._without([tmp_path], tmp_path)
+    assert same.endswith(f"has only {tmp_path} to go to, on the same disk, and is lost")
+
+
 def test_a_missing_package_is_named_before_anything_stumbles_over_it(tmp_path):
     """A virtual environment without pyserial: the package and the command that brings it."""
     there = tmp_path / "site"

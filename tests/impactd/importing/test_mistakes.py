@@ -154,6 +154,12 @@ def test_unknown_columns_and_units_are_answered_with_those_there(
     assert "V, N, g, m/s2, strain" in refused(file, out=out, unit="furlong")
 
 
+def test_a_rate_that_is_none_is_refused(tmp_path: Path, record: Record, out: Path) -> None:
+    """Zero samples a second are no rate; nothing is divided by it first."""
+    np.save(tmp_path / "a.npy", record.signal)
+    assert "sampled at 0 Hz" in refused(tmp_path / "a.npy", out=out, rate_hz=0.0, unit="V")
+
+
 def test_nothing_is_overwritten(tmp_path: Path, record: Record, out: Path) -> None:
     """A campaign, a picture or a shot that is there stays."""
     file = table(tmp_path / "a.csv", record)
@@ -229,6 +235,7 @@ def test_in_a_pipe_nothing_is_asked_and_json_is_json(tmp_path: Path, record: Rec
     answer = json.loads(made.stdout)
     assert len(answer["shots"]) == 3
     assert any("taken for V" in one for one in answer["assumptions"])
+    assert any("standard value, 9.80665" in one for one in answer["assumptions"])
     assert (tmp_path / "a-campaign" / "campaign.json").is_file()
 
 

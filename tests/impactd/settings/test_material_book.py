@@ -59,6 +59,14 @@ def test_a_wrong_entry_changes_nothing(book, tmp_path):
         book.change("sphere", "../x", heavier(book), by="ab", note="")
 
 
+def test_a_sphere_in_grams_is_refused(book):
+    """No matter has the density that such a mass would mean."""
+    with pytest.raises(SettingsError, match="in kilograms") as error:
+        book.change("sphere", "acetal", heavier(book) | {"mass_kg": 0.6116}, by="ab", note="")
+    assert error.value.findings[0].path_in_file == "sphere.acetal.mass_kg"
+    assert book.version == 0
+
+
 def test_half_a_line_of_a_power_cut_is_dropped(book, tmp_path):
     """Nobody was told that it counts; the next change follows the last whole one."""
     book.change("sphere", "acetal", heavier(book), by="ab", note="")

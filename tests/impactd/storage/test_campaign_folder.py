@@ -10,6 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from analysis.fit.fit_shot import usable_shots
+from analysis.fit.problem import build
+from analysis.model.impact_model import model_named
 from impactd.storage.archive import ArchiveError
 from impactd.storage.campaign_folder import read_campaign, read_campaign_folder, write_campaign
 from impactd.storage.errors import CampaignError
@@ -100,6 +103,8 @@ WHOLE = [
     (_set("sensor", "log_covariance", to=[["x"]]), "$.sensor.log_covariance", "numbers"),
     (_set("spheres", "acetal", "mass_kg", to=-0.1), "$.spheres.acetal.mass_kg", "1e+06 kg"),
     (_set("spheres", "acetal", "mass", to=0.1), "$.spheres.acetal.mass", "mass_kg"),
+    (_set("spheres", "acetal", "radius_m", to=4.76), "$.spheres.acetal.mass_kg", "in metres"),
+    (_set("spheres", "acetal", "mass_kg", to=0.6116), "$.spheres.acetal.mass_kg", "in kilograms"),
     (_set("spheres", "acetal", "radius_m", to="5 mm"), "$.spheres.acetal.radius_m", "number"),
     (
         _set("surfaces", "specimen", "poissons_ratio", to={"value": 0.6, "u": 0.1}),
@@ -108,7 +113,7 @@ WHOLE = [
     ),
     (_set("surfaces", to=[]), "$.surfaces", "object"),
     (_set("shots", to={}), "$.shots", "array"),
-    (_set("shots", to=[]), "$.shots", "none of 0"),
+    (_set("shots", to=[]), "$.shots", "at least one"),
 ]
 
 
@@ -166,6 +171,8 @@ SHOT = [
     (_set("shots", 1, "volts_per_code", to=-1), "$.shots[1].volts_per_code", "between 1e-15"),
     (_set("shots", 1, "trigger_index", to=500), "$.shots[1].trigger_index", "500 samples only"),
     (_set("shots", 1, "trigger_index", to=-1), "$.shots[1].trigger_index", "between 0"),
+    (_set("shots", 1, "trigger_index", to=-5), "$.shots[1].trigger_index", "is -5; it must be"),
+    (_set("shots", 1, "file", to="shot000.npy"), "$.shots[1].file", "is $.shots[0] already"),
     (_set("shots", 1, "trigger_index", to=2.5), "$.shots[1].trigger_index", "whole"),
     (_set("shots", 1, "trigger_index", to=None), "$.shots[1].trigger_index", "missing"),
     (_set("shots", 1, "sphere", to="marble"), "$.shots[1].sphere", "not described"),
@@ -221,6 +228,62 @@ def test_a_bad_shot_is_listed_and_the_rest_goes_on(
     assert rejected.path == path
     assert reason in rejected.reason
     assert [shot.name for shot in campaign.shots] == ["shot000.npy", "shot002.npy"]
+
+
+def test_two_blows_in_one_file_are_two_shots(campaign_folder: Make) -> None:
+    """What tells them apart is where each begins."""
+
+    def change(root: Root, _: Path) -> None:
+        root["shots"][1] |= {"file": "shot000.npy", "trigger_index": 210}
+
+    assert not read_campaign(campaign_folder(change)).rejected
+
+
+def test_a_refused_shot_goes_by_its_name(campaign_folder: Make) -> None:
+    """Its name, where it has one, stands in place of the file's, as in every result."""
+
+    def change(root: Root, _: Path) -> None:
+        root["shots"][1] |= {"name": "Monday 2", "sphere": "marble"}
+
+    (rejected,) = read_campaign(campaign_folder(change)).rejected
+
+    assert rejected.name == "Monday 2"
+
+
+def test_a_shot_without_a_pulse_is_listed_with_its_place(campaign_folder: Make) -> None:
+    """What only the fit can see is refused with name, JSON path and reason, too."""
+
+    def change(root: Root, folder: Path) -> None:
+        root["shots"][1]["trigger_index"] = 2000
+        noise = np.random.default_rng(1).normal(0.0, 5.0, 4000)
+        np.save(folder / "shot001.npy", noise.astype(np.int16))
+
+    _, (rejected,) = usable_shots(read_campaign(campaign_folder(change)))
+
+    assert (rejected.name, rejected.path) == ("shot001.npy", "$.shots[1]")
+    assert "no more than noise" in rejected.reason
+
+
+def test_a_gravity_that_nobody_stated_is_told(campaign_folder: Make) -> None:
+    """The standard value is taken, and every result says so where a height rests on it."""
+
+    def change(root: Root, _: Path) -> None:
+        del root["gravity_m_per_s2"]
+
+    campaign = read_campaign(campaign_folder(change))
+    problem = build(campaign, model_named("kv"))
+
+    assert campaign.gravity_m_per_s2 == 9.80665
+    assert any("No gravity_m_per_s2 given" in one for one in problem.assumptions)
+
+
+def test_the_mark_of_a_windows_editor_is_read_over(campaign_folder: Make) -> None:
+    """A campaign.json that begins with a byte order mark reads like one without."""
+    folder = campaign_folder()
+    file = folder / "campaign.json"
+    file.write_bytes(b"\xef\xbb\xbf" + file.read_bytes())
+
+    assert len(read_campaign(folder).shots) == 3
 
 
 def test_a_link_out_of_the_folder_is_not_followed(campaign_folder: Make, tmp_path: Path) -> None:
