@@ -397,4 +397,4 @@ class Heart:
                     notify(status=sentence)
                     told = sentence
             except Exception:  # a heart that dies of a hiccup would kill the daemon
-                _log.exception("could not look at the daemon")
+                _log.exception("the daemon's health could not be checked")

@@ -424,7 +424,7 @@ class _Look:
     def _gain(self) -> tuple[_Seen, Likely]:
         seen = self.beside.seen().without(SIZE)
         factor = math.exp(self.beside.seen().away[SIZE])
-        words = f"its signal is {factor:.3g} of theirs: another gain, or a hit beside the middle"
+        words = f"its signal is {factor:.3g} of theirs: another gain, or an off-centre hit"
         return seen, Likely(words, {"gain": factor})
 
 

@@ -206,7 +206,7 @@ def confirm_safe(rig: Rig) -> Failure | None:
         return failure_of(
             DriverError(
                 "The relay board did not read back that the vacuum is on.",
-                remedy="Take the sphere off, then check relay and valve.",
+                remedy="Remove the sphere, then check relay and valve.",
             )
         )
     return None

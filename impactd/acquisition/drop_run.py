@@ -339,9 +339,9 @@ class DropRun:
             path = self._archive.rescue_shot(self.drop.number, record, self.metadata())
         except ArchiveError as nowhere:
             return ArchiveError(
-                f"The daemon was told to end while a record could not be stored, and it is lost. "
-                f"{error.what} {nowhere.what}",
-                remedy="Free space and ask for a new drop.",
+                "The daemon had to end while a record could not be stored, and the record is "
+                f"lost. {error.what} {nowhere.what}",
+                remedy="Free space and request a new drop.",
             )
         return RescuedError(path)
 

@@ -231,7 +231,7 @@ class RigLoop:
         try:
             self._turn()
         except Exception as error:  # a defect must not end the thread that closes the valve
-            _log.exception("the acquisition loop met a defect")
+            _log.exception("the acquisition loop failed unexpectedly")
             self._doubt(failure_of(error))
 
     def _turn(self) -> None:
@@ -389,7 +389,7 @@ class RigLoop:
         self.tell_state()
         state, problem = ending_of(run, failure)
         if problem.type == "internal":
-            _log.error("a drop met a defect", drop=run.drop.number, exc_info=error)
+            _log.error("a drop failed unexpectedly", drop=run.drop.number, exc_info=error)
         number = run.drop.number
         kept = keep_evidence(self._archive, run, failure, problem.detail)
         stuck = self._rows.close(number, state, problem)

@@ -71,7 +71,7 @@ class ImpactDetector(Device):
             If nothing was said of what to drop.
         """
         if self._asked is None:
-            raise RigError("nothing is named to be dropped: call drop_next first.")
+            raise RigError("no sphere is named for the next drop: call drop_next first.")
         await self._rig.wait_until_ready()
         self._shot = shot = await self._rig.drop(*self._asked)
         path = self._folder / f"shot-{shot.number:06d}.h5"

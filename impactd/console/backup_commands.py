@@ -66,4 +66,4 @@ def restore(
         for line in (*report.damaged, *report.lost):
             print(line)
     if report.damaged or report.lost:
-        raise Failure("the backup does not give back everything, see above.")
+        raise Failure("the backup does not restore everything, see above.")

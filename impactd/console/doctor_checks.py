@@ -74,7 +74,7 @@ def packages() -> Finding:
                 bad.append(f"{need.name} is {found}, needed is {need.specifier}")
     if bad:
         return Finding("packages", False, "; ".join(bad), again)
-    return Finding("packages", True, f"all {count} are there and new enough")
+    return Finding("packages", True, f"all {count} are installed and new enough")
 
 
 def compiled_code() -> Finding:
@@ -117,7 +117,7 @@ def port(settings: Settings) -> Iterator[Finding]:
         yield Finding(
             "port",
             False,
-            f"nobody can listen at {at}: {error.strerror or error}",
+            f"the daemon cannot listen at {at}: {error.strerror or error}",
             f"Stop what uses it (`ss -ltnp 'sport = :{server.port}'`), or change server.port.",
         )
     else:

@@ -48,7 +48,7 @@ def _without(left: list[Path], archive: Path) -> tuple[str, str]:
         f"Set storage.rescue_directory to a folder on another disk, e.g. {_PROPOSED}, that "
         "belongs to the daemon's user."
     )
-    where = f"goes to {left[0]}, " if left else "has no place to go and "
+    where = f"goes to {left[0]}, " if left else "has no other place and "
     lost = "lost if that is full, too" if left else "lost"
     if left and _disk(left[0]) == _disk(archive):
         lost = "lost: that is the same disk"
@@ -80,7 +80,8 @@ def _tried(settings: Settings, place: Path) -> Finding:
         reason = getattr(error, "strerror", None) or str(error)
         said = f"{place} does not take {size_bytes / 1e6:.1f} MB from user {user}: {reason}"
         mend = (
-            "Run this as the daemon's user (runuser -u impactd); else give it the folder, or room."
+            "Run this as the daemon's user (runuser -u impactd). Otherwise make that user the "
+            "owner, or free space."
         )
         return Finding(_NAME, False, said, mend)
     mount = mount_of(place.resolve())
@@ -108,7 +109,7 @@ def _survived(place: Path, archive: Path) -> Finding:
         said = f"a file that the daemon wrote on {ended[0].utc} survived its end"
         return Finding(name, True, said)
     if runs and marks:
-        said = f"the daemon that runs left one on {marks[0].utc}; none is of an earlier run"
+        said = f"the running daemon left one on {marks[0].utc}; none is of an earlier run"
     else:
         said = f"there is none in {place}: no daemon has run with it yet, or its files are removed"
     mend = "Start the daemon, stop it, and run this again: the mark must be there."

@@ -110,5 +110,5 @@ def _summary(made: Made) -> str:
 
 def _remark(one: Cut) -> str:
     if one.hit.blows > 1:
-        return f"{one.hit.blows} blows kept together"
+        return f"{one.hit.blows} hits kept in one shot"
     return "few samples in the contact" if one.hit.contact < FEW_SAMPLES else ""

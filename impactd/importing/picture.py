@@ -77,8 +77,8 @@ def draw(cuts: Sequence[Cut]) -> Figure:
     ]
     more = " and ".join(one for one in left if one)
     figure.suptitle(
-        "Above: the recordings; grey is what becomes a shot. Below: each hit; the dashed line is "
-        f"trigger_index.{f' Not drawn: {more}.' if more else ''}",
+        "Above: the recordings; each grey band becomes a shot. Below: each hit; the dashed line "
+        f"is trigger_index.{f' Not drawn: {more}.' if more else ''}",
         fontsize=8,
         color=INK,
     )

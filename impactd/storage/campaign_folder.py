@@ -173,7 +173,7 @@ def _calibrated(root: Fields) -> Sensor | None:
         return None
     calibration = root.child("calibration", known=CALIBRATION_KEYS)
     if not calibration.has("sensor"):
-        calibration.refuse("sensor", "is missing: what the calibration found of the load cell.")
+        calibration.refuse("sensor", "is missing: the load cell as the calibration found it.")
     return sensor_from_json(calibration.child("sensor", known=SENSOR_KEYS))
 
 

@@ -168,7 +168,9 @@ class Index:
             if isinstance(error, sqlite3.IntegrityError):
                 raise ArchiveError(
                     f"The index refused a row: {error}.",
-                    why="It names a drop, shot or calibration that is unknown, or exists twice.",
+                    why=(
+                        "It names an unknown drop, shot or calibration, or one that exists twice."
+                    ),
                 ) from error
             raise self._no_answer(str(error)) from error
 

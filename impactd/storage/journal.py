@@ -124,7 +124,7 @@ def entries(path: Path, *, start_bytes: int = 0, end_bytes: int | None = None) -
     except OSError as error:
         raise ArchiveError(
             f"The journal {path} cannot be read: {error.strerror}.",
-            remedy="Check its owner and the disk; `impactd reindex` writes it anew.",
+            remedy="Check its owner and the disk; `impactd reindex` writes it again.",
         ) from error
 
 
@@ -269,7 +269,9 @@ def _translated(error: OSError, path: Path) -> ArchiveError:
         return StorageFullError(str(path.parent), free_bytes=free, needed_bytes=0)
     return ArchiveError(
         f"The journal {path} cannot be written: {error.strerror}.",
-        why="Nothing of this transaction was counted as done.",
-        remedy="Check the disk (`dmesg`), and the owner and mode of the archive's directory; "
-        "where the file is gone, stop the daemon and run `impactd reindex`.",
+        why="This transaction was not acknowledged.",
+        remedy=(
+            "Check the disk (`dmesg`), and the owner and mode of the archive's directory. If the "
+            "file is gone, stop the daemon and run `impactd reindex`."
+        ),
     )

@@ -48,7 +48,7 @@ function showChecks(place, { checks, attention }) {
   const now = JSON.stringify([checks, attention]);
   if (now === place.dataset.drawn) return;
   place.dataset.drawn = now;
-  fill(place, h("h2", { id: "checks-title" }, "Looked at before every drop"),
+  fill(place, h("h2", { id: "checks-title" }, "Checked before every drop"),
     attention && h("p", { class: "notice warn" }, `${attention[0].toUpperCase()}${attention.slice(1)}.`),
     h("ul", { class: "checks" }, checks.map((one) => h("li", { data: { check: one.ok ? "good" : "bad" } },
       h("span", { class: `badge ${one.ok ? "good" : "bad"}` }, one.ok ? "well" : "not well"),
@@ -63,7 +63,7 @@ function showFacts(place, found) {
     ["Calibration due", due ? `${day(due)}, ${inDays(due)}` : "never calibrated: the certificate is used"],
     ["Disk", `${gigabytes(disk.free_bytes)} free of ${gigabytes(disk.total_bytes)}; drops end at ${gigabytes(disk.reserve_bytes)}`],
     ["Room for", `${disk.shots_left.toLocaleString("en-GB")} more shots`],
-    ["Vacuum gauge", found.valve_has_gauge ? "wired" : "none: nobody can tell whether a sphere is held"],
+    ["Vacuum gauge", found.valve_has_gauge ? "wired" : "none: the rig cannot see whether a sphere is held"],
     ...found.devices.map((one) => [NAMES[one.name], `${one.sentence}${one.answers ? "" : " (does not answer)"}`]),
   ];
   const now = JSON.stringify(facts);
