@@ -1,4 +1,4 @@
-"""What would improve a modulus most, as one sentence about its budget."""
+"""One sentence about a budget: what would reduce the uncertainty of a modulus most."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""Which numbers of a fit come from the shots, and which are what was believed before.
+r"""The identifiability report: which numbers the shots determine, and which the priors.
 
 With the priors' precision P and the posterior covariance C of the globals, the Fisher information
 of the shots is :math:`F = C^{-1} - P`. For any quantity with gradient g

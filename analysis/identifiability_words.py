@@ -1,4 +1,4 @@
-"""The identifiability report in sentences for whoever stands at the rig."""
+"""The identifiability report in sentences."""
 
 from __future__ import annotations
 

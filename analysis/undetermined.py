@@ -1,4 +1,4 @@
-"""Moduli that were sought and that a campaign cannot tell, however quiet its records are.
+"""Sought moduli that a campaign cannot determine, however low the noise of its records.
 
 A shot tells its pair's reduced modulus, :math:`1/E^* = 1/E'_{sphere} + 1/E'_{surface}`, and nothing
 of how the sum is divided; in reduced units it does not even tell that. So the question is one of

@@ -1,4 +1,4 @@
-"""What to do with a shot, and why, in the words that the page and the command line both say.
+"""The advice for a shot and its reasons, in the same words on the page and the command line.
 
 ::
 

@@ -1,4 +1,4 @@
-"""Which events are alarms: they stay on the page until somebody says that they were seen.
+"""Which events are alarms: they stay on the page until somebody acknowledges them.
 
 ::
 

@@ -1,4 +1,4 @@
-r"""Where does a discrepancy live, and what repairs it on other shots?
+r"""The slot of a discrepancy, and the discrepancy that repairs held-out shots.
 
 A family k of columns explains :math:`g_k` of the T structured whitened squares, its coefficients
 paid for, and leaves the share

@@ -1,4 +1,4 @@
-r"""Effects that the records show by themselves, whatever the contact and the mounting are.
+r"""Effects that the records show without a model of contact and mounting.
 
 Where no model of the impact comes near, as on a rig built otherwise, a fit names nothing. Four
 things show without one:

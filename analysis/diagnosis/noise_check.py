@@ -1,4 +1,4 @@
-"""Is what comes before the trigger noise? Spikes, jumps and tones, there all the time, are not.
+"""A test of the noise before the trigger for spikes, jumps and tones.
 
 No impact causes them, so nothing of them repeats from shot to shot, and every test for structure
 takes them for noise. But the noise of amplifiers and converters is Gaussian, and no line stands

@@ -1,4 +1,4 @@
-r"""Is a shot like its repetitions? Asked right after a drop, without a fit of any model.
+r"""A comparison of a shot with its repetitions, right after a drop and without a fit.
 
 A shot is laid on the mean waveform of earlier shots of the same sphere, surface and height
 (`discrepancy.mean_waveform`). Three numbers are compared: its size, its duration, and what the mean

@@ -1,4 +1,4 @@
-"""One question: is there structure in the residual, or only noise?
+"""A score test for structure in the residual.
 
 The tests of a residual ask overlapping columns, so their p-values go together. To first order all
 of them are known functions of the whitened noise: noise is drawn, all tests are asked, and what

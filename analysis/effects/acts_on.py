@@ -1,4 +1,4 @@
-"""Whose shots an effect acts on: those of one material or of several of a kind."""
+"""The shots on which an effect acts: those of one material or of several of a kind."""
 
 from __future__ import annotations
 

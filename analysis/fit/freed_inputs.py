@@ -1,4 +1,4 @@
-"""From a fit that takes stated numbers as exact to one in which they are as uncertain as stated."""
+"""Frees the inputs of a fit that took stated numbers as exact, each with its stated u."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Are a finished fit's numbers such as cells, materials and effects can have? All models ask here.
+"""Physical ranges of the numbers of a finished fit, the same for all models.
 
 =====================  ===========================================================================
 natural frequency      one period in the longest window .. half the lowest sample rate: neither a

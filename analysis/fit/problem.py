@@ -1,4 +1,4 @@
-"""A joint fit as numbers: which parameters there are, who shares them, what is known before.
+"""A joint fit as numbers: its parameters, the shots that share each, and the priors.
 
 Global parameters (all logarithms):
 

@@ -1,4 +1,4 @@
-"""Who was taken for whom in a blind trial."""
+"""The confusion matrix of a blind trial."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model leaves of a campaign: one panel per pair, repetitions stacked, heights apart."""
+"""The residuals of a campaign: one panel per pair, repetitions stacked, heights apart."""
 
 from __future__ import annotations
 

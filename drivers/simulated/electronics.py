@@ -1,4 +1,4 @@
-"""Building blocks of the chain from crystal to converter: stages that survive gaps.
+"""Stages of the chain from crystal to converter; they keep their state over gaps.
 
 A flight is a few milliseconds of impact on a fine grid, then a tenth of a second of nothing. The
 filters keep their state as a continuous system does, so the step may change between stretches.

@@ -1,4 +1,4 @@
-"""How far what is true may lie from what labels and settings say."""
+"""The spread of true values around what labels and settings state."""
 
 from __future__ import annotations
 

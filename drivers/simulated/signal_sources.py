@@ -1,4 +1,4 @@
-"""Test sources to put at the simulated board's input instead of a whole rig."""
+"""Test signals for the simulated board's input, instead of a whole rig."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who may use the rig now: one operator at a time, and only on a rig that is ready."""
+"""Admission to the rig: one operator at a time, and only on a rig that is ready."""
 
 from __future__ import annotations
 

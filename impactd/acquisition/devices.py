@@ -1,4 +1,4 @@
-"""Opening the rig's devices, looking at them while nothing runs, and making them safe."""
+"""Opens the rig's devices, reads them while nothing runs, and makes them safe."""
 
 from __future__ import annotations
 

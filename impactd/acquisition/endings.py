@@ -1,4 +1,4 @@
-"""How a drop ends: in which state, with which problem, and whether the rig may go on."""
+"""The end of a drop: its state, its problem, and whether the rig may continue."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Temperature and humidity at a drop: as the technician read them, else the settings' way.
+"""Temperature and humidity at a drop, from the technician or from the settings' source.
 
 ::
 

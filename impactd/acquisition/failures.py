@@ -1,4 +1,4 @@
-"""What goes wrong during a drop, as problems a person can act on.
+"""Failures of a drop as problems with a remedy.
 
 One table says for each error of a driver or of the archive how it is called outside, and whether
 it puts the rig itself in doubt. A lost or disobedient device does; a missed trigger does not.

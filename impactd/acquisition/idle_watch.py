@@ -1,4 +1,4 @@
-"""Looking at the rig while nothing runs, so that READY is not said of a rig that is gone."""
+"""Checks of the rig while nothing runs, so that READY is true."""
 
 from __future__ import annotations
 

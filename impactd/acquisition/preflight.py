@@ -1,4 +1,4 @@
-"""What must be true before the valve may open: facts in, checks with sentences out.
+"""Checks before the valve may open: measured facts in, results with sentences out.
 
 Nothing here touches a device or the disk; the service collects the facts.
 """

@@ -1,4 +1,4 @@
-"""What a step of a drop finds wrong by itself, in words a person can act on."""
+"""Reasons for which a step of a drop refuses to continue, each with a remedy."""
 
 from __future__ import annotations
 

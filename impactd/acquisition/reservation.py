@@ -1,4 +1,4 @@
-"""Who has reserved the rig, and what an abort found there: values without behaviour."""
+"""The reservation of the rig, and what an abort found there: values without behaviour."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The thread that drives the devices: connect, look while idle, walk drops, clean up, recover.
+"""The thread that drives the devices: connect, watch while idle, run drops, clean up, recover.
 
 Every failure of a drop and every abort ends in `RigLoop._clean_up`: vacuum on, digitizer stopped,
 evidence kept, the drop's row closed with its reason, and then IDLE, or FAULT when the rig itself

@@ -1,4 +1,4 @@
-"""The acquisition service: admits one drop at a time, walks it, aborts it, and says how it is.
+"""The acquisition service: admits one drop at a time, runs it, aborts it, reports the status.
 
 ::
 

@@ -1,4 +1,4 @@
-"""The one honest light: READY or NOT READY, why, and what to do, in one sentence."""
+"""The status: READY or NOT READY, why, and what to do, in one sentence."""
 
 from __future__ import annotations
 

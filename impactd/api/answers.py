@@ -1,4 +1,4 @@
-"""From the archive's values to what goes over the wire."""
+"""The archive's values as the models of the API's answers."""
 
 from __future__ import annotations
 

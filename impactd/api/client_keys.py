@@ -1,4 +1,4 @@
-"""Idempotency keys are each client's own: per token, and per kind of job.
+"""Idempotency keys belong to one token and one kind of job.
 
 Stored as ``token 3 KEY`` for drops and calibrations and ``token 3 fit KEY`` for jobs, so that no
 key of one client meets another's, or one that the daemon made for itself.

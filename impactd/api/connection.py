@@ -1,4 +1,4 @@
-"""One HTTP connection: stamps what arrives, and keeps to the limits of `connection_limit`."""
+"""One HTTP connection: stamps requests on arrival and enforces `connection_limit`."""
 
 from __future__ import annotations
 

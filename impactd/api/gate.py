@@ -1,4 +1,4 @@
-"""The outermost layer of the API: what is refused before any route sees it.
+"""The outermost layer of the API: refusals before a request reaches a route.
 
 Host name, body size and content type are checked here; security headers are added to every
 answer; an error answer that is not a problem document yet becomes one; and an exception nobody

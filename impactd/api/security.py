@@ -1,4 +1,4 @@
-"""Who may do what: one table of every route and the scope it needs.
+"""Authorisation: one table of every route and the scope it needs.
 
 Who is asking is told by a bearer token, or by the cookie of a session that was begun with one (see
 `impactd.api.sessions`). A token is an opaque random string, stored hashed, with one of three

@@ -1,4 +1,4 @@
-"""Are the stated uncertainties true? Simulated campaigns with random truths, fitted, and counted.
+"""Coverage of the stated uncertainties over simulated campaigns with random truths.
 
 Each campaign draws its spheres, its surfaces, moduli, cell, losses, heights and noise anew, from
 the uncertainties that its labels state. It is fitted in the two ways that the program knows:

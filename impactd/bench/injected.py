@@ -1,4 +1,4 @@
-"""Effects put into recordings of others: are they named, and nothing where nothing was put in?
+"""Effects added to recordings of others: whether they are named, and nothing else.
 
 ``python -m impactd.bench.injected --data FOLDER``: every folder in it with a ``campaign.json`` is
 diagnosed as it is, and with each of four effects of drawn size put into all of its records:

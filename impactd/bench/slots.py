@@ -1,4 +1,4 @@
-"""Where does an unknown live? Effects from outside the library, their slots judged and counted.
+"""The slots that are given to effects from outside the library, judged and counted.
 
 Only the base model is fitted and every family of columns asked, to first order: seconds a campaign,
 where a whole diagnosis takes minutes. What a diagnosis learns beyond first order is left out.

@@ -1,4 +1,4 @@
-"""How far a bridge has come in the daemon's events, on the disk."""
+"""The last event that a bridge has sent, kept on the disk."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How requests leave and answers are read: shared by both connections."""
+"""Sending a request and reading an answer: shared by both connections."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The talks of a rig: from what a program names to what the API is asked."""
+"""From a program's arguments to the API's parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is said to a daemon and in which order, without a word of how it gets there.
+"""Sequences of requests to a daemon, independent of the transport.
 
 A talk is a generator: it yields what is to be asked and gets the answer's JSON. `Connection` and
 `AsyncConnection` carry the same talks, so that waiting, repeating and ending are written once.

@@ -1,4 +1,4 @@
-r"""Whose a coefficient is, and on which materials an effect acts.
+r"""The groupings of a coefficient, and the sets of materials on which an effect acts.
 
 An effect's size on each material, to first order, leaves few candidates. Let :math:`c_m` be the
 size that material m asks for and S the information about all of them, the rest of the model

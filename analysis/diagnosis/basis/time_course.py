@@ -1,4 +1,4 @@
-"""What comes at a time of the shot: locked to the impact, once, or changing in its course.
+"""Basis columns at a fixed time after touch-down, at one time, or along the shot.
 
 ==============  ====================================================================================
 family          what it can take up

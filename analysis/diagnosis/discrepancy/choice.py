@@ -1,4 +1,4 @@
-"""Which discrepancies are worth learning, and which repairs held-out shots best."""
+"""The choice of discrepancies to fit, and of the best one on held-out shots."""
 
 from __future__ import annotations
 

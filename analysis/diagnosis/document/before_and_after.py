@@ -1,4 +1,4 @@
-"""What records hold before a touch-down and after a pulse, where no contact can have made it.
+"""Signals before touch-down and after the pulse that no contact can have caused.
 
 Both are seen in the records themselves, without a model: what comes before cannot be caused by what
 comes after, and a pulse that is over leaves a record where it began.

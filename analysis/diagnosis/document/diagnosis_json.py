@@ -1,4 +1,4 @@
-"""What a diagnosis says, as JSON: ``impactd-diagnosis/1``."""
+"""A diagnosis as JSON: ``impactd-diagnosis/1``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a residual looks like, so that a person can picture it, and what a discrepancy adds to it.
+"""A residual described for people, and the curves of a discrepancy.
 
 Where, when, how fast and how often it deviates, in numbers and in sentences; the residual stacked
 over shots against the time after touch-down; the learned discrepancy as curves over the same time.

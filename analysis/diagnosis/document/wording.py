@@ -1,4 +1,4 @@
-"""What a diagnosis says in words: the verdict, the noise, families of columns, and why not."""
+"""A diagnosis in words: verdict, noise, families of columns, reasons for rejection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far an effect or a mistake shows, in whitened squares, by the simulator's own account.
+"""The size of an effect or a mistake in whitened squares, from the simulator alone.
 
 The same campaign is simulated with hardly any noise, with its effects or its mistake and without.
 The base model is fitted to both under the noise that the real campaign has; what they add to the
