@@ -259,7 +259,7 @@ def identifiability(
     Notes
     -----
     Source: Fisher information of a Gaussian likelihood, in the logarithms the fit works in; where
-    the profile is no parabola it is the better witness. Validation: brute-force profiles and rigs
+    the profile is no parabola it is more reliable. Validation: brute-force profiles and rigs
     of one pair in ``tests/analysis/test_identifiability.py``.
     """
     prior = np.linalg.inv(problem.prior_precision + 1e-6 * np.eye(len(problem.names)))

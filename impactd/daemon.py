@@ -396,5 +396,5 @@ class Heart:
                 if sentence != told:
                     notify(status=sentence)
                     told = sentence
-            except Exception:  # a heart that dies of a hiccup would kill the daemon
+            except Exception:  # the watchdog must not miss a beat because of one error
                 _log.exception("the daemon's health could not be checked")

@@ -157,7 +157,7 @@ class DropRun:
         return self._store(record)
 
     def metadata(self) -> ShotMetadata:
-        """Return the circumstances as far as they are known by now."""
+        """Return the metadata as far as they are known by now."""
         return metadata_of(
             self.seen,
             self.drop.request,

@@ -71,7 +71,7 @@ def _document(made: Made) -> dict[str, object]:
                 "starts_s": one.begins_s,
                 "peak": one.hit.peak,
                 "contact_s": one.contact_s,
-                "blows": one.hit.blows,
+                "blows": one.hit.impacts,
             }
             for one in made.shots
         ],
@@ -109,6 +109,6 @@ def _summary(made: Made) -> str:
 
 
 def _remark(one: Cut) -> str:
-    if one.hit.blows > 1:
-        return f"{one.hit.blows} hits kept in one shot"
+    if one.hit.impacts > 1:
+        return f"{one.hit.impacts} hits kept in one shot"
     return "few samples in the contact" if one.hit.contact < FEW_SAMPLES else ""

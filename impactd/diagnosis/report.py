@@ -60,7 +60,7 @@ $residual_after
 <h2>What to drop next</h2>
 <p>$next_drop</p>
 <h2>Conditions</h2>
-$circumstances
+$conditions
 <p class="soft">$software. This page was made from the diagnosis' JSON alone.</p>
 </body>
 </html>
@@ -139,7 +139,7 @@ def page(document: Json) -> str:
         if repaired
         else "",
         next_drop=sections.next_drop(document),
-        circumstances=sections.circumstances(document),
+        conditions=sections.conditions(document),
         software=html.escape(document["software"]),
     )
 

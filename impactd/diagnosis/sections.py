@@ -285,7 +285,7 @@ def _cut_short(document: Json) -> bool:
     return ended is not None and not ended["verdict_stands"]
 
 
-def circumstances(document: Json) -> str:
+def conditions(document: Json) -> str:
     """Return what was assumed and what was refused."""
     lines = list(document["assumptions"])
     lines += [

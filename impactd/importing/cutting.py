@@ -84,7 +84,7 @@ class Cut:
 
     @property
     def contact_s(self) -> float:
-        """How long the first blow lasts. [s]"""
+        """Duration of the first impact. [s]"""
         return self.hit.contact / self.rate_hz
 
 

@@ -141,7 +141,7 @@ def refuse_taken(out: Path, count: int = 0) -> None:
 
 
 def _rule(cuts: Sequence[Cut], threshold: float | None) -> str:
-    double = sum(one.hit.blows > 1 for one in cuts)
+    double = sum(one.hit.impacts > 1 for one in cuts)
     together = f" Of them {double} with more than one hit." if double else ""
     by = "a twentieth of the largest excursion of its recording, and by more than noise does"
     if threshold is not None:

@@ -32,7 +32,7 @@ $budgets
 the modulus that the input alone would leave; the squares of all contributions add up to u squared,
 and a share is that square over the whole (JCGM 100, 5.1). The sensitivity is the change of ln E for
 a change of the input's logarithm, or of the input if a unit follows it.</p>
-$circumstances
+$conditions
 <p class="soft">$software. This page was made from the budget's JSON alone.</p>
 </body>
 </html>
@@ -68,7 +68,7 @@ def page(document: Json, names: Sequence[str]) -> str:
         style=STYLE,
         about=html.escape(about(document)),
         budgets=budgets.section(document, names),
-        circumstances=bullets(notes),
+        conditions=bullets(notes),
         software=html.escape(document["software"]),
     )
 

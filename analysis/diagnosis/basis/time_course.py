@@ -7,7 +7,7 @@ family          what it can take up
 ``outline``     the same in step with the contact, for each pair its own; only learned
 ``jump``        a time axis that jumps, as where a transfer loses samples; only learned
 ``blow``        a late impact: a second bell of force, read through the crystal; only learned
-``baseline``    a zero line that is no constant, as under mains hum
+``baseline``    a baseline that is not constant, as under mains hum
 ``alternate``   offset, gain and delay of every second sample
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
