@@ -39,7 +39,7 @@ class Documented(Protocol):
 
 
 def drift_basis(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return what a later comparison must know of a calibration's fit.
+    """Return the part of a calibration's fit that a later comparison needs.
 
     Returns
     -------

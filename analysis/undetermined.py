@@ -189,7 +189,7 @@ def _is_sought(campaign: Campaign, side: str, short: str | None) -> bool:
 
 
 def _what_is_missing(problem: JointProblem, item: FitShot) -> tuple[str, str]:
-    """Return what keeps a shot in reduced units, and what to state."""
+    """Return why a shot is in reduced units, and what to state."""
     campaign = problem.campaign
     ball = campaign.spheres.get(item.shot.sphere or "")
     what = {"radius": ball and ball.radius_m, "mass": ball and ball.mass_kg}

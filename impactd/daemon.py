@@ -49,7 +49,7 @@ _STATUS_EVERY_S = 2.0
 
 
 class Daemon:
-    """Everything behind the REST API.
+    """All parts that the REST API uses.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class Daemon:
         self._heart.start()
 
     def status(self) -> dict[str, Any]:
-        """Return the one honest light and what is behind it.
+        """Return the status and its reasons.
 
         Returns
         -------

@@ -40,7 +40,7 @@ HUM = "mains_hum"
 
 @dataclass
 class Step:
-    """One turn of the loop."""
+    """One step of the search."""
 
     problem: JointProblem
     fitted: joint.Fitted

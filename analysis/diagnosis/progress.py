@@ -75,7 +75,7 @@ against others and locating took 3 to 17 % of the whole in four diagnoses of 12 
 
 
 class BudgetSpentError(Exception):
-    """The time of a search is over: whoever has found something keeps it, and fits no more."""
+    """The time of a search is over; the best model so far is kept."""
 
 
 class TimeBudget:

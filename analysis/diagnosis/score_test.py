@@ -100,7 +100,7 @@ class ScoreTest:
         return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
 
     def is_more_than(self, won: float) -> bool:
-        """Tell whether structure is left if other numbers take up this many squares.
+        """Tell whether structure is left if other numbers explain this many squares.
 
         What these and a family explain together is no less than the family alone: so the family
         explains, on top of them, at most ``won`` squares less.
@@ -252,7 +252,7 @@ def _p_values(linearised: Linearised, scores: list[Array], part: Part) -> Array:
     return np.asarray(chi2_distribution.sf(gain, dof)) if dof else np.ones(DRAWS)
 
 
-# -- baselines ---------------------------------------------------------------------------------------
+# -- baselines -------------------------------------------------------------------------------------
 def p_of_wander(linearised: Linearised) -> float:
     """Return how likely baselines move as they do by slow noise that may be there unseen.
 

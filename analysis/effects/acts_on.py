@@ -33,7 +33,7 @@ class ActsOn:
 
     @property
     def label(self) -> str:
-        """Return what stands in brackets behind the name of a number that they share."""
+        """Return the bracketed suffix of the name of a number that they share."""
         return "+".join(self.names)
 
     def to_json(self) -> list[str]:

@@ -51,7 +51,7 @@ SCOPES = ("rig", "surface", "sphere", "pair", "shot")
 
 @dataclass(frozen=True)
 class ShotContext:
-    """What an effect may know of the shot it acts on.
+    """The properties of a shot that an effect may use.
 
     Attributes
     ----------

@@ -108,7 +108,7 @@ def out_of_range(problem: JointProblem, fitted: Fitted) -> list[OutOfRange]:
 
 
 def advice(found: list[OutOfRange]) -> str:
-    """Return what was found in words, and what to do about it."""
+    """Return the violated range in words, with a remedy."""
     told = "; ".join(one.sentence for one in found)
     return (
         f"{told}: the model is not accepted, and no modulus is stated. It lacks something that "

@@ -114,7 +114,7 @@ def plot_stack(
 
 
 def plot_diagnosis(document: Json) -> Figure:
-    """Draw what the base model leaves of a campaign, and what the model that was found leaves.
+    """Draw the residuals of the base model and of the found one.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ SAFE_WAIT_S = 0.3
 
 
 class RelayBoard:
-    """A valve behind one serial port.
+    """A valve on one serial port.
 
     Parameters
     ----------

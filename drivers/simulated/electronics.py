@@ -19,7 +19,7 @@ class Stage(Protocol):
     """One step of the chain, with a memory that lasts one flight."""
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        """Return what comes out for what goes in, carrying on from the last stretch. [V]"""
+        """Return the output of an input block, continued from the block before. [V]"""
 
     def is_quiet(self, threshold_v: float) -> bool:
         """Return whether the output stays below a threshold when nothing more goes in."""
@@ -175,7 +175,7 @@ class StateSpaceStage:
 
 
 class Chain:
-    """Stages one behind the other.
+    """Stages in series.
 
     Parameters
     ----------

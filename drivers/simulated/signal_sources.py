@@ -143,7 +143,7 @@ class PulseSource(_PacedSource):
             self._pulse = None
 
     def fire(self, peak_codes: int = 8000, after_samples: int = 2000) -> int:
-        """Put a pulse behind what was read already.
+        """Append a pulse to the samples already read.
 
         Parameters
         ----------

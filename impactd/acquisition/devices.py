@@ -178,7 +178,7 @@ def hold(rig: Rig) -> ValveReport:
 
 
 def confirm_safe(rig: Rig) -> Failure | None:
-    """Make safe and ask for proof, after a drop that ended early.
+    """Make safe and require confirmation, after a drop that ended early.
 
     Parameters
     ----------

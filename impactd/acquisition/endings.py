@@ -59,7 +59,7 @@ def not_ready_problem(fault: Failure | None) -> Problem:
 
 
 def worst_of(*found: Failure | None) -> Failure | None:
-    """Return what puts the rig in doubt, first of all what calls for a person.
+    """Return the failure that puts the rig in doubt; one that needs a person comes first.
 
     Parameters
     ----------

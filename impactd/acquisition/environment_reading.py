@@ -43,7 +43,7 @@ _LOOK_EVERY_MS = 50
 
 @dataclass(frozen=True)
 class Unknown:
-    """Why there is no reading, and what to do."""
+    """Why there is no reading, with a remedy."""
 
     reason: str
     remedy: str
@@ -54,7 +54,7 @@ class _NoReadingError(Exception):
 
 
 class EnvironmentReading:
-    """One reading, made beside the preparation of a drop.
+    """One reading, made while a drop is prepared.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _fresh(path: Path, max_age_s: float) -> bytes:
 
 
 def _parsed(content: bytes, file: str) -> Environment:
-    """Return what a sensor's JSON says, held to what a campaign may say."""
+    """Return the values of a sensor's JSON, validated like those of a campaign."""
     try:
         fields = Fields(parse_json(content, file), file=file, known=ENVIRONMENT_KEYS)
         found = environment_from_json(fields)

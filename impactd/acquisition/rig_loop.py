@@ -190,7 +190,7 @@ class RigLoop:
         return True
 
     def look_again(self) -> None:
-        """Let the next look be now, because a person may have mended something."""
+        """Check the devices now, because a person may have repaired something."""
         self.watch.look_again()
         self._wake.set()
 

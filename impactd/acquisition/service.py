@@ -335,7 +335,7 @@ class AcquisitionService:
     # Answers
 
     def status(self) -> ServiceStatus:
-        """Return the one honest light and what is behind it."""
+        """Return the status and its reasons."""
         with self._loop.present:
             run, state = self._loop.run, self._loop.machine.state
             reservation, aftermath = self._admission.reservation, self._loop.aftermath

@@ -39,5 +39,5 @@ def job_key(caller: Caller, kind: str, key: str | None) -> str | None:
 
 
 def own_part(stored: str) -> str:
-    """Return a stored key as its client sent it; a key that is nobody's stays as it is."""
+    """Return a stored key as its client sent it; a key without a client stays unchanged."""
     return _NAMESPACE.sub("", stored, count=1)

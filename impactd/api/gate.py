@@ -90,7 +90,7 @@ class Gate:
         self._max_body_bytes = max_body_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request, whatever happens behind."""
+        """Answer one request, whatever error occurs."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

@@ -148,7 +148,7 @@ def draw_settings(seed: int, rigs: Rigs | None = None) -> CampaignSettings:
 
 
 def campaign_pulls(seed: int, rigs: Rigs | None = None) -> list[Pull]:
-    """Simulate one campaign, fit it in both ways, and lay what is stated beside the truth.
+    """Simulate one campaign, fit it in both ways, and compare the results with the truth.
 
     Returns
     -------

@@ -137,7 +137,7 @@ def _changed(x: Array, rate_hz: float, case: Case, rng: np.random.Generator) -> 
 
 
 def _filtered(x: Array, b: Array, a: Array) -> Array:
-    """Return a record behind a filter that had settled at its first sample."""
+    """Return a filtered record; the filter has settled at its first sample."""
     return np.asarray(lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0])
 
 

@@ -55,7 +55,7 @@ class Judged:
 
     @property
     def named(self) -> list[str]:
-        """The slots a verdict would name: the likeliest, and those beside it."""
+        """The slots of a verdict: the likeliest, and those that it cannot exclude."""
         least = CRITERIA.slot.named_beside_share * max(self.odds.values())
         return [slot for slot, p in self.odds.items() if p >= least]
 

@@ -58,7 +58,7 @@ def fresh_key() -> str:
 
 
 def silent(text: str, share: float | None) -> None:
-    """Tell nobody."""
+    """Report no progress."""
 
 
 def get(path: str, **query: Any) -> Talk[Json]:
@@ -128,7 +128,7 @@ def watch_drop(number: int, tell: Tell) -> Talk[Json]:
 
 
 def compared_shot(number: int) -> Talk[Json]:
-    """Return a shot once it was held against its repetitions, or as it is after a while."""
+    """Return a shot once it was compared with its repetitions, or as it is after a time limit."""
     ends_s = time.monotonic() + _COMPARED_WITHIN_S
     while True:
         shot = yield from get(f"/v1/shots/{number}")

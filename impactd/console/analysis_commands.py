@@ -139,7 +139,7 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
     guard: Guard = 1.0,
     of: Of = Modulus.YOUNG,
 ) -> None:
-    """Show what the uncertainty of every modulus is made of, and what would lessen it most.
+    """Show the uncertainty budget of every modulus, and what would reduce it most.
 
     With a limit also whether the modulus passes, fails or is undecided (JCGM 106).
     """

@@ -134,7 +134,7 @@ def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:
 
 
 def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
-    """Rebuild the index from journal and files; print what it holds now and what is lost.
+    """Rebuild the index from journal and files; print its contents and what is lost.
 
     Parameters
     ----------

@@ -49,7 +49,7 @@ def restore(
     data: Data = None,
     as_json: Json = False,
 ) -> None:
-    """Make the archive of a backup in an empty data directory, and its index anew."""
+    """Restore the archive of a backup into an empty data directory, and rebuild its index."""
     from impactd.console.failure import Failure
     from impactd.console.tables import print_json
     from impactd.storage.backup import restore as restored

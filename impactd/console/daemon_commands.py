@@ -126,7 +126,7 @@ def bench(
 
 
 def doctor(config: Config = None, data: Data = None, as_json: Json = False) -> None:
-    """Check the installation, and say how to mend it.
+    """Check the installation, and say how to repair it.
 
     Packages, configuration, permissions, disk, tokens and devices.
     """

@@ -43,7 +43,7 @@ def run(
 
 
 def _asker() -> Ask:
-    """Return who asks: a person on a terminal, nobody in a pipe."""
+    """Return who answers questions: a person on a terminal, nobody in a pipe."""
     return _ask if sys.stdin.isatty() and sys.stderr.isatty() else propose
 
 

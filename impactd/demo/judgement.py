@@ -11,7 +11,7 @@ from impactd.aliases import Json
 
 @dataclass(frozen=True)
 class Judgement:
-    """How a verdict stands beside the truth.
+    """A verdict compared with the truth.
 
     Attributes
     ----------

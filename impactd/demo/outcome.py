@@ -263,7 +263,7 @@ def compare(
     seed: int,
     model: str | None = None,
 ) -> Outcome:
-    """Lay every rung beside the truth.
+    """Compare every model with the truth.
 
     Parameters
     ----------

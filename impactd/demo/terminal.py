@@ -25,7 +25,7 @@ def say_what_runs(console: Console, seed: int, effect: str) -> None:
 
 
 def say_what_was_found(console: Console, found: Json) -> None:
-    """Print what was seen, the verdict in one sentence and the numbers of what was named.
+    """Print the residual's description, the verdict and the numbers of the named effects.
 
     Parameters
     ----------

@@ -88,7 +88,7 @@ def set_aside_shots(document: Json) -> str:
 
 
 def _mean(document: Json) -> str:
-    """Return what the mean of other hits leaves, behind other figures."""
+    """Return the residual of the mean of the other hits, after other figures."""
     mean = (document.get("mean_waveform") or {}).get("heldout_rms_V")
     unit = unit_of(document)
     return "" if mean is None else f"; {MEAN_WAVEFORM} {_short(mean, unit)} {unit.label}"
@@ -161,7 +161,7 @@ def found(document: Json) -> str:
 
 
 def _lives(effect: Json, listed: Json) -> str:
-    """Return where an effect lives and what it is known by; of a mistake what to do."""
+    """Return an effect's slot and its characteristic; for a mistake the remedy."""
     if effect["slot"] == "record":
         return (
             "The campaign was not changed. The moduli use the value that the recordings give. "
@@ -179,7 +179,7 @@ def _where(effect: Json) -> str:
 
 
 def quality(document: Json) -> str:
-    """Return the figures of both models beside the noise."""
+    """Return the residuals of both models and the noise."""
     unit = unit_of(document)
     sized = (
         ("rms_V", f"rms residual / {unit.label}", unit.factor, ".4g"),
@@ -286,7 +286,7 @@ def _cut_short(document: Json) -> bool:
 
 
 def conditions(document: Json) -> str:
-    """Return what was assumed and what was refused."""
+    """Return the assumptions and the rejected shots."""
     lines = list(document["assumptions"])
     lines += [
         f"Rejected: {one['name']} ({one['path']}): {one['reason']}" for one in document["rejected"]

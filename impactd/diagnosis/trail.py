@@ -47,7 +47,7 @@ def _share(share: float) -> str:
 
 
 def trail(document: Json) -> str:
-    """Return every turn of the loop with its candidates and why they were not taken."""
+    """Return every step of the search with its candidates and why they were rejected."""
     parts = []
     unit = unit_of(document)
     for place, turn in enumerate(document["trail"]):

@@ -67,7 +67,7 @@ CALIBRATION_KEYS = ("number", "model", "finished_utc", "valid_until_utc", "senso
 
 @dataclass(frozen=True)
 class CampaignFolder:
-    """A folder as read: the campaign, and the raw samples behind it.
+    """A folder as read: the campaign, and its raw samples.
 
     Attributes
     ----------

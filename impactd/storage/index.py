@@ -38,7 +38,7 @@ _SIDECARS = ("", "-wal", "-shm")
 
 
 class Index:
-    """The SQLite file behind all tables.
+    """The SQLite file of all tables.
 
     Parameters
     ----------
@@ -384,7 +384,7 @@ class Index:
 
     @contextmanager
     def raw(self) -> Iterator[sqlite3.Connection]:
-        """Hold the connection itself, for whoever rebuilds the index."""
+        """Hold the connection itself, for a rebuild of the index."""
         with self._lock, self._translated():
             yield self._connection
 

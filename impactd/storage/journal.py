@@ -198,7 +198,7 @@ class Journal:
             raise _translated(error, path) from error
 
     def append(self, at: Position, rows: list[Change]) -> Position:
-        """Write a transaction, durably, behind the last one that was committed.
+        """Append a transaction durably after the last committed one.
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ class Journal:
         return Position(at.journal, at.n + 1, at.size_bytes + len(line))
 
     def cut(self, size_bytes: int) -> None:
-        """Take back what lies behind a size, as far as the disk lets it; `append` does so too."""
+        """Remove the bytes after a size, as far as the disk permits; `append` does so too."""
         with suppress(OSError):
             if os.fstat(self._file).st_size > size_bytes:
                 os.ftruncate(self._file, size_bytes)

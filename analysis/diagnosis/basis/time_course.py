@@ -131,7 +131,7 @@ def late_impact_shape(width_us: float, rate: float, crystal: Crystal | None) -> 
 
 
 def _place(residual: Array, shape: Array, first: int) -> tuple[int, float]:
-    """Return where a shape takes up most of a residual, and how much."""
+    """Return the place at which a shape explains most of a residual, and how much."""
     room = residual.size - first
     if room < 2:
         return first, 0.0
@@ -148,7 +148,7 @@ def late_impact_width(
     residuals: Sequence[Array], firsts: Sequence[int], rates: Sequence[float],
     crystals: Sequence[Crystal | None],
 ) -> float:  # fmt: skip
-    """Return the width at which one late impact a shot takes up most of the residuals. [us]
+    """Return the width at which one late impact a shot explains most of the residuals. [us]
 
     None begins before the samples ``firsts``. Noise is taken as white here: it only chooses.
     """

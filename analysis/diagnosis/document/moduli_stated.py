@@ -76,7 +76,7 @@ def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
 
 @dataclass(frozen=True)
 class Member:
-    """One of the models that the data cannot tell apart."""
+    """One of the models that the data cannot distinguish."""
 
     name: str
     """Id of the effect in which it differs."""

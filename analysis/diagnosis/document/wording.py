@@ -126,7 +126,7 @@ def base_sentences(diagnosis: Diagnosis) -> list[str]:
 
 
 def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
-    """Return the verdict in one sentence, and for what has no name what it looks like.
+    """Return the verdict in one sentence, with a description of what has no name.
 
     ``before`` and ``after`` are the model without and with what was found.
     """
@@ -214,7 +214,7 @@ def _noise_left(result: FitResult) -> str:
 
 
 def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
-    """Return what is known of an effect without a name: slot, what it looks like, what repairs."""
+    """Return what is known of an unnamed effect: slot, appearance, best discrepancy."""
     located = diagnosis.located
     if located is None and diagnosis.search_ended:
         leaves = "explains the impact"
@@ -298,7 +298,7 @@ def noise_kind(noise: NoiseModel) -> str:
 
 
 def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
-    """Return what a person should know of an instrument's noise before residuals are judged."""
+    """Return sentences about an instrument's noise."""
     kind = noise_kind(noise)
     if kind == "unknown colour":
         return [
@@ -429,7 +429,7 @@ def _left(refit: Refit) -> str:
 
 
 def not_refitted(step: Step, effect_id: str) -> str:
-    """Return why an effect of the library was not refitted at all in a turn of the loop."""
+    """Return why an effect of the library was not refitted in a step of the search."""
     if effect_id in step.refused:
         return f"not tried: {step.refused[effect_id]}"
     if effect_id in (e.id.partition(":")[0] for e in step.problem.model.effects):

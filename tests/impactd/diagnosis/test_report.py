@@ -100,7 +100,7 @@ def test_a_waveform_stands_beside_the_best_closure_of_few_numbers(document):
     assert "the mean waveform of a pair's other hits" in text
     assert "reduces the residual 8-fold" in text
     assert "Without it the best is" in text
-    assert "down 3-fold" in text
+    assert "reduces the residual 3-fold" in text
 
 
 def test_the_page_says_what_each_uncertainty_is_made_of(document):
