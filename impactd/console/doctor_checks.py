@@ -125,7 +125,13 @@ def port(settings: Settings) -> Iterator[Finding]:
 
 
 def index(settings: Settings) -> Iterator[Finding]:
-    """Say whether the archive's index opens and holds together."""
+    """Say whether the archive's index opens and is consistent.
+
+    Yields
+    ------
+    Finding
+        One.
+    """
     import sqlite3
 
     from impactd.storage.archive import INDEX_NAME
@@ -176,7 +182,13 @@ def environment(settings: Settings) -> Iterator[Finding]:
 
 
 def tokens(settings: Settings) -> Iterator[Finding]:
-    """Say whether somebody may move the rig, and whether the token at hand is one of them."""
+    """Say whether a valid token may move the rig, and whether the one at hand may.
+
+    Yields
+    ------
+    Finding
+        One on the stored tokens, and one on the user's own.
+    """
     from impactd.client.environment import token_from_environment
     from impactd.storage.archive import Archive
     from impactd.storage.timestamp import utc_now
