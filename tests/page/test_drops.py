@@ -117,7 +117,7 @@ def test_a_reading_goes_with_one_press_and_needs_its_uncertainty(visitor):
     page.get_by_label("Relative humidity / %", exact=True).fill("45")
     page.get_by_label("Uncertainty of relative humidity / %").fill("2")
     visitor.arm_and_drop()
-    page.get_by_text("How sure is it? A temperature needs its standard uncertainty.").wait_for()
+    page.get_by_text("A temperature needs its standard uncertainty.").wait_for()
     assert _latest(visitor) == before
     page.get_by_label("Uncertainty of temperature / K").fill("0.2")
     visitor.arm_and_drop()
