@@ -1,4 +1,4 @@
-"""Two types that most modules name."""
+"""Type aliases that most modules use."""
 
 from __future__ import annotations
 

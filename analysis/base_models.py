@@ -1,4 +1,4 @@
-"""The base models by name, for those who must not wait for the equations to load."""
+"""The names of the base models, without importing the equations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""Restitution from the bounce: the sphere lands again after a flight that tells its rebound speed.
+r"""Restitution from the bounce: the flight time to the second landing gives the rebound speed.
 
 .. math:: v_r = g T / 2, \quad \epsilon_r = v_r / v_0
 

@@ -1,4 +1,4 @@
-"""What would improve a modulus most, as one sentence about its budget."""
+"""One sentence about a budget: what would reduce the uncertainty of a modulus most."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _more_shots(budget: Budget) -> str:
 
 
 def _measurable(rows: tuple[Row, ...]) -> list[list[Row]]:
-    """Return what all shots share by what one measures in one go: all radii, all masses."""
+    """Return the common inputs by the measurement that determines them: all radii, all masses."""
     found: dict[str, list[Row]] = {}
     for row in rows:
         if row.source.common:

@@ -1,4 +1,4 @@
-"""What a joint fit's uncertainty is made of: every source, and what it does to the globals.
+"""The sources of a joint fit's uncertainty, and how each moves the global parameters.
 
 The covariance of the globals is the sum of what its sources contribute, exactly: with precision P
 of what was stated and information N of the shots, :math:`C = C P C + C N C`, and both P and N are

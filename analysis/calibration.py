@@ -156,7 +156,7 @@ def _why_not(shot: Shot, campaign: Campaign) -> str | None:
     if shot.drop_height_m is None and shot.impact_speed_m_per_s is None:
         found.append("its drop height is not known")
     if shot.clipped:
-        found.append("it sits on a limit of the converter or amplifier")
+        found.append("it reaches a limit of the converter or amplifier")
     return "; ".join(found) or None
 
 

@@ -37,7 +37,7 @@ UNKNOWN_POISSONS_RATIO = Quantity(0.35, 0.1)
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """How far a stated number may be from the truth; the number itself stands beside it.
+    """The uncertainty of a stated number; the number itself is a separate field.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Campaigns from somewhere else: who reads files registers here, the analysis itself does not.
+"""The registry of campaign readers: the analysis itself reads no files.
 
 As `xarray` finds its backends: an installed package names a function in the entry-point group
 ``analysis.campaign_readers``. ``impactd`` registers the reader of ``impactd-campaign/1`` folders.

@@ -1,4 +1,4 @@
-r"""How far a cell moved between two calibrations, without what both of them share.
+r"""The drift of a cell between two calibrations, without the errors that both share.
 
 Both rest on the same reference materials and the same certificate, whose errors move both alike. A
 fit with posterior covariance C and prior precision P follows an error d of the stated values by
@@ -39,7 +39,7 @@ class Documented(Protocol):
 
 
 def drift_basis(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return what a later comparison must know of a calibration's fit.
+    """Return the part of a calibration's fit that a later comparison needs.
 
     Returns
     -------

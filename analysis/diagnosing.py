@@ -17,7 +17,7 @@ def diagnose(
     progress: Progress | None = None,
     budget: TimeBudget | None = None,
 ) -> Json:
-    """Close the loop on a campaign.
+    """Diagnose a campaign.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-r"""Noise that a converter's step hides in part, told from the codes that change.
+r"""Noise partly hidden by a converter's step, inferred from the codes that change.
 
 Over a quiet stretch a coarse converter gives one code, and now and then its neighbour. How often
 bounds the noise, how these changes go together tells its colour.

@@ -1,4 +1,4 @@
-r"""Which numbers of a fit come from the shots, and which are what was believed before.
+r"""The identifiability report: which numbers the shots determine, and which the priors.
 
 With the priors' precision P and the posterior covariance C of the globals, the Fisher information
 of the shots is :math:`F = C^{-1} - P`. For any quantity with gradient g
@@ -58,7 +58,7 @@ SHORT_CONTACT_PERIODS = 0.5
 
 @dataclass(frozen=True)
 class Finding:
-    """What a fit knows of one quantity, and from where.
+    """What a fit determines of one quantity, and from which source.
 
     Attributes
     ----------
@@ -151,7 +151,7 @@ class Identifiability:
         return found
 
     def correlated(self) -> list[tuple[str, str, float]]:
-        """Return the pairs of globals that the data hardly tell apart."""
+        """Return the pairs of globals that the data hardly distinguish."""
         size = len(self.names)
         return [
             (self.names[i], self.names[j], float(self.correlation[i, j]))
@@ -204,7 +204,7 @@ def _profile_json(found: Profile) -> Json:
 
 
 def short_contacts(shots: Sequence[ShotFit], frequency_hz: float | None) -> dict[str, float]:
-    """Return the pairs whose contact is short beside the crystal's period.
+    """Return the pairs whose contact is short compared with the crystal's period.
 
     Parameters
     ----------
@@ -226,7 +226,7 @@ def short_contacts(shots: Sequence[ShotFit], frequency_hz: float | None) -> dict
 
 
 def crystal_frequency_hz(problem: JointProblem, fitted: Fitted) -> float | None:
-    """Return the crystal's frequency as fitted, else as stated; None where nobody said. [Hz]"""
+    """Return the crystal's frequency as fitted, else as stated; None if neither exists. [Hz]"""
     j = problem.index("sensor.ln_w")
     if j is not None:
         return math.exp(problem.value_of("sensor.ln_w", fitted.theta)) / (2 * math.pi)
@@ -259,7 +259,7 @@ def identifiability(
     Notes
     -----
     Source: Fisher information of a Gaussian likelihood, in the logarithms the fit works in; where
-    the profile is no parabola it is the better witness. Validation: brute-force profiles and rigs
+    the profile is no parabola it is more reliable. Validation: brute-force profiles and rigs
     of one pair in ``tests/analysis/test_identifiability.py``.
     """
     prior = np.linalg.inv(problem.prior_precision + 1e-6 * np.eye(len(problem.names)))

@@ -1,4 +1,4 @@
-"""The identifiability report in sentences for whoever stands at the rig."""
+"""The identifiability report in sentences."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class Split:
-    """Whether the two moduli of a pair are told apart, and by what.
+    """Whether the data separate the two moduli of a pair, and by which other pairs.
 
     Attributes
     ----------
@@ -143,7 +143,7 @@ def alone_sentence(u: float, u_prior: float | None, status: str) -> str:
 
 
 def network_sentence(pairs: Sequence[str]) -> str:
-    """Return whose moduli the network of pairs tells apart."""
+    """Return the moduli that the network of pairs separates."""
     return (
         f"Sphere and surface of {', '.join(pairs)} are told apart by other pairs; neither rests on "
         "its own stated value alone."

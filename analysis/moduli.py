@@ -48,7 +48,7 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Adjustment:
-    """An adjusted network with the equations behind it.
+    """An adjusted network with its equations.
 
     Attributes
     ----------

@@ -147,7 +147,7 @@ def _as_stated(material: Sphere | Surface, key: str, u: float | None) -> Uncerta
 
 
 def _of_recordings(adjustment: Adjustment) -> Iterator[Source]:
-    """Yield what each recording has for itself, as its fit stated it and what was added."""
+    """Yield the random part of each recording, as its fit stated it and as it was increased."""
     system, covariance, n = adjustment.system, adjustment.covariance, len(adjustment.result.names)
     own, dark = np.zeros((2, n, n))
     at = np.concatenate([adjustment.result.log_plane_strain, np.zeros(covariance.shape[0] - n)])

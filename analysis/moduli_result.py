@@ -58,7 +58,7 @@ class Network:
 
 @dataclass(frozen=True)
 class PairCheck:
-    """A pair's observations beside what the network makes of them.
+    """A pair's observations, and the same by the network.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Every symbol of the analysis once: what it is, its unit, how the code calls it, where it is from.
+"""The nomenclature of the analysis: meaning, unit, name in the code and source of every symbol.
 
 Equation numbers are those of Maranzano & Hancock 2016 (see ``analysis/README.md``). Positive means
 compression for indentation, crystal and force, and downwards for speeds of the sphere.

@@ -1,4 +1,4 @@
-"""The reduced modulus of one pair as one fit found it: what the network of moduli is made of."""
+"""The reduced modulus of one pair from one fit: an observation of the network of moduli."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-r"""What a converter's step leaves of a signal, where it is larger than the noise.
+r"""The effect of a converter's step on a signal, where it is larger than the noise.
 
 Noise of half a step or more makes the error of rounding what one likes it to be: uniform, white, of
 variance :math:`q^2/12`, whatever the signal does (Sheppard's correction; Widrow & Kollar 2008).

@@ -1,4 +1,4 @@
-"""The quantities one may ask a fit about, each as a direction in the space of its globals."""
+"""The quantities of the identifiability report, each as a direction in the space of the globals."""
 
 from __future__ import annotations
 

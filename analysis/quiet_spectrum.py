@@ -1,4 +1,4 @@
-r"""The spectrum of quiet stretches, what is slow enough to be mains hum taken off.
+r"""The spectrum of quiet intervals, without the part that may be mains hum.
 
 Two things make a quiet stretch wander. Noise whose density rises like 1/f does it by chance, at
 all frequencies below its corner. Mains hum does it too, but over a few milliseconds it is a smooth

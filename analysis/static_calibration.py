@@ -1,4 +1,4 @@
-r"""The paper's static way to the gain of Eq. 7: known weights on the cell, and what it reads.
+r"""The paper's static calibration of the gain of Eq. 7: known weights on the cell.
 
 .. math:: V = V_0 + \frac{m g}{S}
 

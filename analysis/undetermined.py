@@ -1,4 +1,4 @@
-"""Moduli that were sought and that a campaign cannot tell, however quiet its records are.
+"""Sought moduli that a campaign cannot determine, however low the noise of its records.
 
 A shot tells its pair's reduced modulus, :math:`1/E^* = 1/E'_{sphere} + 1/E'_{surface}`, and nothing
 of how the sum is divided; in reduced units it does not even tell that. So the question is one of
@@ -189,7 +189,7 @@ def _is_sought(campaign: Campaign, side: str, short: str | None) -> bool:
 
 
 def _what_is_missing(problem: JointProblem, item: FitShot) -> tuple[str, str]:
-    """Return what keeps a shot in reduced units, and what to state."""
+    """Return why a shot is in reduced units, and what to state."""
     campaign = problem.campaign
     ball = campaign.spheres.get(item.shot.sphere or "")
     what = {"radius": ball and ball.radius_m, "mass": ball and ball.mass_kg}

@@ -1,4 +1,4 @@
-"""What the daemon may rely on from any digitizer, real or simulated."""
+"""The interface of every digitizer, real or simulated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether every sample arrived: the count against the clock, and blocks against themselves.
+"""A proof that every sample arrived: the count against the clock, and blocks compared.
 
 A status word tells of an overrun. A packet that the bus or a driver loses or hands over twice tells
 nothing, and no counter of samples is known of the board. It shows only in this:

@@ -60,7 +60,7 @@ class RingBuffer:
         self._written = 0
 
     def append(self, block: NDArray[np.uint16]) -> int:
-        """Store a block behind the newest sample.
+        """Append a block.
 
         Parameters
         ----------

@@ -1,4 +1,4 @@
-"""The one place where pyusb's errors become ours.
+"""The one translation of pyusb's errors into the driver's errors.
 
 pyusb raises `usb.core.USBError` with the code of its backend; the driver uses the libusb 1.0
 backend only, so a code means the same everywhere. Everything above this file sees

@@ -1,4 +1,4 @@
-"""A bulk endpoint read by pyusb, one blocking read after the other."""
+"""A bulk endpoint read by pyusb, with blocking reads in sequence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The 1 MS/s path from a bulk endpoint into a ring buffer, on a thread of its own.
+"""The 1 MS/s path from a bulk endpoint into a ring buffer, in its own thread.
 
 Three narrow seams meet here: a `BulkSource` fills byte buffers (synchronous today; queued
 asynchronous transfers can replace it without touching anything else), a `StreamingBoard` knows

@@ -1,4 +1,4 @@
-"""What the daemon may rely on from any vacuum valve, real or simulated.
+"""The interface of every vacuum valve, real or simulated.
 
 Relay off = vacuum on = sphere held: the state a dead host leaves behind should be the safe one.
 """

@@ -1,4 +1,4 @@
-"""A USB backend that plays a captured log back and fails on any deviation.
+"""A USB backend that replays a captured log and fails on any deviation.
 
 For the first real board: capture once with `drivers.wire_log`, then run the driver against the
 log wherever there is no board, and see at once when a change of the driver changes the wire.

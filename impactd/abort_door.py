@@ -1,4 +1,4 @@
-"""A way to abort that shares nothing with the rest: a Unix socket with threads of its own.
+"""An abort path that shares nothing with the rest: a Unix socket with its own threads.
 
 ::
 

@@ -1,4 +1,4 @@
-"""What to do with a shot, and why, in the words that the page and the command line both say.
+"""The advice for a shot and its reasons, in the same words on the page and the command line.
 
 ::
 
@@ -23,27 +23,37 @@ UNLIKE = "unlike_repetitions"
 """Reason whose words are the comparison's own where there are any."""
 SENTENCES = {
     UNLIKE: "it is unlike its repetitions.",
-    "clipped": "the record is clipped: it sits on a limit of the converter or amplifier. "
-    "Lower the height, or use a lighter sphere.",
+    "clipped": (
+        "the record is clipped: it reaches a limit of the converter or amplifier. Lower the "
+        "height, or use a lighter sphere."
+    ),
     "inverted_polarity": "the signal is upside down: check how the load cell is wired.",
-    "residual_above_noise": "the model leaves more than the noise. The uncertainty was widened; "
-    "a diagnosis may find out why.",
+    "residual_above_noise": (
+        "the residual is larger than the noise. The uncertainty was widened; a diagnosis may find "
+        "the cause."
+    ),
     "restitution_above_one": "the sphere seems to come back faster than it fell: check the drop "
     "height.",
-    "restitution_disagrees": "the bounce and the trace tell two stories about the rebound: the "
-    "sphere may have hit beside the middle, or touched the tube.",
+    "restitution_disagrees": (
+        "the bounce and the trace give different rebounds: the sphere may have hit off-centre, or "
+        "touched the tube."
+    ),
     "rebound_height_disagrees": "the rebound height that was entered does not agree with the "
     "bounce in the record.",
-    "noise_not_measured": "there was too little quiet record before the impact to measure the "
-    "noise.",
-    "references_contradicted": "the known materials had to move far from their stated moduli.",
-    "rigid_cell_model": "this model takes the load cell as rigid.",
-    "contact_law_not_identifiable": "too little about the contact law can be told from it: the "
-    "impact is short beside the load cell's own period.",
-    "not_converged": "the fit did not settle.",
-    "out_of_range": "the fit explains it only by a number that nothing can have, so no modulus is "
-    "stated.",
-    "not_evaluable": "this model cannot be fitted to it.",
+    "noise_not_measured": (
+        "the record has too few quiet samples before the impact to measure the noise."
+    ),
+    "references_contradicted": "the fit moved the known materials far from their stated moduli.",
+    "rigid_cell_model": "this model assumes a rigid load cell.",
+    "contact_law_not_identifiable": (
+        "the shot says too little about the contact law: the impact is short compared with "
+        "the load cell's period."
+    ),
+    "not_converged": "the fit did not converge.",
+    "out_of_range": (
+        "the fit needs a number that is physically impossible, so no modulus is stated."
+    ),
+    "not_evaluable": "this model cannot be fitted to the shot.",
 }
 """What each reason means for the person at the rig; a reason follows "because"."""
 

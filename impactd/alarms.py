@@ -1,4 +1,4 @@
-"""Which events are alarms: they stay on the page until somebody says that they were seen.
+"""Which events are alarms: they stay on the page until somebody acknowledges them.
 
 ::
 
@@ -110,7 +110,7 @@ def _drop_interrupted(data: Json) -> Words:
     return (
         f"Drop {data['number']} was interrupted by a restart and is not repeated; "
         "see `impactd shots`.",
-        "Look where the sphere is, then ask for a new drop.",
+        "Find the sphere, then request a new drop.",
     )
 
 
@@ -125,7 +125,7 @@ def _calibration_failed(data: Json) -> Words | None:
         return None
     return (
         f"Calibration {data['number']} failed: {data['reason']}",
-        "Mend what it names, then calibrate again; the calibration before stays in force.",
+        "Correct the named cause, then calibrate again; the previous calibration stays valid.",
     )
 
 
@@ -134,14 +134,14 @@ def _job_failed(data: Json) -> Words | None:
         return None
     return (
         f"The analysis of {data['subject']} failed: {data['reason']}",
-        "The shots are safe. Look at their traces, then ask for another fit.",
+        "The shots are safe. Look at their traces, then request another fit.",
     )
 
 
 def _job_lost(data: Json) -> Words:
     return (
         f"The fit of shot {data['shot']} could not be queued: {data['detail']}",
-        "The shot is safe; ask for its fit by hand.",
+        "The shot is safe; request its fit by hand.",
     )
 
 

@@ -1,4 +1,4 @@
-"""One type that most modules name."""
+"""A type alias that most modules use."""
 
 from __future__ import annotations
 

@@ -49,7 +49,7 @@ _STATUS_EVERY_S = 2.0
 
 
 class Daemon:
-    """Everything behind the REST API.
+    """All parts that the REST API uses.
 
     Parameters
     ----------
@@ -175,7 +175,7 @@ class Daemon:
         self._heart.start()
 
     def status(self) -> dict[str, Any]:
-        """Return the one honest light and what is behind it.
+        """Return the status and its reasons.
 
         Returns
         -------
@@ -396,5 +396,5 @@ class Heart:
                 if sentence != told:
                     notify(status=sentence)
                     told = sentence
-            except Exception:  # a heart that dies of a hiccup would kill the daemon
-                _log.exception("could not look at the daemon")
+            except Exception:  # the watchdog must not miss a beat because of one error
+                _log.exception("the daemon's health could not be checked")

@@ -189,7 +189,7 @@ def _alone(archive: Archive) -> Iterator[None]:
         except BlockingIOError:
             raise ArchiveError(
                 f"Another re-fit of {archive.directory} is under way.",
-                remedy="Wait for it, or end it: what it has done is kept.",
+                remedy="Wait for it, or end it: its finished fits are kept.",
             ) from None
         yield
     finally:

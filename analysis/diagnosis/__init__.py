@@ -1,1 +1,1 @@
-"""Closing the loop: find the residual, trace it, add the effect, say what is not known."""
+"""Diagnosis: test the residual, find the missing effect, state what is not known."""

@@ -1,4 +1,4 @@
-"""What a selection's names must stand: being left out, and every other effect of their slots.
+"""Backward elimination: leave each effect out, and compare it with the others of its slot.
 
 What could stand in for an effect is seen only beside all the others that act. Where the time is
 over before that, what was found is judged, and what nobody asked stays open.

@@ -1,4 +1,4 @@
-"""The thresholds that decide a diagnosis, each with where it comes from.
+"""The thresholds that decide a diagnosis, each with its origin.
 
 A threshold is compared with a statistic of the data, and what is said or done next depends on it.
 What shapes a search or a basis is none: numbers of starts, shots and iterations, grids, steps of

@@ -1,4 +1,4 @@
-"""Which form of an effect? Once one form has brought a fit near, the others begin from there.
+"""The search over the forms of an effect, each started from the best form so far.
 
 From afar only one form may have found its way: a yield force does where a yield pressure, whose
 threshold moves with a modulus that the yield itself hides, never acts. And the fit of one form may

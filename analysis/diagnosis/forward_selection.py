@@ -1,4 +1,4 @@
-"""Forward selection: effects on top of one another until noise is left or nothing helps.
+"""Forward selection: add effects until only noise is left or nothing improves the model.
 
 A first effect that takes up most is usually right where one effect acts. Where two act, each large,
 the one that takes up most may be neither; so a few first effects get a second one each before
@@ -40,7 +40,7 @@ HUM = "mains_hum"
 
 @dataclass
 class Step:
-    """One turn of the loop."""
+    """One step of the search."""
 
     problem: JointProblem
     fitted: joint.Fitted

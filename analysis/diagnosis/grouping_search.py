@@ -1,4 +1,4 @@
-"""Whom does an effect act on, and whose is its size? The lattice of groupings, searched by ln Z.
+"""The search over groupings by ln Z: on which shots an effect acts, and which share its size.
 
 A linear look chooses the grouping before the effect is known. Once it is fitted, the other ones
 are one refit away: one size for the rig, for some surfaces or for some spheres, one for each

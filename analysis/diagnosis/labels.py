@@ -1,4 +1,4 @@
-"""Names written down wrong in a whole group: the campaign as it would be labelled without.
+"""Labels that are wrong for a whole group: the campaign with the labels corrected.
 
 Two names exchanged; all shots of one name, or of one pair, that belong to another. A wrong name is
 far from a right one and no step leads there; so each is tried on one shot of every pair, and those

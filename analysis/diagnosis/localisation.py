@@ -1,4 +1,4 @@
-r"""Where does a discrepancy live, and what repairs it on other shots?
+r"""The slot of a discrepancy, and the discrepancy that repairs held-out shots.
 
 A family k of columns explains :math:`g_k` of the T structured whitened squares, its coefficients
 paid for, and leaves the share
@@ -178,7 +178,7 @@ def locate(step: Step, progress: Progress) -> Located:
     discrepancy = _explains_most(linearised, gains)
     before = heldout_or_none(whole, step.fitted)
     by_columns = best_discrepancy(step, linearised, gains, before, progress)
-    known = gains | _heldout_gain(step, by_columns, before, foretold=set(gains))
+    known = gains | _heldout_gain(step, by_columns, before, predicted=set(gains))
     by_slot = gains_by_slot(known)
     odds = slot_probabilities(step.linearised, known)
     progress(MethodStep.VERDICT.told("is it better than a mean of the other hits?"), 0.99)
@@ -262,16 +262,16 @@ def _explains_most(linearised: Linearised, gains: Mapping[Part, float]) -> Expla
 
 
 def _heldout_gain(
-    step: Step, learned: Learned | None, before: float | None, foretold: set[Part]
+    step: Step, learned: Learned | None, before: float | None, predicted: set[Part]
 ) -> dict[Part, float]:
     """Return what a learned family explains of held-out shots, in units of the noise, where known.
 
-    Of several families learned together only the first that no first order foretold has it.
+    Of several families learned together only the first that no first order predicted has it.
     """
     if learned is None or not before or not learned.heldout_rms:
         return {}
     part = learned.parts[0]
-    if part in foretold and len(learned.parts) > 1:
+    if part in predicted and len(learned.parts) > 1:
         return {}
     shots = step.linearised.shots
     count = sum(s.residual.size for s in shots)

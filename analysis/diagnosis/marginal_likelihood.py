@@ -1,4 +1,4 @@
-r"""How well a model predicts the records whatever its numbers are: the measure that models share.
+r"""The marginal likelihood of a model, by which models are compared.
 
 .. math:: Z = \int e^{-C(\theta) / 2} p(\theta)\, d\theta
 

@@ -1,4 +1,4 @@
-r"""Effects that the records show by themselves, whatever the contact and the mounting are.
+r"""Effects that the records show without a model of contact and mounting.
 
 Where no model of the impact comes near, as on a rig built otherwise, a fit names nothing. Four
 things show without one:
@@ -310,7 +310,7 @@ def _smooth(t: Array) -> list[Array]:
 
 
 def _lasting(t: Array, y: Array, tau: float) -> float:
-    """Return what stays of an impulse over what dies away."""
+    """Return the part of an impulse that remains over the part that dies away."""
     columns = np.column_stack([_decay(t, tau), np.ones_like(t), t])
     dies, stays, _ = np.linalg.lstsq(columns, y, rcond=None)[0]
     return float(stays / dies) if dies != 0.0 else math.inf

@@ -1,4 +1,4 @@
-"""Where refits begin: what a linear look promises, and usual sizes where it promises nothing."""
+"""The starts of refits: first-order sizes, and usual sizes where first order predicts nothing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""An accepted model as a thing of its own: by name, with the numbers that were found for it.
+"""An accepted model with a name and the numbers that were found for it.
 
 A definition is JSON::
 

@@ -1,4 +1,4 @@
-r"""The drop that would tell two fitted models apart best.
+r"""The drop that would best distinguish two fitted models.
 
 Of a drop not yet made, each rival predicts a record. What of their difference d the other rival
 could not take up again, by the shot's own speed, loss, touch-down and baseline and by what the

@@ -1,4 +1,4 @@
-"""Is what comes before the trigger noise? Spikes, jumps and tones, there all the time, are not.
+"""A test of the noise before the trigger for spikes, jumps and tones.
 
 No impact causes them, so nothing of them repeats from shot to shot, and every test for structure
 takes them for noise. But the noise of amplifiers and converters is Gaussian, and no line stands
@@ -90,7 +90,7 @@ class Background:
 
     @property
     def clear(self) -> bool:
-        """Whether something is there that is no noise."""
+        """Whether there is a disturbance that is not noise."""
         return bool(self._found)
 
     @property
@@ -100,7 +100,7 @@ class Background:
 
     @property
     def share(self) -> float:
-        """Return the share of the variance that is no noise, 0 where nothing is clear."""
+        """Return the share of the variance that is not noise, 0 where nothing is significant."""
         return min(sum(one.share for one in self._found), 1.0)
 
     @property
@@ -109,7 +109,7 @@ class Background:
 
 
 def check_noise(shots: Sequence[FitShot]) -> Background:
-    """Return what is on the line before anything falls, beside noise.
+    """Return spikes, jumps and tones in the noise before the impact.
 
     Each record is measured by its own level, so that records of different noise make no tail. The
     standard error of the kurtosis of n Gaussian samples is sqrt(24/n) (Kendall and Stuart, *The
@@ -186,7 +186,7 @@ def _first_line(size: int, degree: int) -> int:
 
 
 def _highest(records: list[Array], rate_hz: float, first: int) -> Tone:
-    """Return the line of the mean spectrum that is highest above those beside it."""
+    """Return the line of the mean spectrum that is highest above its neighbours."""
     size = min(record.size for record in records)
     spectra = [periodogram(r[-size:], rate_hz, WINDOW, detrend=False) for r in records]
     at_hz, power = spectra[0][0][first:], np.mean([p for _, p in spectra], axis=0)[first:]
@@ -203,7 +203,7 @@ def _highest(records: list[Array], rate_hz: float, first: int) -> Tone:
 
 
 def _level(power: Array, k: int) -> float:
-    """Return the level around a line, from those beside it."""
+    """Return the level around a line, from its neighbours."""
     below = power[max(0, k - BESIDE) : max(0, k - NEAR + 1)]
     above = power[k + NEAR : k + BESIDE + 1]
     return float(np.median(np.concatenate([below, above])))

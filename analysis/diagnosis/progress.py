@@ -1,4 +1,4 @@
-"""What a diagnosis is doing, by the steps of METHOD.md, and how long it may search.
+"""The progress of a diagnosis by the steps of METHOD.md, and its time budget.
 
 The clock comes from the caller. It is asked before every shot that a fit of the search evaluates
 (`analysis.fit.problem.JointProblem.checkpoint`). The base fit and the fits of the final statement
@@ -75,7 +75,7 @@ against others and locating took 3 to 17 % of the whole in four diagnoses of 12 
 
 
 class BudgetSpentError(Exception):
-    """The time of a search is over: whoever has found something keeps it, and fits no more."""
+    """The time of a search is over; the best model so far is kept."""
 
 
 class TimeBudget:

@@ -1,4 +1,4 @@
-r"""Is a shot like its repetitions? Asked right after a drop, without a fit of any model.
+r"""A comparison of a shot with its repetitions, right after a drop and without a fit.
 
 A shot is laid on the mean waveform of earlier shots of the same sphere, surface and height
 (`discrepancy.mean_waveform`). Three numbers are compared: its size, its duration, and what the mean
@@ -103,7 +103,7 @@ class Likely:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A shot beside its repetitions."""
+    """A shot compared with its repetitions."""
 
     repetitions: tuple[str, ...]
     """Names of those it was compared with."""
@@ -132,7 +132,7 @@ class Comparison:
 def compare(
     shot: Recorded, earlier: Sequence[Recorded], *, speed_repeatability: float | None = None
 ) -> Comparison | None:
-    """Return a shot beside its repetitions; None where there are fewer than `FEWEST`.
+    """Return the comparison of a shot; None where it has fewer repetitions than `FEWEST`.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ class _Scatter:
 
     @classmethod
     def of(cls, known: Sequence[_Repeated], speed_repeatability: float | None) -> _Scatter:
-        """Return what all repetitions show together, and what is stated of their speed."""
+        """Return the mean of all repetitions, and their stated speed."""
         degrees = np.full(3, float(sum(one.count - 1 for one in known)))
         squares = np.sum([one.squares for one in known], axis=0)
         if speed_repeatability:
@@ -308,7 +308,7 @@ class _Scatter:
 
 @dataclass(frozen=True)
 class _Seen:
-    """A shot beside what is expected of it."""
+    """A shot compared with its expectation."""
 
     away: Array  # of its numbers from the expected ones, (3,)
     t: Array  # the same over what is usual, (3,)
@@ -424,7 +424,7 @@ class _Look:
     def _gain(self) -> tuple[_Seen, Likely]:
         seen = self.beside.seen().without(SIZE)
         factor = math.exp(self.beside.seen().away[SIZE])
-        words = f"its signal is {factor:.3g} of theirs: another gain, or a hit beside the middle"
+        words = f"its signal is {factor:.3g} of theirs: another gain, or an off-centre hit"
         return seen, Likely(words, {"gain": factor})
 
 

@@ -1,4 +1,4 @@
-r"""A low-pass that the noise of records shows: what cuts the band cuts the noise with it.
+r"""A low-pass filter recognised from the spectrum of the noise.
 
 The quietest stretch of the records, before the pulses or at their ends, is taken as noise. Its
 spectrum S is that of white noise behind a filter of one number, where Whittle's likelihood

@@ -1,11 +1,11 @@
-"""One question: is there structure in the residual, or only noise?
+"""A score test for structure in the residual.
 
 The tests of a residual ask overlapping columns, so their p-values go together. To first order all
 of them are known functions of the whitened noise: noise is drawn, all tests are asked, and what
 their smallest p-values do says how many independent tests they amount to.
 
-Noise of density 1/f moves every order of a zero line, the first most, by amounts that stand in a
-known ratio. Its size is only known to a limit: quiet stretches are short. So a zero line that moves
+Noise of density 1/f moves every order of a baseline, the first most, by amounts that stand in a
+known ratio. Its size is only known to a limit: quiet stretches are short. So a baseline that moves
 says nothing as long as some 1/f part that they allow moves it like that. Hum moves one order and
 hardly the next.
 """
@@ -100,7 +100,7 @@ class ScoreTest:
         return min(self.answers.values(), key=lambda e: (e.p_value, -e.gain / max(e.dof, 1)))
 
     def is_more_than(self, won: float) -> bool:
-        """Tell whether structure is left if other numbers take up this many squares.
+        """Tell whether structure is left if other numbers explain this many squares.
 
         What these and a family explain together is no less than the family alone: so the family
         explains, on top of them, at most ``won`` squares less.
@@ -252,14 +252,14 @@ def _p_values(linearised: Linearised, scores: list[Array], part: Part) -> Array:
     return np.asarray(chi2_distribution.sf(gain, dof)) if dof else np.ones(DRAWS)
 
 
-# -- zero lines ------------------------------------------------------------------------------------
+# -- baselines -------------------------------------------------------------------------------------
 def p_of_wander(linearised: Linearised) -> float:
-    """Return how likely zero lines move as they do by slow noise that may be there unseen.
+    """Return how likely baselines move as they do by slow noise that may be there unseen.
 
     For the 1/f part that suits best among those which the quiet stretches allow. The squares of N
     shots along an order, over what is expected, are chi-square over N; of the ratios' deviance,
     N sum(r - 1 - ln r), the smallest over all allowed corners is compared with chi-square of as
-    many degrees of freedom as there are orders, which is on the safe side. Validation: zero lines
+    many degrees of freedom as there are orders, which is on the safe side. Validation: baselines
     moved by noise and by hum in ``tests/analysis/diagnosis``.
     """
     at, _ = linearised.families[WANDER[0]]
@@ -271,7 +271,7 @@ def p_of_wander(linearised: Linearised) -> float:
 
 
 def _deviance(shots: list[LinearisedShot], at: list[int]) -> float:
-    """Return the smallest deviance of one instrument's zero lines over all allowed corners."""
+    """Return the smallest deviance of one instrument's baselines over all allowed corners."""
     by_order = np.array([_by_order(shot, at) for shot in shots])
     slow = np.array([_slow_powers(shot.item.window.signal.size) for shot in shots])
     noise = shots[0].item.noise
@@ -298,5 +298,5 @@ def _by_order(shot: LinearisedShot, at: list[int]) -> Array:
 
 @lru_cache(maxsize=256)
 def _slow_powers(samples: int) -> Array:
-    """Return how much noise of density 1/f moves each order of a zero line. Shape (q,)."""
+    """Return how much noise of density 1/f moves each order of a baseline. Shape (q,)."""
     return slow_powers(drift_basis(samples, max(BASELINE_ORDERS))[:, list(BASELINE_ORDERS)])

@@ -1,4 +1,4 @@
-"""Whose shots an effect acts on: those of one material or of several of a kind."""
+"""The shots on which an effect acts: those of one material or of several of a kind."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class ActsOn:
 
     @property
     def label(self) -> str:
-        """Return what stands in brackets behind the name of a number that they share."""
+        """Return the bracketed suffix of the name of a number that they share."""
         return "+".join(self.names)
 
     def to_json(self) -> list[str]:

@@ -1,4 +1,4 @@
-r"""Amplifier low-pass: the bandwidth of what stands between sensor and converter.
+r"""Amplifier low-pass: the bandwidth of the chain between sensor and converter.
 
 .. math::
 

@@ -1,4 +1,4 @@
-r"""A contact force of free form, for the closure of the contact slot: learned, and nobody's law.
+r"""A contact force of free form, for the discrepancy of the contact slot.
 
 .. math::
 

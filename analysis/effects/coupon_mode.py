@@ -110,7 +110,7 @@ EFFECT = Effect(
         Effect(
             id="coupon_mode:off_centre",
             slot="mounting",
-            title="the sphere hits beside the middle, and the crystal rocks",
+            title="the sphere hits off-centre, and the crystal rocks",
             tell_tale="more recoil with the same ring; a crystal that looks too light",
             source="own: a disc on a uniform seat",
             validation="DOP853 of compression and tilt apart",

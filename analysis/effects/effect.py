@@ -1,4 +1,4 @@
-"""The form of an effect: what it changes, with which numbers, and where those belong.
+"""The form of an effect: what it changes, its parameters, and their groupings.
 
 An effect is one file in this folder that defines ``EFFECT = Effect(...)``; nothing else registers
 it. It hooks into the model at one or more of these places:
@@ -51,7 +51,7 @@ SCOPES = ("rig", "surface", "sphere", "pair", "shot")
 
 @dataclass(frozen=True)
 class ShotContext:
-    """What an effect may know of the shot it acts on.
+    """The properties of a shot that an effect may use.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""The effect library: every file of this folder that defines ``EFFECT``, found by looking."""
+"""The effect library: every file of this folder that defines ``EFFECT``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A shot as the fit sees it: window, noise, frame, and which of its numbers are fixed."""
+"""A shot as the fit uses it: window, noise, frame, and its fixed parameters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""From a fit that takes stated numbers as exact to one in which they are as uncertain as stated."""
+"""Frees the inputs of a fit that took stated numbers as exact, each with its stated u."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LEAST_SHARE = 1e-12
 
 
 def with_inputs(problem: JointProblem) -> JointProblem:
-    """Return a problem with the campaign's uncertain numbers as globals behind its own.
+    """Return a problem with the campaign's uncertain numbers appended as globals.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def with_inputs(problem: JointProblem) -> JointProblem:
 
 
 def widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> JointProblem:
-    """Return a problem with inputs as globals behind its own.
+    """Return a problem with inputs appended as globals.
 
     Parameters
     ----------

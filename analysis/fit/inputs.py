@@ -1,4 +1,4 @@
-"""What was measured before the records: masses, radii, heights, time base, with their uncertainty.
+"""Measured inputs of a campaign: masses, radii, heights, time base, with their uncertainty.
 
 Every such number with a stated uncertainty is a global of its own, known beforehand as a Gaussian
 about what was stated. The records hardly move it; its uncertainty reaches every modulus through the

@@ -176,7 +176,7 @@ def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_abov
 def _try_step(
     problem: JointProblem, theta: Array, nuisances: Array, cost: float, *, likely: bool
 ) -> tuple[list[ShotBlock] | None, float]:
-    """Return the blocks and the cost where a step ends; None where it is no better.
+    """Return the blocks and the cost at the end of a step; None if the cost does not fall.
 
     A step that is likely to be one is linearised at once, another is first looked at, which costs a
     third.
@@ -208,7 +208,7 @@ def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
 
 
 def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
-    """Return by how much chi2 would fall if the problem were linear; inf where nobody can tell."""
+    """Return the fall of chi2 that a linear problem would have; inf if it cannot be computed."""
     try:
         matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
         step = np.linalg.solve(matrix, vector)
@@ -234,7 +234,7 @@ def _promised_fall(
 
 
 def _next_damping(damping: float, kept: float) -> float:
-    """Return the damping after a step that kept so much of what the linear model promised."""
+    """Return the damping after a step, from its actual over its predicted fall."""
     if kept > GOOD_STEP:
         return max(damping / 10, LEAST_DAMPING)
     return damping if kept > POOR_STEP else damping * 4

@@ -1,4 +1,4 @@
-"""What an effect's law may be wrong by, as inputs of a joint fit.
+"""The error of an effect's law, as inputs of a joint fit.
 
 Like a mass that was weighed, a law is stated and uncertain: each coefficient of its discrepancy is
 a global that was stated as 0, with a standard uncertainty, and adds a signal to some shots.

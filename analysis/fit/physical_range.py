@@ -1,4 +1,4 @@
-"""Are a finished fit's numbers such as cells, materials and effects can have? All models ask here.
+"""Physical ranges of the numbers of a finished fit, the same for all models.
 
 =====================  ===========================================================================
 natural frequency      one period in the longest window .. half the lowest sample rate: neither a
@@ -108,7 +108,7 @@ def out_of_range(problem: JointProblem, fitted: Fitted) -> list[OutOfRange]:
 
 
 def advice(found: list[OutOfRange]) -> str:
-    """Return what was found in words, and what to do about it."""
+    """Return the violated range in words, with a remedy."""
     told = "; ".join(one.sentence for one in found)
     return (
         f"{told}: the model is not accepted, and no modulus is stated. It lacks something that "

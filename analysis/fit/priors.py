@@ -1,4 +1,4 @@
-"""What is known before a fit, as Gaussians on logarithms: the cell's certificate, stated moduli."""
+"""Priors of a fit as Gaussians on logarithms: the cell's certificate, stated moduli."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A joint fit as numbers: which parameters there are, who shares them, what is known before.
+"""A joint fit as numbers: its parameters, the shots that share each, and the priors.
 
 Global parameters (all logarithms):
 
@@ -74,7 +74,7 @@ _LARGEST_LOG = 300.0
 
 
 def go_on() -> None:
-    """Let a fit go on: nobody waits for it."""
+    """Never end a fit early."""
 
 
 @dataclass(frozen=True)
@@ -364,7 +364,7 @@ class JointProblem:
     def _follow_moduli(
         self, shot: FitShot, values: NDArray[np.float64], chain: NDArray[np.float64]
     ) -> None:
-        """Fill in the coupon's share in the compliance where an effect asks for it."""
+        """Fill in the coupon's share in the compliance for an effect that needs it."""
         at = self.model.coupon_share_at
         if at is not None:
             values[at], chain[at] = self.coupon_share(shot, values[0], chain[0])

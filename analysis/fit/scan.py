@@ -1,4 +1,4 @@
-"""Which contact time a record shows: graded traces laid on it, compiled in one piece.
+"""A scan over contact times: compares the record with a series of traces, compiled.
 
 A hundred and twenty traces a shot are most of what a single shot's start costs, so nothing of the
 loop is Python.

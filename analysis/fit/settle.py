@@ -1,4 +1,4 @@
-"""The shots' own parameters by themselves, everything shared kept."""
+"""A fit of each shot's own parameters with all shared ones fixed."""
 
 from __future__ import annotations
 

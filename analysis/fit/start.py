@@ -1,4 +1,4 @@
-"""Starting values from the records themselves, so that a fit needs no luck.
+"""Starting values of a fit, from the records themselves.
 
 Each shot is compared with traces of graded contact times; the best one gives K and, where the gain
 is known, the speed. No derivative is taken here, so a start can be decades off and still be found.

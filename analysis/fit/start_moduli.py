@@ -1,4 +1,4 @@
-"""Which moduli a fit starts from: the stated ones, or those that the records ask for."""
+"""The moduli a fit starts from: the stated ones, or those of the records."""
 
 from __future__ import annotations
 

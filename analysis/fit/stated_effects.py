@@ -1,4 +1,4 @@
-"""What a campaign states of an effect's number, as a coupon's thickness: known beforehand."""
+"""Stated numbers that belong to an effect, as a coupon's thickness."""
 
 from __future__ import annotations
 

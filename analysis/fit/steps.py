@@ -1,4 +1,4 @@
-"""Where a step of a fit leads: straight in coordinates in which the problem is nearly linear."""
+"""The end point of a step, straight in coordinates in which the problem is nearly linear."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Records whose pulse is longer than a window holds, with so few samples that it holds them.
+"""Decimation of records whose pulse is longer than a window holds.
 
 A window has `MAX_SAMPLES`, whatever the sampling rate: a pulse of 50 000 of them would be cut off
 in its rise. A pulse of thousands of samples is as smooth over three of them, so that fewer tell

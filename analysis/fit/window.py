@@ -1,4 +1,4 @@
-"""Which samples of a record a fit uses, and what the record says before any model."""
+"""The window of samples that a fit uses, and what the record shows without a model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A trace and its neighbours: what moves with each local parameter, and no more than that.
+"""A trace and its neighbours: which traces the derivative by each local parameter needs.
 
 A trace is made in stages: the integration (base solver, or the one with effects), a second contact,
 then the chain that reads the signal. A parameter moves the stages from its own on; what lies before

@@ -1,4 +1,4 @@
-r"""Compiled integration of the impact: HSD, KV, KV closed, on a grid that knows where it is hard.
+r"""Compiled integration of the impact: HSD, KV, KV closed, on a grid dense at touch and lift-off.
 
 The dashpot of Eq. 3 goes like :math:`\delta^{1/4}\dot\delta`, whose slope is infinite at touch-down
 and lift-off, so a scheme in equal steps of time converges slowly there. With

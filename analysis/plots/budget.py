@@ -63,8 +63,8 @@ def plot_budget(title: str, budget: Json, note: str = "") -> Figure:
 
 def _sentences(budget: Json) -> list[str]:
     said = [
-        f"u = {100 * budget['relative_u']:.2g} %: {100 * budget['relative_u_common']:.2g} % common "
-        f"to all shots, {100 * budget['relative_u_averaged']:.2g} % that more shots lessen.",
+        f"u = {100 * budget['relative_u']:.2g} %: {100 * budget['relative_u_common']:.2g} % "
+        f"common to all shots, {100 * budget['relative_u_averaged']:.2g} % reduced by more shots.",
         budget["improve"],
     ]
     if budget.get("conformity"):
@@ -75,7 +75,7 @@ def _sentences(budget: Json) -> list[str]:
 def _bars(axes: Axes, rows: list[Json]) -> None:
     for common, colour, hatch, label in (
         (True, AFTER, "", "common to all shots"),
-        (False, BEFORE, "///", "lessened by more shots"),
+        (False, BEFORE, "///", "reduced by more shots"),
     ):
         at = [i for i, row in enumerate(rows) if row["common"] == common]
         if at:

@@ -1,4 +1,4 @@
-"""What became of the load cell from one calibration to the next."""
+"""The drift of the load cell over its calibrations."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Who was taken for whom in a blind trial."""
+"""The confusion matrix of a blind trial."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from analysis.plots.style import INK, styled
 
 
 def plot_confusion(matrix: Json, which: str = "detectable") -> Figure:
-    """Draw a confusion matrix: rows what acted, columns what was said.
+    """Draw a confusion matrix: rows are the true effects, columns the verdicts.
 
     Parameters
     ----------

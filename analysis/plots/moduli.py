@@ -1,4 +1,4 @@
-"""The network of pairs, and each material's modulus against what the literature says."""
+"""The network of pairs, and each material's modulus against the stated one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a model leaves of a campaign: one panel per pair, repetitions stacked, heights apart."""
+"""The residuals of a campaign: one panel per pair, repetitions stacked, heights apart."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def plot_stack(
 
 
 def plot_diagnosis(document: Json) -> Figure:
-    """Draw what the base model leaves of a campaign, and what the model that was found leaves.
+    """Draw the residuals of the base model and of the found one.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""One shot: the record, the models over it, and what each leaves."""
+"""One shot: the record, the models over it, and the residual of each."""
 
 from __future__ import annotations
 

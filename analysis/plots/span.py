@@ -1,4 +1,4 @@
-"""How much of a stacked residual to draw: the pulse and most of the ring, further where need be."""
+"""The time range of a stacked residual: the pulse and most of the ring, further where needed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How every figure looks: fonts, greys, line styles, units."""
+"""The style of every figure: fonts, greys, line styles, units."""
 
 from __future__ import annotations
 

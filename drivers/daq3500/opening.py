@@ -1,4 +1,4 @@
-"""From a plug in a socket to a board that passed its tests."""
+"""Opens the board: find it, load its firmware, test it."""
 
 from __future__ import annotations
 

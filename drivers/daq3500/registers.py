@@ -34,7 +34,7 @@ class Request(IntEnum):
 
 
 class Register(IntEnum):
-    """Registers behind request 0xB4."""
+    """Registers of request 0xB4."""
 
     ACQUISITION = 0x00
     SCAN_LIST = 0x01

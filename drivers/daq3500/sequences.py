@@ -107,7 +107,7 @@ class Daq3500Converter:
         return self._link.read_register(Register.ACQUISITION)
 
     def stop_acquiring(self) -> None:
-        """Stop the converter and drain what it left behind.
+        """Stop the converter and read its remaining data.
 
         Raises
         ------

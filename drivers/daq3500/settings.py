@@ -1,4 +1,4 @@
-"""What a rig's owner must say about the digitizer."""
+"""The settings of the digitizer that the rig's owner must supply."""
 
 from __future__ import annotations
 

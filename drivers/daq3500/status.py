@@ -1,4 +1,4 @@
-"""Whether the status words let a record pass."""
+"""Checks of the status words that decide whether a record is accepted."""
 
 from __future__ import annotations
 

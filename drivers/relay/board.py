@@ -1,4 +1,4 @@
-"""What every relay board of this house does the same way: open, switch, make safe, close.
+"""The common part of every relay board: open, switch, make safe, close.
 
 A board adds its words: how it is greeted, how it is told, and how it is made safe.
 """
@@ -19,7 +19,7 @@ SAFE_WAIT_S = 0.3
 
 
 class RelayBoard:
-    """A valve behind one serial port.
+    """A valve on one serial port.
 
     Parameters
     ----------

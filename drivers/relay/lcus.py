@@ -1,4 +1,4 @@
-"""An LCUS-1 relay board: four bytes out, never an answer. The fallback that cannot confirm."""
+"""An LCUS-1 relay board: it takes four bytes and never answers, so it cannot confirm."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""A simulated rig that answers at the transport level, with physics of its own."""
+"""A simulated rig that answers at the transport level, with its own physics."""

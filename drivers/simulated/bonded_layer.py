@@ -1,4 +1,4 @@
-"""How much stiffer a coupon of finite thickness is than a half-space, in three published forms.
+"""The stiffening of a coupon of finite thickness, in three published forms.
 
 All are factors on the coupon's plane-strain modulus alone: ``1/E* = 1/E1' + 1/(E2' f(X))`` with
 ``X = sqrt(R delta)/h``, written ``f = 1 + c1 X + ... + c6 X^6`` for the integrator.

@@ -1,4 +1,4 @@
-"""Whole campaigns straight to arrays, without transports: food for coverage and blind trials.
+"""Whole campaigns as arrays, without transports, for coverage and blind trials.
 
 The same rig, effects and integrator as `World`, in the shape of the exchange format
 ``impactd-campaign/1``: a dictionary, one array of codes per shot, and the truth apart from both.

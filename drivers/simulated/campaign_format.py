@@ -1,4 +1,4 @@
-"""A simulated campaign in the exchange format ``impactd-campaign/1``: what the technician knows."""
+"""A simulated campaign in the exchange format ``impactd-campaign/1``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a simulated campaign consists of."""
+"""The settings of a simulated campaign."""
 
 from __future__ import annotations
 

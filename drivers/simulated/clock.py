@@ -1,4 +1,4 @@
-"""Rig time: real, accelerated, or driven by whoever reads the samples."""
+"""Rig time: real, accelerated, or advanced by the reader of the samples."""
 
 from __future__ import annotations
 

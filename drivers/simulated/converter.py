@@ -1,4 +1,4 @@
-"""Volts to codes, and the codes of an input at rest, made for a stream and read round and round."""
+"""Volts to codes, and a table of codes of an input at rest that a stream repeats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The rig as it truly is: everything the labels do not say."""
+"""The true rig: every value that the labels do not state."""
 
 from __future__ import annotations
 

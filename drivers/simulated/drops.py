@@ -1,4 +1,4 @@
-"""Which sphere falls on which surface from which height, in order of time."""
+"""The list of drops: sphere, surface and height, in order of time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Building blocks of the chain from crystal to converter: stages that survive gaps.
+"""Stages of the chain from crystal to converter; they keep their state over gaps.
 
 A flight is a few milliseconds of impact on a fine grid, then a tenth of a second of nothing. The
 filters keep their state as a continuous system does, so the step may change between stretches.
@@ -19,7 +19,7 @@ class Stage(Protocol):
     """One step of the chain, with a memory that lasts one flight."""
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        """Return what comes out for what goes in, carrying on from the last stretch. [V]"""
+        """Return the output of an input block, continued from the block before. [V]"""
 
     def is_quiet(self, threshold_v: float) -> bool:
         """Return whether the output stays below a threshold when nothing more goes in."""
@@ -175,7 +175,7 @@ class StateSpaceStage:
 
 
 class Chain:
-    """Stages one behind the other.
+    """Stages in series.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A sphere's way through still air: down from the tube, and up and down again between bounces.
+"""The motion of a sphere in still air, in the fall and between bounces.
 
     (m + c m_a) v' = (m - m_a) g - (1/2) rho C_d pi R^2 |v| v
 

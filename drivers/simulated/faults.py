@@ -1,4 +1,4 @@
-"""What can be broken on demand; the simulated transports look here before they answer."""
+"""Faults on demand; the simulated transports check them before they answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight: release, fall, impact, bounces; and what the converter's input shows of it."""
+"""A flight: release, fall, impact, bounces, and the signal at the converter's input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One simulated impact: what touches what, how fast, and the trace the crystal gives."""
+"""One simulated impact: bodies and speed in, the crystal's trace out."""
 
 from __future__ import annotations
 

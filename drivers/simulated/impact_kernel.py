@@ -167,7 +167,7 @@ def _forces(  # noqa: PLR0917, PLR0912 - compiled code knows no keywords; one br
     s: Vector,
     memory: Vector,
 ) -> tuple[float, float]:
-    """Return what the crystal sees and what only the sphere feels. [N]"""
+    """Return the force on the crystal and the force on the sphere alone. [N]"""
     d = max(delta, 0.0)
     root = math.sqrt(d)
     elastic = _law(delta, p, memory)

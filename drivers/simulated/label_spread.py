@@ -1,4 +1,4 @@
-"""How far what is true may lie from what labels and settings say."""
+"""The spread of true values around what labels and settings state."""
 
 from __future__ import annotations
 
@@ -123,7 +123,7 @@ def draw_true_labels(
     surfaces: Mapping[str, SurfaceSpec],
     gravity_m_per_s2: float,
 ) -> TrueLabels:
-    """Draw what is true around what is stated.
+    """Draw true values around the stated ones.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""From a coefficient of restitution to the constant of a law of loss.
+"""The constant of a loss law from a coefficient of restitution.
 
 Each law is made dimensionless by ``D = (m v^2 / K)^(2/5)``; on a rigid cell without gravity the
 restitution is then a function of one number.

@@ -1,4 +1,4 @@
-"""Mistakes of people: numbers and names written down wrong, one bad shot, changes half-way.
+"""Operators' mistakes: wrong numbers and names, one bad shot, changes between two shots.
 
 A mistake leaves the rig as it is. What is wrong is what the technician states (mass, radius,
 height, name), or what was done at the rig beside the plan: one sphere that fell badly, another

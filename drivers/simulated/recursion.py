@@ -1,4 +1,4 @@
-"""A first-order recursion, compiled: all that the simulator needs of a filter library.
+"""A first-order recursion, compiled: the only filter that the simulator needs.
 
 ``scipy.signal`` would do the same and takes a second of every start of the daemon to import.
 """

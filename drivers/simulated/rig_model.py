@@ -1,4 +1,4 @@
-"""Which published physics a simulated rig obeys: the paper's, the closed one, or a draw.
+"""The physics of a simulated rig: the paper's, the closed one, or a draw.
 
 ``paper`` is Maranzano & Hancock 2016 as printed. ``closed`` keeps Newton's third law between sphere
 and crystal, lets the coupon ride on the crystal, ends a contact when its force does, and lets the

@@ -1,4 +1,4 @@
-"""Test sources to put at the simulated board's input instead of a whole rig."""
+"""Test signals for the simulated board's input, instead of a whole rig."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ class PulseSource(_PacedSource):
             self._pulse = None
 
     def fire(self, peak_codes: int = 8000, after_samples: int = 2000) -> int:
-        """Put a pulse behind what was read already.
+        """Append a pulse to the samples already read.
 
         Parameters
         ----------

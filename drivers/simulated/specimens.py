@@ -1,4 +1,4 @@
-"""What the simulated laboratory owns: spheres, surfaces and a load cell, as their labels say."""
+"""The simulated laboratory's spheres, surfaces and load cell, as their labels state."""
 
 from __future__ import annotations
 

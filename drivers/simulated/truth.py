@@ -1,4 +1,4 @@
-"""The sealed envelope: what a simulated rig truly is, for its owner's eyes and only on request."""
+"""The sealed truth of a simulated rig, revealed to its owner on request."""
 
 from __future__ import annotations
 

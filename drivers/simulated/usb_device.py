@@ -1,4 +1,4 @@
-"""A simulated board behind pyusb's backend interface: the real driver cannot tell.
+"""A simulated board behind pyusb's backend interface, for the unchanged driver.
 
 It encodes our reading of the protocol, written from the facts and not from the driver's code.
 That the driver passes against it shows self-consistency, not that a 3500 works.

@@ -1,4 +1,4 @@
-"""One simulated rig: time, sphere, coupon, cell, noise, behind the seam its transports use."""
+"""One simulated rig: time, sphere, coupon, cell, noise, and the interface of its transports."""
 
 from __future__ import annotations
 

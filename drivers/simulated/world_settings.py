@@ -1,4 +1,4 @@
-"""What a simulated rig is made of: every number the simulated world needs, with its meaning."""
+"""The settings of a simulated rig, each with its meaning."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""From a request to a record: one transition table and the service that walks it."""
+"""From a request to a record: one transition table and the service that executes it."""

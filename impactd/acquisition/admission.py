@@ -1,4 +1,4 @@
-"""Who may use the rig now: one operator at a time, and only on a rig that is ready."""
+"""Admission to the rig: one operator at a time, and only on a rig that is ready."""
 
 from __future__ import annotations
 
@@ -148,7 +148,7 @@ class Admission:
             disk = check_disk(self._archive.free_bytes())
         except OSError as error:
             what = f"the archive's disk does not answer: {error.strerror}"
-            disk = Check("disk", False, what, "Look whether it is mounted.")
+            disk = Check("disk", False, what, "Check whether it is mounted.")
         limits = self._settings.preflight
         return disk, check_calibration(calibration, limits, for_calibration=for_calibration)
 
@@ -161,7 +161,7 @@ class Admission:
         if calibration.drift_sigmas is not None and calibration.drift_sigmas > limit:
             alarms.append(
                 f"The load cell drifted by {calibration.drift_sigmas:.1f} standard deviations "
-                f"since the calibration before (limit {limit:g})."
+                f"since the previous calibration (limit {limit:g})."
             )
         return alarms
 

@@ -1,4 +1,4 @@
-"""Opening the rig's devices, looking at them while nothing runs, and making them safe."""
+"""Opens the rig's devices, reads them while nothing runs, and makes them safe."""
 
 from __future__ import annotations
 
@@ -178,7 +178,7 @@ def hold(rig: Rig) -> ValveReport:
 
 
 def confirm_safe(rig: Rig) -> Failure | None:
-    """Make safe and ask for proof, after a drop that ended early.
+    """Make safe and require confirmation, after a drop that ended early.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def confirm_safe(rig: Rig) -> Failure | None:
         return failure_of(
             DriverError(
                 "The relay board did not read back that the vacuum is on.",
-                remedy="Take the sphere off, then check relay and valve.",
+                remedy="Remove the sphere, then check relay and valve.",
             )
         )
     return None

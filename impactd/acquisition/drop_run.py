@@ -157,7 +157,7 @@ class DropRun:
         return self._store(record)
 
     def metadata(self) -> ShotMetadata:
-        """Return the circumstances as far as they are known by now."""
+        """Return the metadata as far as they are known by now."""
         return metadata_of(
             self.seen,
             self.drop.request,
@@ -202,7 +202,7 @@ class DropRun:
             self.aborting.wait(_LOOK_EVERY_S)
 
     def _wait_blind(self, began_s: float, words: str) -> None:
-        """Without a gauge nobody can tell; give the person time, and say so in the file."""
+        """Wait a fixed time, because the valve has no gauge, and say so in the file."""
         limit_s = self._settings.timeouts.blind_loading_s
         self.doing = f"gives {limit_s:g} s to hang its sphere unseen: {words}"
         self.seen.notes.append("sphere held: cannot tell, the valve has no vacuum gauge")
@@ -290,7 +290,7 @@ class DropRun:
             raise refusals.early_trigger(seen_s, self.fall_time_s, record)
 
     def _missed(self, limit_s: float, error: TriggerTimeoutError) -> StepFailedError:
-        """Tell a sphere that still hangs from one that fell beside the coupon."""
+        """Distinguish a sphere that still hangs from one that fell beside the coupon."""
         reading = self._rig.valve.vacuum()
         if reading is not None and reading.held:
             return refusals.not_released(limit_s, reading, error.record)
@@ -339,9 +339,9 @@ class DropRun:
             path = self._archive.rescue_shot(self.drop.number, record, self.metadata())
         except ArchiveError as nowhere:
             return ArchiveError(
-                f"The daemon was told to end while a record could not be stored, and it is lost. "
-                f"{error.what} {nowhere.what}",
-                remedy="Free space and ask for a new drop.",
+                "The daemon had to end while a record could not be stored, and the record is "
+                f"lost. {error.what} {nowhere.what}",
+                remedy="Free space and request a new drop.",
             )
         return RescuedError(path)
 
@@ -364,7 +364,7 @@ class DropRun:
             raise AbortedError("The drop was aborted.")
 
     def _advance(self, event: Event, doing: str, drop_state: str | None = None) -> None:
-        """Tell the machine what happened, and everybody else what comes next."""
+        """Send an event to the state machine, and report the next step."""
         try:
             self._machine.apply(event)
         except IllegalTransitionError:

@@ -1,4 +1,4 @@
-"""How a drop ends: in which state, with which problem, and whether the rig may go on."""
+"""The end of a drop: its state, its problem, and whether the rig may continue."""
 
 from __future__ import annotations
 
@@ -29,9 +29,11 @@ def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
     detail = f"Drop {run.drop.number} was aborted by {run.aborted_by} while it {run.doing}."
     if failure.problem.type != "aborted":
         detail += f" Besides: {failure.problem.detail}"
-    remedy = "The sphere was not released; ask for a new drop."
+    remedy = "The sphere was not released; request a new drop."
     if run.seen.may_have_fallen:
-        remedy = "Look at the coupon first, the sphere may have fallen; then ask for a new drop."
+        remedy = (
+            "Look at the coupon first, because the sphere may have fallen; then request a new drop."
+        )
     return "aborted", Problem("aborted", "Drop aborted", 409, detail, remedy)
 
 
@@ -44,18 +46,20 @@ def aftermath_of(run: DropRun) -> str:
 
 def voided_problem(error: RequestAbortedError) -> Problem:
     """Return why a drop was never begun that somebody aborted on its way in."""
-    return Problem("aborted", "Drop aborted", 409, str(error), "Look at the rig, then ask again.")
+    return Problem(
+        "aborted", "Drop aborted", 409, str(error), ("Look at the rig, then repeat the request.")
+    )
 
 
 def not_ready_problem(fault: Failure | None) -> Problem:
     """Return why a drop was never begun whose rig fell into doubt in that moment."""
-    detail = fault.problem.detail if fault else "The rig was lost as the drop was asked for."
-    remedy = fault.problem.remedy if fault else "See `impactd status`, then ask again."
+    detail = fault.problem.detail if fault else "The rig was lost when the drop was requested."
+    remedy = fault.problem.remedy if fault else "See `impactd status`, then repeat the request."
     return Problem("not-ready", "The rig is not ready", 409, detail, remedy)
 
 
 def worst_of(*found: Failure | None) -> Failure | None:
-    """Return what puts the rig in doubt, first of all what calls for a person.
+    """Return the failure that puts the rig in doubt; one that needs a person comes first.
 
     Parameters
     ----------

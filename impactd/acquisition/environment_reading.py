@@ -1,4 +1,4 @@
-"""Temperature and humidity at a drop: as the technician read them, else the settings' way.
+"""Temperature and humidity at a drop, from the technician or from the settings' source.
 
 ::
 
@@ -43,7 +43,7 @@ _LOOK_EVERY_MS = 50
 
 @dataclass(frozen=True)
 class Unknown:
-    """Why there is no reading, and what to do."""
+    """Why there is no reading, with a remedy."""
 
     reason: str
     remedy: str
@@ -54,7 +54,7 @@ class _NoReadingError(Exception):
 
 
 class EnvironmentReading:
-    """One reading, made beside the preparation of a drop.
+    """One reading, made while a drop is prepared.
 
     Parameters
     ----------
@@ -132,12 +132,12 @@ class EnvironmentReading:
     def _remedy(self) -> str:
         if self._hook is not None:
             return (
-                "Run the command by hand, as the daemon's user; what it writes to stderr stands in "
-                "the daemon's log. Until it works, give the reading with the drop."
+                "Run the command by hand, as the daemon's user; its stderr is in the daemon's "
+                "log. Until it works, give the reading with the drop."
             )
         return (
-            "Look whether the sensor's program runs and may write. Until it does, give the reading "
-            "with the drop."
+            "Check that the sensor's program runs and may write the file. Until it does, give "
+            "the reading with the drop."
         )
 
     def _read(self) -> None:
@@ -178,21 +178,21 @@ def _fresh(path: Path, max_age_s: float) -> bytes:
         )
     # After the clock was set back, a file that nobody writes any more would look fresh for long.
     if age_s < -max_age_s:
-        raise _NoReadingError(f"was last written at {utc_at(written_s)}, which is yet to come")
+        raise _NoReadingError(f"was last written at {utc_at(written_s)}, which is in the future")
     return content
 
 
 def _parsed(content: bytes, file: str) -> Environment:
-    """Return what a sensor's JSON says, held to what a campaign may say."""
+    """Return the values of a sensor's JSON, validated like those of a campaign."""
     try:
         fields = Fields(parse_json(content, file), file=file, known=ENVIRONMENT_KEYS)
         found = environment_from_json(fields)
     except CampaignError as error:
         raise _NoReadingError(
-            f"makes no sense: {error.json_path} {error.reason.rstrip('.')}"
+            f"is not plausible: {error.json_path} {error.reason.rstrip('.')}"
         ) from error
     if found is None:
-        raise _NoReadingError(f"makes no sense: it has neither {' nor '.join(ENVIRONMENT_KEYS)}")
+        raise _NoReadingError(f"is not usable: it has neither {' nor '.join(ENVIRONMENT_KEYS)}")
     return found
 
 

@@ -29,8 +29,12 @@ class BusyError(RequestRefusedError):
     def __init__(self, owner: str, number: int | None) -> None:
         self.owner = owner
         self.number = number
-        what = f"drop {number} of {owner} is under way" if number else f"{owner} holds the rig"
-        super().__init__(f"The rig is busy: {what}. Wait for its end, or abort it.")
+        what = (
+            f"drop {number} of {owner} is under way"
+            if number
+            else (f"{owner} has reserved the rig")
+        )
+        super().__init__(f"The rig is busy: {what}. Wait until it ends, or abort it.")
 
 
 class RequestAbortedError(RequestRefusedError):
@@ -46,7 +50,8 @@ class RequestAbortedError(RequestRefusedError):
         self.by = by
         self.aborted_utc = aborted_utc
         super().__init__(
-            f"Aborted: accepted before the abort at {aborted_utc} by {by}, so it moves nothing."
+            f"Aborted: accepted before the abort at {aborted_utc} by {by}, so it was not carried "
+            "out."
         )
 
 

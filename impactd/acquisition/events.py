@@ -1,4 +1,4 @@
-"""What may happen to a rig, as the transition table knows it.
+"""The events of the transition table.
 
 The names are past or passive on purpose: an event is something that has happened, so the table
 can only say what the state is now. What is to be done next is the service's affair.

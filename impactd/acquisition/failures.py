@@ -1,4 +1,4 @@
-"""What goes wrong during a drop, as problems a person can act on.
+"""Failures of a drop as problems with a remedy.
 
 One table says for each error of a driver or of the archive how it is called outside, and whether
 it puts the rig itself in doubt. A lost or disobedient device does; a missed trigger does not.
@@ -34,8 +34,8 @@ from impactd.storage.problem import Problem
 class Doubt(Enum):
     """How far a failure reaches."""
 
-    NONE = "the drop is lost, the rig is sound"
-    RETRY = "the rig is out of reach; try to reach it again"
+    NONE = "the drop is lost, the rig works"
+    RETRY = "a device cannot be reached; it is tried again"
     PERSON = "the rig did not obey; somebody must look at it before it moves again"
 
 

@@ -1,4 +1,4 @@
-"""Looking at the rig while nothing runs, so that READY is not said of a rig that is gone."""
+"""Checks of the rig while nothing runs, so that READY is true."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _LONG_AGO_S = -1e9
 
 
 class IdleWatch:
-    """The last look and when the next one is due; used by the loop's thread only.
+    """Times of the last and the next check; used by the loop's thread only.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class IdleWatch:
         return pause_s >= self._settings.timeouts.idle_check_every_s
 
     def look_again(self) -> None:
-        """Let the next look be now, at everything: a person may have mended something."""
+        """Check everything now, because a person may have repaired something."""
         self._looked_s = _LONG_AGO_S
         self._looks = 0
 

@@ -1,4 +1,4 @@
-"""What was observed during a drop, and how it goes into the shot file."""
+"""The observation of a drop, and how it goes into the shot file."""
 
 from __future__ import annotations
 

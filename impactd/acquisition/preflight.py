@@ -1,4 +1,4 @@
-"""What must be true before the valve may open: facts in, checks with sentences out.
+"""Checks before the valve may open: measured facts in, results with sentences out.
 
 Nothing here touches a device or the disk; the service collects the facts.
 """
@@ -93,7 +93,8 @@ def check_input(baseline: Baseline, limits: PreflightSection, trigger: TriggerSe
             False,
             f"{found}: the baseline must lie between {limits.baseline_min_v * 1e3:g} and "
             f"{limits.baseline_max_v * 1e3:g} mV",
-            "See that nothing rests on the cell, then wait until its conditioner has settled.",
+            "Make sure that nothing rests on the cell, then wait until its conditioner has "
+            "settled.",
         )
     highest_v = abs(trigger.level_v) - trigger.hysteresis_v
     if baseline.peak_v > highest_v:
@@ -102,7 +103,7 @@ def check_input(baseline: Baseline, limits: PreflightSection, trigger: TriggerSe
             False,
             f"{found}, peak {baseline.peak_v * 1e3:.1f} mV: nothing may exceed "
             f"{highest_v * 1e3:g} mV, which is near the trigger",
-            "Wait until the last sphere lies still; look for knocks and vibration.",
+            "Wait until the last sphere is at rest; look for shocks and vibration.",
         )
     if baseline.noise_rms_v > limits.noise_max_v:
         return Check(

@@ -1,4 +1,4 @@
-"""A thread that writes and tells what happens, so that whoever moves something need not wait.
+"""A thread that writes steps and events, so that the rig's thread need not wait.
 
 The index may be locked, or its disk slow; steps of a drop and events queue up here meanwhile, in
 their order. What counts (the row before the release, the shot) is written by the drop itself.

@@ -1,4 +1,4 @@
-"""What a step of a drop finds wrong by itself, in words a person can act on."""
+"""Reasons for which a step of a drop refuses to continue, each with a remedy."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def not_held(limit_s: float, reading: VacuumReading, words: str) -> StepFailedEr
             "No sphere is held",
             504,
             f"No sphere was held within {limit_s:g} s; the gauge reads {reading.volts:.2f} V.",
-            f"Please {words}; look for a leak and a stopped pump if one hangs there.",
+            f"Please {words}; if one hangs there, look for a leak or a stopped pump.",
         )
     )
 
@@ -58,7 +58,8 @@ def early_trigger(seen_s: float, fall_s: float, record: Record) -> StepFailedErr
             500,
             f"The trigger came {seen_s * 1e3:.1f} ms after the valve, and the fall takes "
             f"{fall_s * 1e3:.1f} ms: that was not the sphere.",
-            "Look for vibration and for a trigger level too near the noise; then repeat.",
+            "Look for vibration, and for a trigger level that is too close to the noise; then "
+            "repeat the drop.",
         ),
         record=record,
     )
@@ -73,7 +74,7 @@ def not_released(limit_s: float, reading: VacuumReading, record: Record | None) 
             504,
             f"The valve was opened and the gauge still says held ({reading.volts:.2f} V) after "
             f"{limit_s:.2f} s: relay or valve is stuck.",
-            "Check the relay and the valve, take the sphere off, then acknowledge the fault.",
+            "Check the relay and the valve, remove the sphere, then acknowledge the fault.",
         ),
         doubt=Doubt.PERSON,
         record=record,
@@ -91,8 +92,8 @@ def no_impact(
             504,
             f"No impact above {level_v * 1e3:g} mV was seen within {limit_s:.2f} s of the release; "
             f"the fall takes {fall_s:.3f} s.",
-            "Look where the sphere went; if it hit the coupon, lower trigger.level_v or check cell "
-            "and conditioner.",
+            "Find the sphere. If it hit the coupon, lower trigger.level_v or check cell and "
+            "conditioner.",
         ),
         record=record,
     )
@@ -101,6 +102,8 @@ def no_impact(
 def aborted_when_full(record: Record) -> StepFailedError:
     """The abort came as the record was full; it is kept as evidence."""
     return StepFailedError(
-        Problem("aborted", "Drop aborted", 409, "Aborted as the record was full.", ""),
+        Problem(
+            "aborted", "Drop aborted", 409, ("The drop was aborted when the record was full."), ""
+        ),
         record=record,
     )

@@ -1,4 +1,4 @@
-"""Who has reserved the rig, and what an abort found there: values without behaviour."""
+"""The reservation of the rig, and what an abort found there: values without behaviour."""
 
 from __future__ import annotations
 
@@ -88,7 +88,9 @@ def report_of(
     if ended is not None:
         what = f"Drop {ended} was aborted."
     elif before is State.STORING:
-        what = f"Drop {drop} was past aborting: nothing moves any more and its shot is kept."
+        what = (
+            f"Drop {drop} could no longer be aborted: nothing moves any more, and its shot is kept."
+        )
     elif before is State.STOPPING:
         what = f"Drop {drop} was ending already."
     else:
@@ -96,7 +98,7 @@ def report_of(
     if reservation is not None:
         what += f" The series of {reservation.owner} was ended."
     if entering:
-        what += " A request that was about to begin is refused."
+        what += " A request that was about to start is refused."
     if troubles:
         what += " NOT MADE SAFE: " + " ".join(str(trouble) for trouble in troubles)
     else:

@@ -1,4 +1,4 @@
-"""The thread that drives the devices: connect, look while idle, walk drops, clean up, recover.
+"""The thread that drives the devices: connect, watch while idle, run drops, clean up, recover.
 
 Every failure of a drop and every abort ends in `RigLoop._clean_up`: vacuum on, digitizer stopped,
 evidence kept, the drop's row closed with its reason, and then IDLE, or FAULT when the rig itself
@@ -190,7 +190,7 @@ class RigLoop:
         return True
 
     def look_again(self) -> None:
-        """Let the next look be now, because a person may have mended something."""
+        """Check the devices now, because a person may have repaired something."""
         self.watch.look_again()
         self._wake.set()
 
@@ -231,7 +231,7 @@ class RigLoop:
         try:
             self._turn()
         except Exception as error:  # a defect must not end the thread that closes the valve
-            _log.exception("the acquisition loop met a defect")
+            _log.exception("the acquisition loop failed unexpectedly")
             self._doubt(failure_of(error))
 
     def _turn(self) -> None:
@@ -389,7 +389,7 @@ class RigLoop:
         self.tell_state()
         state, problem = ending_of(run, failure)
         if problem.type == "internal":
-            _log.error("a drop met a defect", drop=run.drop.number, exc_info=error)
+            _log.error("a drop failed unexpectedly", drop=run.drop.number, exc_info=error)
         number = run.drop.number
         kept = keep_evidence(self._archive, run, failure, problem.detail)
         stuck = self._rows.close(number, state, problem)

@@ -1,4 +1,4 @@
-"""The acquisition service: admits one drop at a time, walks it, aborts it, and says how it is.
+"""The acquisition service: admits one drop at a time, runs it, aborts it, reports the status.
 
 ::
 
@@ -335,7 +335,7 @@ class AcquisitionService:
     # Answers
 
     def status(self) -> ServiceStatus:
-        """Return the one honest light and what is behind it."""
+        """Return the status and its reasons."""
         with self._loop.present:
             run, state = self._loop.run, self._loop.machine.state
             reservation, aftermath = self._admission.reservation, self._loop.aftermath

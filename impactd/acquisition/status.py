@@ -1,4 +1,4 @@
-"""The one honest light: READY or NOT READY, why, and what to do, in one sentence."""
+"""The status: READY or NOT READY, why, and what to do, in one sentence."""
 
 from __future__ import annotations
 
@@ -123,9 +123,9 @@ def _why_not(facts: Facts) -> str:
     if facts.state is State.FAULT:
         return _about_fault(facts.fault, facts.retry_s)
     if facts.state in BUSY and facts.drop is not None:
-        return f"drop {facts.drop} of {facts.owner} {facts.doing}; wait for its end, or abort it."
+        return f"drop {facts.drop} of {facts.owner} {facts.doing}; wait until it ends, or abort it."
     if facts.owner is not None:
-        return f"{facts.owner} holds the rig; wait for its end, or abort it."
+        return f"{facts.owner} has reserved the rig; wait until it ends, or abort it."
     refusal = next((check for check in facts.checks if not check.ok), None)
     if refusal is not None:
         remedy = f" {refusal.remedy}" if refusal.remedy else ""
@@ -135,7 +135,7 @@ def _why_not(facts: Facts) -> str:
 
 def _about_fault(fault: Failure | None, retry_s: float) -> str:
     if fault is None:
-        return "the rig is in doubt; check it, then acknowledge the fault."
+        return "the state of the rig is uncertain; check it, then acknowledge the fault."
     what = f"{fault.problem.detail} {fault.problem.remedy}".strip()
     if fault.doubt is Doubt.PERSON:
         return f"{what} Then acknowledge the fault."

@@ -1,4 +1,4 @@
-"""Every state of the rig and every way from one to another, in one table.
+"""Every state of the rig and every transition, in one table.
 
 There is no I/O here, no clock and no thread: the service does things, then tells `Machine` what
 happened. An event that the table does not know in a state raises `IllegalTransitionError` and

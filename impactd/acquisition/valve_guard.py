@@ -1,4 +1,4 @@
-"""The one place where the valve opens, and the promise that it closes again.
+"""The one place where the valve opens, and the guarantee that it closes again.
 
 ::
 

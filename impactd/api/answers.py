@@ -1,4 +1,4 @@
-"""From the archive's values to what goes over the wire."""
+"""The archive's values as the models of the API's answers."""
 
 from __future__ import annotations
 
@@ -182,7 +182,7 @@ def timestamp(name: str, text: str | None) -> str | None:
     except (ValueError, OverflowError) as error:
         raise ProblemError(
             "invalid",
-            f"{name} is {text!r}, which is no ISO 8601 moment.",
+            f"{name} is {text!r}, which is not an ISO 8601 timestamp.",
             remedy="Write it like 2026-03-01 or 2026-03-01T12:00:00Z.",
         ) from error
 

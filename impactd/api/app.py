@@ -143,8 +143,8 @@ async def _http_problem(request: Request, error: Exception) -> JSONResponse:
         return error.response()
     method, path = request.method, request.url.path
     detail = {
-        404: f"Nothing lives at {path}.",
-        405: f"{path} does not know {method}.",
+        404: f"There is no resource at {path}.",
+        405: f"{path} does not support {method}.",
     }.get(error.status_code, str(error.detail))
     headers = dict(error.headers or {})
     if error.status_code == 405:

@@ -1,4 +1,4 @@
-"""Who asked for what: every write is kept as an event, with the name of its token.
+"""The audit log: every write is kept as an event, with the name of its token.
 
 It is written after the answer has gone out, so that nobody, least of all an abort, waits for it.
 """

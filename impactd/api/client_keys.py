@@ -1,4 +1,4 @@
-"""Idempotency keys are each client's own: per token, and per kind of job.
+"""Idempotency keys belong to one token and one kind of job.
 
 Stored as ``token 3 KEY`` for drops and calibrations and ``token 3 fit KEY`` for jobs, so that no
 key of one client meets another's, or one that the daemon made for itself.
@@ -39,5 +39,5 @@ def job_key(caller: Caller, kind: str, key: str | None) -> str | None:
 
 
 def own_part(stored: str) -> str:
-    """Return a stored key as its client sent it; a key that is nobody's stays as it is."""
+    """Return a stored key as its client sent it; a key without a client stays unchanged."""
     return _NAMESPACE.sub("", stored, count=1)

@@ -1,4 +1,4 @@
-"""HEAD and ETags for every JSON answer: whoever has it already gets 304 without a body.
+"""HEAD and ETags for every JSON answer: an unchanged one is a 304 without a body.
 
 A route that tags its own answer (shot files, moduli) is left alone. Nothing else passes through
 here but GET and HEAD, so that no request to move waits for it.

@@ -1,4 +1,4 @@
-"""One HTTP connection: stamps what arrives, and keeps to the limits of `connection_limit`."""
+"""One HTTP connection: stamps requests on arrival and enforces `connection_limit`."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class Connection(H11Protocol):
         self._look_at_progress()
 
     def send_400_response(self, msg: str) -> None:
-        """Count what is no HTTP in place of a line in the log."""
+        """Count input that is not HTTP, instead of logging each line."""
         self.kept.count("malformed")
         super().send_400_response(msg)
 

@@ -1,4 +1,4 @@
-"""How many connections there may be, how long each may take, and which one makes room.
+"""Limits of number and time for connections, and which one is closed first.
 
 Nobody needs a token to connect. So that a stranger who holds connections keeps nobody out, least
 of all an abort, a new connection always gets in, and the one that is worth least is closed for it.

@@ -1,4 +1,4 @@
-"""A long record as few points that look the same when drawn."""
+"""Decimation of a long record for drawing: minima and maxima are kept."""
 
 from __future__ import annotations
 

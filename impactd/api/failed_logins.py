@@ -1,4 +1,4 @@
-"""Failed authentication: told in the log, and slowed down where it comes again and again."""
+"""Failed authentication: logged, and slowed down when repeated."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""JSON has no NaN, no infinity and no half characters; neither have our answers."""
+"""Values without NaN, infinity and lone surrogates, as JSON requires."""
 
 from __future__ import annotations
 

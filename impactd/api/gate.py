@@ -1,4 +1,4 @@
-"""The outermost layer of the API: what is refused before any route sees it.
+"""The outermost layer of the API: refusals before a request reaches a route.
 
 Host name, body size and content type are checked here; security headers are added to every
 answer; an error answer that is not a problem document yet becomes one; and an exception nobody
@@ -90,7 +90,7 @@ class Gate:
         self._max_body_bytes = max_body_bytes
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer one request, whatever happens behind."""
+        """Answer one request, whatever error occurs."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return

@@ -1,4 +1,4 @@
-"""What the OpenAPI document says beyond the routes: where answers lead, and who needs no token."""
+"""Links between answers, and routes without a token, in the OpenAPI document."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a request says of a material."""
+"""The body of a request to change a material."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Prometheus metrics: counted where it happens, read where it stands."""
+"""Prometheus metrics of the daemon."""
 
 from __future__ import annotations
 

@@ -56,8 +56,8 @@ _TYPES = (
         "idempotency-key-missing",
         400,
         "An Idempotency-Key is required",
-        "Send a header `Idempotency-Key` with a fresh random value, and the same value again "
-        "when you repeat the request.",
+        "Send a header `Idempotency-Key` with a new random value. Send the same value when you "
+        "repeat the request.",
     ),
     ProblemType(
         "token-missing",
@@ -83,7 +83,9 @@ _TYPES = (
         "The request may come from another site",
         "Send the `csrf` of `GET /v1/session` in the header X-CSRF-Token, or use a bearer token.",
     ),
-    ProblemType("not-found", 404, "There is no such thing", "List what exists, then ask again."),
+    ProblemType(
+        "not-found", 404, "There is no such thing", ("List what exists, then repeat the request.")
+    ),
     ProblemType(
         "method-not-allowed",
         405,
@@ -91,25 +93,36 @@ _TYPES = (
         "Use one of the methods in the `Allow` header.",
     ),
     ProblemType("busy", 409, "The rig is busy", "Wait for the drop that is running, or abort it."),
-    ProblemType("not-ready", 409, "The rig is not ready", "Mend the named cause, then ask again."),
+    ProblemType(
+        "not-ready",
+        409,
+        "The rig is not ready",
+        ("Correct the named cause, then send the request again."),
+    ),
     ProblemType(
         "aborted",
         409,
         "An abort came first",
-        "Nothing moved. Look why the rig was aborted, then ask again with a fresh Idempotency-Key.",
+        "Nothing moved. Find out why the rig was aborted, then repeat the request with a new "
+        "Idempotency-Key.",
     ),
     ProblemType(
         "idempotency-conflict",
         409,
         "This Idempotency-Key belongs to another request",
-        "Use a fresh key for a new request; repeat the old body unchanged to see the old answer.",
+        "Use a new key for a new request. Send the old body unchanged to get the old answer.",
     ),
-    ProblemType("conflict", 409, "The state forbids this", "Read the state, then decide again."),
+    ProblemType(
+        "conflict",
+        409,
+        "The state forbids this",
+        ("Read the present state, then decide what to do."),
+    ),
     ProblemType(
         "body-too-large",
         413,
         "The body is too large",
-        "Send at most the named number of bytes; recordings come in with `impactd import`.",
+        "Send at most the named number of bytes; use `impactd import` for recordings.",
     ),
     ProblemType(
         "media-type", 415, "The body is not JSON", "Send `Content-Type: application/json`."
@@ -124,10 +137,13 @@ _TYPES = (
         "host-not-allowed",
         421,
         "This host name is not served here",
-        "Use the address the daemon was given, or add the name to server.allowed_hosts.",
+        "Use the daemon's configured address, or add the name to server.allowed_hosts.",
     ),
     ProblemType(
-        "invalid", 422, "The request holds a value that is not allowed", "Mend the named members."
+        "invalid",
+        422,
+        "The request holds a value that is not allowed",
+        ("Correct the fields that are named."),
     ),
     ProblemType(
         "unknown-material",
@@ -145,7 +161,7 @@ _TYPES = (
         "damaged",
         500,
         "A stored file is damaged",
-        "Run `impactd verify`, and bring the file back from a copy.",
+        "Run `impactd verify`, and restore the file from a backup.",
     ),
     ProblemType(
         "not-yet", 501, "Not yet", "This part comes with a later release; see CHANGELOG.md."
@@ -160,7 +176,7 @@ _TYPES = (
         "unavailable",
         503,
         "The daemon cannot serve this now",
-        "Mend what the sentence names; `impactd status` says when it is well again.",
+        "Correct what the sentence names; `impactd status` says when the daemon is ready.",
     ),
     ProblemType(
         "storage",

@@ -1,4 +1,4 @@
-"""Large answers are made two at a time, with a pause: an abort must not wait for its turn.
+"""A limit on large answers, two at a time with a pause, so that an abort need not wait.
 
 An abort changes threads and goes round the event loop a dozen times. Each time it waits for
 whoever computes or writes just then, so readers that ask without end leave gaps.

@@ -1,4 +1,4 @@
-"""What requests hold: one model each, with examples for OpenAPI; answers are in `impactd.wire`.
+"""The bodies of requests, with examples for OpenAPI; answers are in `impactd.wire`.
 
 Requests are strict: unknown members, text for numbers, NaN and infinity are refused.
 Numbers carry their unit in their name, SI throughout.

@@ -1,4 +1,4 @@
-"""Who may do what: one table of every route and the scope it needs.
+"""Authorisation: one table of every route and the scope it needs.
 
 Who is asking is told by a bearer token, or by the cookie of a session that was begun with one (see
 `impactd.api.sessions`). A token is an opaque random string, stored hashed, with one of three
@@ -150,7 +150,7 @@ class Caller:
 
 
 class Limits:
-    """Threads set aside: abort and status never wait behind slow downloads or full queues."""
+    """Threads for abort and status, which never wait for slow downloads or full queues."""
 
     def __init__(self) -> None:
         self.status = anyio.CapacityLimiter(4)
@@ -170,7 +170,7 @@ _cookie = APIKeyCookie(
 
 
 async def the_daemon(request: Request) -> Daemon:
-    """Return the daemon behind this application.
+    """Return the daemon of this application.
 
     Returns
     -------
@@ -282,7 +282,7 @@ async def _caller_of_cookie(request: Request, cookie: str, *, urgent: bool) -> C
 async def _look_up(
     request: Request, look_up: Callable[[Asked], Token | None], asked: Asked, *, urgent: bool
 ) -> Token | None:
-    """Ask memory or database in a thread; whoever aborts has threads of his own for that."""
+    """Check the token in memory or the database in a thread; aborts have their own threads."""
     limits: Limits = request.app.state.limits
     limiter = limits.abort_token if urgent else limits.token
     return await anyio.to_thread.run_sync(look_up, asked, limiter=limiter)

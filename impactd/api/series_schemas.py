@@ -1,4 +1,4 @@
-"""What requests say of a series of drops."""
+"""The bodies of requests about a series of drops."""
 
 from __future__ import annotations
 

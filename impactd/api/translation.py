@@ -1,4 +1,4 @@
-"""The one place where errors of the layers below become problem documents."""
+"""The one translation of errors of the layers below into problem documents."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Are the stated uncertainties true? Simulated campaigns with random truths, fitted, and counted.
+"""Coverage of the stated uncertainties over simulated campaigns with random truths.
 
 Each campaign draws its spheres, its surfaces, moduli, cell, losses, heights and noise anew, from
 the uncertainties that its labels state. It is fitted in the two ways that the program knows:
@@ -148,7 +148,7 @@ def draw_settings(seed: int, rigs: Rigs | None = None) -> CampaignSettings:
 
 
 def campaign_pulls(seed: int, rigs: Rigs | None = None) -> list[Pull]:
-    """Simulate one campaign, fit it in both ways, and lay what is stated beside the truth.
+    """Simulate one campaign, fit it in both ways, and compare the results with the truth.
 
     Returns
     -------

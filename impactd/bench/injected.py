@@ -1,4 +1,4 @@
-"""Effects put into recordings of others: are they named, and nothing where nothing was put in?
+"""Effects added to recordings of others: whether they are named, and nothing else.
 
 ``python -m impactd.bench.injected --data FOLDER``: every folder in it with a ``campaign.json`` is
 diagnosed as it is, and with each of four effects of drawn size put into all of its records:
@@ -137,7 +137,7 @@ def _changed(x: Array, rate_hz: float, case: Case, rng: np.random.Generator) -> 
 
 
 def _filtered(x: Array, b: Array, a: Array) -> Array:
-    """Return a record behind a filter that had settled at its first sample."""
+    """Return a filtered record; the filter has settled at its first sample."""
     return np.asarray(lfilter(b, a, x, zi=lfilter_zi(b, a) * x[0])[0])
 
 

@@ -1,4 +1,4 @@
-"""An archive of many shots, for benchmarks and tests: rows and fits, as many drops leave them.
+"""An archive of many shots, for benchmarks and tests: rows and fits as after many drops.
 
 A simulated campaign is fitted by the program's own tasks; its results are then copied, each with
 its modulus moved within its uncertainty, under as many drops as are asked for. The shots have rows

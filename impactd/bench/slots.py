@@ -1,4 +1,4 @@
-"""Where does an unknown live? Effects from outside the library, their slots judged and counted.
+"""The slots that are given to effects from outside the library, judged and counted.
 
 Only the base model is fitted and every family of columns asked, to first order: seconds a campaign,
 where a whole diagnosis takes minutes. What a diagnosis learns beyond first order is left out.
@@ -55,7 +55,7 @@ class Judged:
 
     @property
     def named(self) -> list[str]:
-        """The slots a verdict would name: the likeliest, and those beside it."""
+        """The slots of a verdict: the likeliest, and those that it cannot exclude."""
         least = CRITERIA.slot.named_beside_share * max(self.odds.values())
         return [slot for slot, p in self.odds.items() if p >= least]
 

@@ -71,7 +71,7 @@ class ImpactDetector(Device):
             If nothing was said of what to drop.
         """
         if self._asked is None:
-            raise RigError("nothing is named to be dropped: call drop_next first.")
+            raise RigError("no sphere is named for the next drop: call drop_next first.")
         await self._rig.wait_until_ready()
         self._shot = shot = await self._rig.drop(*self._asked)
         path = self._folder / f"shot-{shot.number:06d}.h5"
@@ -143,7 +143,7 @@ class ImpactDetector(Device):
 
 
 def _numbers(name: str, shot: Shot, path: Path) -> dict[str, tuple[Any, str]]:
-    """Return what a shot says, each with its unit; not-a-number is what is not to be used."""
+    """Return a shot's numbers with their units; a modulus that must not be used is not-a-number."""
     import h5py  # noqa: PLC0415 - it is slow to load, and plans are made without it
 
     with h5py.File(path) as file:

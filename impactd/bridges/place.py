@@ -1,4 +1,4 @@
-"""How far a bridge has come in the daemon's events, on the disk."""
+"""The last event that a bridge has sent, kept on the disk."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Place:
                 self.last = int(json.loads(file.read_text(encoding="utf-8"))["last_event"])
             except (ValueError, KeyError, TypeError) as error:
                 raise RigError(
-                    f"{file} holds no place in the events; remove it to begin with the next event."
+                    f"{file} holds no event number; remove the file to begin with the next event."
                 ) from error
 
     def arrived(self, number: int) -> None:

@@ -1,4 +1,4 @@
-"""Webhooks: every event as a signed POST, repeated until it is taken.
+"""Webhooks: every event as a signed POST, repeated until it is accepted.
 
 The headers and the signature are those of Standard Webhooks (standardwebhooks.com): HMAC-SHA-256
 over id, time and body, so that any of its libraries checks them.

@@ -154,7 +154,7 @@ class CalibrationRunner:
                     "Calibration interrupted",
                     500,
                     f"The daemon ended after {len(run.drops)} drops of calibration {run.number}.",
-                    "Ask for a new calibration; its slot stays used.",
+                    "Request a new calibration; its slot stays used.",
                 )
                 ended.append(self._archive.calibrations.fail(run.number, problem))
         return ended
@@ -187,13 +187,13 @@ class CalibrationRunner:
         if unattended and not self._settings.rig.unattended_safe:
             raise CalibrationRefusedError(
                 "The rig is not declared safe for unattended runs.",
-                "Stand by the rig and run `impactd calibrate`, or, after somebody answered for it, "
-                "set rig.unattended_safe = true.",
+                "Run `impactd calibrate` while you stand at the rig. Or set rig.unattended_safe "
+                "= true, after a responsible person has agreed.",
             )
         if unattended and self._settings.valve.adc_channel is None:
             raise CalibrationRefusedError(
-                "Unattended, nobody can tell whether a sphere is held: the valve has no gauge.",
-                "Stand by the rig, or wire a vacuum gauge and set valve.adc_channel.",
+                "An unattended run cannot see whether a sphere is held: the valve has no gauge.",
+                "Stay at the rig, or connect a vacuum gauge and set valve.adc_channel.",
             )
         drops = [
             PlannedDrop(item["sphere"], item["surface"], float(item["drop_height_m"]))
@@ -319,7 +319,7 @@ class CalibrationRunner:
         else:
             problem = failure_of(error).problem
             if problem.type == "internal":
-                _log.error("a calibration met a defect", number=run.number, exc_info=error)
+                _log.error("a calibration failed unexpectedly", number=run.number, exc_info=error)
         try:
             self._archive.calibrations.fail(run.number, problem)
         except ArchiveError:
@@ -340,5 +340,5 @@ def _aborted(run: Calibration, problem: Problem | None) -> Problem:
         "Calibration aborted",
         409,
         f"Calibration {run.number} was aborted: {problem.detail if problem else 'no reason given'}",
-        "Ask for a new calibration when the rig is free.",
+        "Request a new calibration when the rig is free.",
     )

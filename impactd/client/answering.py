@@ -1,4 +1,4 @@
-"""How requests leave and answers are read: shared by both connections."""
+"""Sending a request and reading an answer: shared by both connections."""
 
 from __future__ import annotations
 
@@ -90,5 +90,8 @@ def checked(answer: httpx2.Response) -> httpx2.Response:
     except ValueError:
         problem = None
     if not isinstance(problem, dict) or not {"type", "detail"} <= problem.keys():
-        raise RigError(f"{answer.url} answered with HTTP {answer.status_code}; is that an impactd?")
+        raise RigError(
+            f"{answer.url} answered with HTTP {answer.status_code}; check that the address is "
+            "that of an impactd daemon."
+        )
     raise problem_of(problem)

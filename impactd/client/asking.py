@@ -1,4 +1,4 @@
-"""The talks of a rig: from what a program names to what the API is asked."""
+"""From a program's arguments to the API's parameters."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def drop_body(
 
 
 def drop(body: Json, key: str, tell: Tell) -> Talk[Json]:
-    """Ask for a drop and return its shot, analysed and held against its repetitions."""
+    """Request a drop and return its shot, analysed and compared with its repetitions."""
     begun = yield from talk.send("POST", "/v1/drops", body, key=key)
     return (yield from talk.shot_of_drop(begun["number"], tell))
 

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class AsyncRig:
-    """A rig behind its daemon; what `Rig` does, awaited.
+    """A rig and its daemon; the methods of `Rig`, awaited.
 
     Parameters
     ----------
@@ -253,7 +253,7 @@ class AsyncRig:
         return await self.connection.run(talk.get("/v1/moduli", **filters))
 
     def events(self, after: int | None = None) -> AsyncIterator[Event]:
-        """Return the events as they come, over lost lines and restarts, behind ``after``."""
+        """Return the events after ``after``, also over lost connections and restarts."""
         return self.connection.events(after)
 
     @asynccontextmanager

@@ -1,4 +1,4 @@
-"""Where the daemon is and who asks, as the environment says it."""
+"""The address of the daemon and the token, from the environment."""
 
 from __future__ import annotations
 

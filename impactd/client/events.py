@@ -51,7 +51,7 @@ class Position:
         self.again_after_s = _AGAIN_AFTER_S
 
     def options(self, timeout_s: float) -> dict[str, Any]:
-        """Return the request that goes on behind what was seen."""
+        """Return the request that continues after the last event."""
         headers = {"Accept": "text/event-stream"}
         if self.last is not None:
             headers["Last-Event-ID"] = str(self.last)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 class Rig:
-    """A rig behind its daemon.
+    """A rig and its daemon.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is said to a daemon and in which order, without a word of how it gets there.
+"""Sequences of requests to a daemon, independent of the transport.
 
 A talk is a generator: it yields what is to be asked and gets the answer's JSON. `Connection` and
 `AsyncConnection` carry the same talks, so that waiting, repeating and ending are written once.
@@ -58,7 +58,7 @@ def fresh_key() -> str:
 
 
 def silent(text: str, share: float | None) -> None:
-    """Tell nobody."""
+    """Report no progress."""
 
 
 def get(path: str, **query: Any) -> Talk[Json]:
@@ -128,7 +128,7 @@ def watch_drop(number: int, tell: Tell) -> Talk[Json]:
 
 
 def compared_shot(number: int) -> Talk[Json]:
-    """Return a shot once it was held against its repetitions, or as it is after a while."""
+    """Return a shot once it was compared with its repetitions, or as it is after a time limit."""
     ends_s = time.monotonic() + _COMPARED_WITHIN_S
     while True:
         shot = yield from get(f"/v1/shots/{number}")

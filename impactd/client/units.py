@@ -1,4 +1,4 @@
-"""Lengths: ``45 * mm`` is 0.045 m, the very number that a settings file says."""
+"""Lengths: ``45 * mm`` is 0.045 m, exactly the number of a settings file."""
 
 from __future__ import annotations
 

@@ -40,8 +40,8 @@ def _positive(seconds: float | None) -> float | None:
     """Return seconds as given; anything but a positive number is wrong usage."""
     if seconds is not None and not (math.isfinite(seconds) and seconds > 0):
         raise typer.BadParameter(
-            f"{seconds:g} is no time to search in; give a positive number of seconds, or leave the "
-            "option out to search to the end."
+            f"{seconds:g} is not a valid search time; give a positive number of seconds, or leave "
+            "the option out to search to the end."
         )
     return seconds
 
@@ -75,7 +75,9 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
         bool,
         typer.Option(
             "--identifiability",
-            help="Also say what the shots fix and what they do not, with profile likelihoods.",
+            help=(
+                "Also say what the shots determine and what they do not, with profile likelihoods."
+            ),
         ),
     ] = False,
     csv_out: Csv = None,
@@ -137,7 +139,7 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
     guard: Guard = 1.0,
     of: Of = Modulus.YOUNG,
 ) -> None:
-    """Show what the uncertainty of every modulus is made of, and what would lessen it most.
+    """Show the uncertainty budget of every modulus, and what would reduce it most.
 
     With a limit also whether the modulus passes, fails or is undecided (JCGM 106).
     """
@@ -162,7 +164,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     base: Annotated[
         BaseModel | None,
         typer.Option(
-            "--base", help="Model to start from; by default kv2, or kv where a campaign obeys that."
+            "--base", help="Model to start from; by default kv2, or kv if the campaign obeys kv."
         ),
     ] = None,
     budget_s: Annotated[
@@ -170,8 +172,10 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
         typer.Option(
             "--budget",
             metavar="SECONDS",
-            help="Search no longer than this: the best verdict so far, and the words that it is "
-            "one. The base fit is always made.",
+            help=(
+                "Search no longer than this, then give the best verdict so far and say that it is "
+                "one. The base fit is always made."
+            ),
             callback=_positive,
         ),
     ] = None,

@@ -98,12 +98,15 @@ def refit(  # noqa: PLR0917 - typer reads options from the parameters
         list[str] | None,
         typer.Option(
             "--model",
-            help="Repeatable; those of every new shot without it.",
+            help="Repeatable; without it, the models of every new shot.",
             autocompletion=completions.models,
         ),
     ] = None,
     label: Annotated[
-        str, typer.Option("--label", help="Another label fits again what is done already.")
+        str,
+        typer.Option(
+            "--label", help=("With a new label, shots that are done already are fitted again.")
+        ),
     ] = "",
     config: Config = None,
     data: Data = None,

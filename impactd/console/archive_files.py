@@ -129,13 +129,13 @@ def verify(*, config: Path | None, data: Path | None, as_json: bool) -> None:
         for finding in bad:
             print(f"{finding.subject}: {finding.problem}")
     if bad:
-        raise Failure(f"{len(bad)} of {len(found)} things are not as they were stored.")
+        raise Failure(f"{len(bad)} of {len(found)} items are not as they were stored.")
     if not as_json:
-        print(f"All {len(found)} things are as they were stored.")
+        print(f"All {len(found)} items are as they were stored.")
 
 
 def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
-    """Rebuild the index from journal and files; print what it holds now and what is lost.
+    """Rebuild the index from journal and files; print its contents and what is lost.
 
     Parameters
     ----------
@@ -170,5 +170,5 @@ def reindex(*, config: Path | None, data: Path | None, as_json: bool) -> None:
             print(f"The old index is kept as {report.old_index}.")
     if report.damaged or report.lost:
         raise Failure(
-            f"{len(report.damaged)} things are not what was written, {len(report.lost)} are lost."
+            f"{len(report.damaged)} items are not what was written, {len(report.lost)} are lost."
         )

@@ -49,7 +49,7 @@ def restore(
     data: Data = None,
     as_json: Json = False,
 ) -> None:
-    """Make the archive of a backup in an empty data directory, and its index anew."""
+    """Restore the archive of a backup into an empty data directory, and rebuild its index."""
     from impactd.console.failure import Failure
     from impactd.console.tables import print_json
     from impactd.storage.backup import restore as restored
@@ -66,4 +66,4 @@ def restore(
         for line in (*report.damaged, *report.lost):
             print(line)
     if report.damaged or report.lost:
-        raise Failure("the backup does not give back everything, see above.")
+        raise Failure("the backup does not restore everything, see above.")

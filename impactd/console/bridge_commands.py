@@ -20,7 +20,9 @@ app = typer.Typer(help="Carry events to MQTT or webhooks, or show the rig over O
 _State = Annotated[
     Path | None,
     typer.Option(
-        "--state", metavar="FILE", help="Keeps how far it came, so that a restart misses nothing."
+        "--state",
+        metavar="FILE",
+        help=("Keeps the number of the last event, so that a restart misses nothing."),
     ),
 ]
 
@@ -34,7 +36,7 @@ def mqtt(  # noqa: PLR0917 - the framework fills them by name
     ] = None,
     username: Annotated[str | None, typer.Option("--username")] = None,
     password_file: Annotated[
-        Path | None, typer.Option("--password-file", help="Holds the password alone.")
+        Path | None, typer.Option("--password-file", help="File that holds only the password.")
     ] = None,
     tls: Annotated[
         bool, typer.Option("--tls", help="Encrypt, by the system's certificates.")

@@ -65,7 +65,7 @@ def budget(
     found = result.budget()
     if found is None:
         raise Failure(
-            f"{path}: there is no modulus to account for: {result.outcome.message} A budget needs "
+            f"{path}: there is no modulus for a budget: {result.outcome.message} A budget needs "
             "radius and mass of the spheres and names of the surfaces."
         )
     document: Json = {**found, "model": result.model, "outcome": result.outcome.message}
@@ -135,7 +135,7 @@ def of_the_archive(
 def _refuse_ending(report_out: Path | None) -> None:
     """Refuse before anything is computed for a report of no known kind."""
     if report_out is not None and report_out.suffix.lower() not in (".html", ".pdf"):
-        raise Failure(f"{report_out} ends in neither .html nor .pdf, which are the reports.")
+        raise Failure(f"{report_out} ends in neither .html nor .pdf; a report is one of these.")
 
 
 def _deliver(document: Json, names: list[str], report_out: Path | None) -> None:
@@ -209,8 +209,8 @@ def budget_table(title: str, one: Json) -> str:
     value = {"value": one["value"], "u": one["u"], "unit": "Pa"}
     said = f"{title} = {measured(value, scale=1e-9)} GPa (95 %), u = {one['relative_u']:.2%}"
     parts = (
-        f"{one['relative_u_common']:.2%} common to all shots, "
-        f"{one['relative_u_averaged']:.2%} that more shots lessen"
+        f"{one['relative_u_common']:.2%} common to all shots, {one['relative_u_averaged']:.2%} "
+        "reduced by more shots"
     )
     rows = [
         (
@@ -234,7 +234,7 @@ def budget_table(title: str, one: Json) -> str:
         [
             f"{said} ({parts})",
             table((*headings, "traceable to"), rows),
-            "* lessened by more shots; all else is common to them.",
+            "* reduced by more shots; everything else is common to them.",
             one["improve"],
             *decision,
         ]

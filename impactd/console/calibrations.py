@@ -73,7 +73,7 @@ def _watch(client: Connection, number: int) -> dict[str, Any]:
         )
     except KeyboardInterrupt:
         raise Failure(
-            f"calibration {number} goes on without you; `impactd abort` ends it."
+            f"calibration {number} continues without this command; `impactd abort` ends it."
         ) from None
     finally:
         progress("", last=True)

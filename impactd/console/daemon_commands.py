@@ -75,13 +75,14 @@ def make_safe(
 
 def demo(
     seed: Annotated[
-        int | None, typer.Option("--seed", min=0, help="Of everything drawn; fresh without it.")
+        int | None,
+        typer.Option("--seed", min=0, help=("Seed of everything drawn; random without it.")),
     ] = None,
     effect: Annotated[
         str,
         typer.Option(
             "--effect",
-            help="What the rig hides: an effect's id, random, or none.",
+            help="Hidden effect of the rig: an effect's id, random, or none.",
             autocompletion=completions.effects,
         ),
     ] = "random",
@@ -89,7 +90,7 @@ def demo(
         "impactd-demo"
     ),
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the outcome as JSON; the story goes to stderr.")
+        bool, typer.Option("--json", help="Print the outcome as JSON; progress goes to stderr.")
     ] = False,
 ) -> None:
     """Do the whole job once on a simulated rig.
@@ -125,7 +126,7 @@ def bench(
 
 
 def doctor(config: Config = None, data: Data = None, as_json: Json = False) -> None:
-    """Check the installation, and say how to mend it.
+    """Check the installation, and say how to repair it.
 
     Packages, configuration, permissions, disk, tokens and devices.
     """

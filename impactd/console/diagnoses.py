@@ -101,7 +101,7 @@ def by_the_daemon(
     with connect(url) as client:
         shots = sorted(numbers) or _all_shots(client)
         if not shots:
-            raise Failure("the archive has no shots yet; drop some, or name a campaign file.")
+            raise Failure("the archive has no shots yet; make drops, or name a campaign file.")
         body: dict[str, Any] = {"shots": shots, "base": base}
         if budget_s is not None:
             body["budget_s"] = budget_s
@@ -231,8 +231,9 @@ def _drop_next(wanted: dict[str, Any], number: int | None) -> str:
     times = "once" if wanted["repeats"] == 1 else f"{wanted['repeats']} times"
     said = (
         f"Drop next, {times}: {wanted['sphere']} on {wanted['surface']} from "
-        f"{1e3 * wanted['drop_height_m']:.1f} mm; it tells {' from '.join(wanted['separates'])} "
-        f"(one drop moves them {wanted['expected_distance']:.1f} noise units apart)."
+        f"{1e3 * wanted['drop_height_m']:.1f} mm; it distinguishes "
+        f"{' from '.join(wanted['separates'])} (one drop separates them by "
+        f"{wanted['expected_distance']:.1f} noise units)."
     )
     if number is None:
         return said

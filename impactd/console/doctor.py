@@ -77,16 +77,20 @@ def examine(config: Path | None, data: Path | None) -> Iterator[Finding]:
         settings = settings_of(config, data)
     except Exception as error:  # each check reports what it met, whatever it was
         said = sentence(error).removeprefix("impactd: ")
-        mend = "Correct what is named; config/rig.toml explains every key."
+        mend = "Correct the named key; config/rig.toml explains every key."
         yield Finding("configuration", False, said, mend)
         return
     kind = "simulated" if settings.simulated else "real"
-    yield Finding("configuration", True, f"rig {settings.rig.name!r} ({kind}) is described whole")
+    yield Finding(
+        "configuration", True, (f"rig {settings.rig.name!r} ({kind}) is completely described")
+    )
     for name, check in _CHECKS.items():
         try:
             yield from check(settings)
         except Exception as error:  # as above
-            remedy = getattr(error, "remedy", "") or "Read the sentence; then run this again."
+            remedy = getattr(error, "remedy", "") or (
+                "Correct what the sentence names, then run this again."
+            )
             said = sentence(error).removeprefix("impactd: ")
             yield Finding(name, False, said, remedy)
 
@@ -105,7 +109,7 @@ def _directory(settings: Settings) -> Iterator[Finding]:
         parent = next(part for part in directory.absolute().parents if part.exists())
         well = os.access(parent, os.W_OK)
         mend = "" if well else f"Create {directory} and give it to the daemon's user."
-        yield Finding("data directory", well, f"{directory} is not there yet", mend)
+        yield Finding("data directory", well, f"{directory} does not exist yet", mend)
         return
     well = os.access(directory, os.R_OK | os.W_OK | os.X_OK)
     mend = "" if well else f"sudo chown -R {os.getuid()} {directory}, or run as its owner."

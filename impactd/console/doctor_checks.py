@@ -74,7 +74,7 @@ def packages() -> Finding:
                 bad.append(f"{need.name} is {found}, needed is {need.specifier}")
     if bad:
         return Finding("packages", False, "; ".join(bad), again)
-    return Finding("packages", True, f"all {count} are there and new enough")
+    return Finding("packages", True, f"all {count} are installed and new enough")
 
 
 def compiled_code() -> Finding:
@@ -117,7 +117,7 @@ def port(settings: Settings) -> Iterator[Finding]:
         yield Finding(
             "port",
             False,
-            f"nobody can listen at {at}: {error.strerror or error}",
+            f"the daemon cannot listen at {at}: {error.strerror or error}",
             f"Stop what uses it (`ss -ltnp 'sport = :{server.port}'`), or change server.port.",
         )
     else:
@@ -125,7 +125,13 @@ def port(settings: Settings) -> Iterator[Finding]:
 
 
 def index(settings: Settings) -> Iterator[Finding]:
-    """Say whether the archive's index opens and holds together."""
+    """Say whether the archive's index opens and is consistent.
+
+    Yields
+    ------
+    Finding
+        One.
+    """
     import sqlite3
 
     from impactd.storage.archive import INDEX_NAME
@@ -176,7 +182,13 @@ def environment(settings: Settings) -> Iterator[Finding]:
 
 
 def tokens(settings: Settings) -> Iterator[Finding]:
-    """Say whether somebody may move the rig, and whether the token at hand is one of them."""
+    """Say whether a valid token may move the rig, and whether the one at hand may.
+
+    Yields
+    ------
+    Finding
+        One on the stored tokens, and one on the user's own.
+    """
     from impactd.client.environment import token_from_environment
     from impactd.storage.archive import Archive
     from impactd.storage.timestamp import utc_now

@@ -79,7 +79,8 @@ def _tried(settings: Settings, place: Path) -> Finding:
         reason = getattr(error, "strerror", None) or str(error)
         said = f"{place} does not take {size_bytes / 1e6:.1f} MB from user {user}: {reason}"
         mend = (
-            "Run this as the daemon's user (runuser -u impactd); else give it the folder, or room."
+            "Run this as the daemon's user (runuser -u impactd). Otherwise make that user the "
+            "owner, or free space."
         )
         return Finding(_NAME, False, said, mend)
     mount = mount_of(place.resolve())
@@ -107,7 +108,7 @@ def _survived(place: Path, archive: Path) -> Finding:
         said = f"a file that the daemon wrote on {ended[0].utc} survived its end"
         return Finding(name, True, said)
     if runs and marks:
-        said = f"the daemon that runs left one on {marks[0].utc}; none is of an earlier run"
+        said = f"the running daemon left one on {marks[0].utc}; none is of an earlier run"
     else:
         said = f"there is none in {place}: no daemon has run with it yet, or its files are removed"
     mend = "Start the daemon, stop it, and run this again: the mark must be there."

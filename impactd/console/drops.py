@@ -114,13 +114,15 @@ def _watch(client: Connection, number: int) -> dict[str, Any]:
                 asked = True
                 drop = client.get(f"/v1/drops/{number}")
                 words = hang_words(drop["sphere"], drop["surface"], drop["drop_height_m"])
-                tell(f"Drop {number}: {words}; it falls by itself once it is held.")
+                tell(f"Drop {number}: {words}; the valve opens once the sphere is held.")
         progress(text, share=share)
 
     try:
         return client.run(watch_drop(number, follow))
     except KeyboardInterrupt:
-        raise Failure(f"drop {number} goes on without you; `impactd abort` ends it.") from None
+        raise Failure(
+            f"drop {number} continues without this command; `impactd abort` ends it."
+        ) from None
     finally:
         progress("", last=True)
 
@@ -132,7 +134,7 @@ def _told(drop: dict[str, Any], shot: dict[str, Any]) -> str:
     ]
     if shot["advice"] == "repeat":
         lines.append(
-            f"  No modulus: it is not to be used. What fits say: impactd shots {shot['number']}"
+            f"  No modulus: the shot must not be used. Its fits: impactd shots {shot['number']}"
         )
     else:
         for fit in shot["fits"] or []:

@@ -64,7 +64,7 @@ def offline(
         document["identifiability"] = _profiled(result)
     _deliver(document, json_out, csv_out)
     if identifiability and usable and json_out != Path("-"):
-        print("\nWhat these shots fix, and what they do not:")
+        print("\nWhat these shots determine, and what they do not:")
         print("\n".join(f"- {line}" for line in document["identifiability"]["sentences"]))
     if document["outcome"]["status"] == "not_evaluable":
         raise Failure(f"{path}: {document['outcome']['message']}")

@@ -52,7 +52,7 @@ def run(config: Path | None, wait_s: float, *, as_json: bool = False) -> None:
         except DriverError as error:
             if time.monotonic() > ends_s:
                 raise Failure(
-                    f"the valve could NOT be made safe: {error} Take the sphere off by hand."
+                    f"the valve could NOT be made safe: {error} Remove the sphere by hand."
                 ) from error
         time.sleep(_PAUSE_S)
     if as_json:

@@ -29,12 +29,15 @@ def materials(  # noqa: PLR0917 - the framework fills them by name
         list[str] | None,
         typer.Argument(
             metavar="KEY=VALUE...",
-            help="mass_kg=6.12e-4+-2e-7, reference=true, batch.grade=G200, source='balance 3'; "
-            "an empty value takes the key away.",
+            help=(
+                "mass_kg=6.12e-4+-2e-7, reference=true, batch.grade=G200, source='balance 3'; an "
+                "empty value removes the key."
+            ),
         ),
     ] = None,
     copy_of: Annotated[
-        str | None, typer.Option("--copy-of", metavar="NAME", help="Begin a new one like this.")
+        str | None,
+        typer.Option("--copy-of", metavar="NAME", help=("Start a new one as a copy of this.")),
     ] = None,
     note: Annotated[str, typer.Option("--note", help="Why; kept with who and when.")] = "",
     url: Url = None,
@@ -48,7 +51,7 @@ def materials(  # noqa: PLR0917 - the framework fills them by name
 
     if role is None or name is None:
         if role is not None:
-            raise typer.BadParameter(f"name the {role.value}, or nothing to list all")
+            raise typer.BadParameter(f"give the name of the {role.value}, or nothing to list all")
         console.list_all(url=url, as_json=as_json)
         return
     console.show_or_change(

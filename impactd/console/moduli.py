@@ -34,6 +34,6 @@ def show(
         return
     moduli = answer.get("moduli") or {}
     if not moduli:
-        print("No moduli: no shot of that kind is analysed.")
+        print("There are no moduli: no such shot has been analysed.")
         return
     print(moduli_table(moduli))

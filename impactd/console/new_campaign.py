@@ -43,7 +43,7 @@ def run(
 
 
 def _asker() -> Ask:
-    """Return who asks: a person on a terminal, nobody in a pipe."""
+    """Return who answers questions: a person on a terminal, nobody in a pipe."""
     return _ask if sys.stdin.isatty() and sys.stderr.isatty() else propose
 
 
@@ -71,7 +71,7 @@ def _document(made: Made) -> dict[str, object]:
                 "starts_s": one.begins_s,
                 "peak": one.hit.peak,
                 "contact_s": one.contact_s,
-                "blows": one.hit.blows,
+                "blows": one.hit.impacts,
             }
             for one in made.shots
         ],
@@ -109,6 +109,6 @@ def _summary(made: Made) -> str:
 
 
 def _remark(one: Cut) -> str:
-    if one.hit.blows > 1:
-        return f"{one.hit.blows} blows kept together"
+    if one.hit.impacts > 1:
+        return f"{one.hit.impacts} hits kept in one shot"
     return "few samples in the contact" if one.hit.contact < FEW_SAMPLES else ""

@@ -64,7 +64,9 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
     ] = None,
     column: Annotated[
         list[str] | None,
-        typer.Option("--column", help="Name or number of the signal; repeatable; all takes each."),
+        typer.Option(
+            "--column", help=("Name or number of the signal; repeatable; `all` takes every one.")
+        ),
     ] = None,
     scale: Annotated[
         float,
@@ -75,10 +77,10 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
     ] = None,
     threshold: Annotated[
         float | None,
-        typer.Option("--threshold", help="A hit is what exceeds this; in --unit.", min=0),
+        typer.Option("--threshold", help="A hit exceeds this value; in --unit.", min=0),
     ] = None,
     yes: Annotated[
-        bool, typer.Option("--yes", "-y", help="Ask nothing; take what is proposed.")
+        bool, typer.Option("--yes", "-y", help="Ask nothing; accept all proposals.")
     ] = False,
     as_json: Json = False,
 ) -> None:

@@ -67,8 +67,10 @@ DecisionRule = Annotated[
     Rule,
     typer.Option(
         "--rule",
-        help="both: pass and fail need the guard band, else undecided. acceptance: a pass needs "
-        "it. rejection: a fail needs it. simple: none.",
+        help=(
+            "both: pass and fail need the guard band, otherwise undecided. acceptance: a "
+            "pass needs it. rejection: a fail needs it. simple: none."
+        ),
     ),
 ]
 Guard = Annotated[

@@ -25,7 +25,7 @@ def paper(
     seed: Annotated[int, typer.Option("--seed", help="Of the first rig.")] = 1,
     as_json: Json = False,
 ) -> None:
-    """Compute Maranzano & Hancock 2016 anew.
+    """Compute Maranzano & Hancock 2016 again.
 
     Every number stands beside theirs.
     """

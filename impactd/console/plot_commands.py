@@ -47,9 +47,11 @@ def plot(  # noqa: PLR0917 - the framework fills them by name
         Kind | None,
         typer.Option(
             "--kind",
-            help="trace: one shot, models and residuals. traces: a panel per pair. residuals: "
-            "stacked over repetitions. moduli: the network against what is stated.",
-            show_default="what fits the thing",
+            help=(
+                "trace: one shot, models and residuals. traces: a panel per pair. residuals: "
+                "stacked over repetitions. moduli: the network against the stated values."
+            ),
+            show_default="depends on what is drawn",
         ),
     ] = None,
     model: Annotated[

@@ -104,7 +104,7 @@ def save(figure: Figure, out: Path) -> None:
 
 def _refuse_ending(out: Path) -> None:
     if out.suffix.lower() not in ENDINGS:
-        raise Failure(f"{out} ends in none of {', '.join(ENDINGS)}; the ending says what to write.")
+        raise Failure(f"{out} must end in one of {', '.join(ENDINGS)}; the ending sets the format.")
 
 
 def _figure(
@@ -120,7 +120,7 @@ def _figure(
         campaign = campaign_of_files([Path(item) for item in what])
         return _of_campaign(campaign, kind or ("trace" if len(what) == 1 else None), models, shot)
     if len(what) > 1:
-        raise Failure("give shot numbers, .h5 files, or one other thing to draw.")
+        raise Failure("give shot numbers, .h5 files, or one other name to draw.")
     if first in _PAPER:
         return _PAPER[first]()
     if first == _CALIBRATIONS:
@@ -155,7 +155,7 @@ def _of_file(file: Path, kind: str | None, models: list[str], shot: str | None) 
         )
     if form in ("impactd-diagnosis/1", "impactd-fit/1"):
         return _of_document(document, kind)
-    raise Failure(f"{file} has the format {form!r}, of which nothing can be drawn.")
+    raise Failure(f"{file} has the format {form!r}, which cannot be drawn.")
 
 
 def _of_document(document: dict[str, Any], kind: str | None) -> Figure:

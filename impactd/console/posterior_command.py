@@ -40,9 +40,10 @@ def posterior(  # noqa: PLR0917 - the framework fills them by name
         Sampler, typer.Option("--sampler", help="The posterior itself, or the fit's Gaussian.")
     ] = Sampler.EMCEE,
     steps: Annotated[
-        int, typer.Option("--steps", min=20, help="Of each walker; or draws of the Gaussian.")
+        int,
+        typer.Option("--steps", min=20, help=("Steps of each walker, or draws of the Gaussian.")),
     ] = 150,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Of the random numbers.")] = 1,
+    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random numbers.")] = 1,
     as_json: Json = False,
 ) -> None:
     """Draw from the posterior of a fit, and write it for ArviZ.
@@ -94,4 +95,4 @@ def posterior(  # noqa: PLR0917 - the framework fills them by name
     if sampler is Sampler.EMCEE:
         print(f"Least effective number of draws {least:.0f}, largest R-hat {worst:.2f}.")
         if worst > _MIXED_BELOW:
-            print("The walkers have not mixed: take more --steps, or a nested sampler.")
+            print("The walkers have not mixed: use more --steps, or a nested sampler.")

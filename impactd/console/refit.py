@@ -81,7 +81,7 @@ def run(
         print_json(asdict(report))
     else:
         if report.before:
-            print(f"{report.before} shots had been done before.")
+            print(f"{report.before} shots were already done.")
         rate = report.fitted / report.duration_s if report.duration_s > 0 else 0.0
         print(f"Fitted {report.fitted} shots in {report.duration_s:.1f} s ({rate:.0f} per second).")
     if report.failed:

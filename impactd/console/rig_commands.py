@@ -28,8 +28,10 @@ from impactd.console.options import (
 _TALL_M = 2.0
 """Nobody hangs a sphere so high above a load cell; millimetres were meant."""
 
-_Since = Annotated[str | None, typer.Option("--since", help="First moment, ISO 8601.")]
-_Until = Annotated[str | None, typer.Option("--until", help="First moment that is too late.")]
+_Since = Annotated[str | None, typer.Option("--since", help="Begin of the period, ISO 8601.")]
+_Until = Annotated[
+    str | None, typer.Option("--until", help=("End of the period, exclusive, ISO 8601."))
+]
 
 
 def add_to(app: typer.Typer) -> None:
@@ -73,7 +75,7 @@ def drop(  # noqa: PLR0917 - the framework fills them by name
             "--proposed-by",
             metavar="DIAGNOSIS",
             min=1,
-            help="Make the drop that a diagnosis asks for, instead of naming one.",
+            help="Make the drop that a diagnosis proposes, instead of naming one.",
         ),
     ] = None,
     operator: Annotated[
@@ -175,7 +177,7 @@ def calibrate(  # noqa: PLR0917 - the framework fills them by name
     slot: Annotated[
         str | None,
         typer.Option(
-            "--slot", help="The timer's slot: the same slot never runs twice. Means unattended."
+            "--slot", help="The timer's slot: the same slot never runs twice. Implies unattended."
         ),
     ] = None,
     attended: Annotated[
@@ -219,7 +221,7 @@ def calibrate(  # noqa: PLR0917 - the framework fills them by name
         return
     if static is not None:
         if hold_time_s is None:
-            raise typer.BadParameter("--static needs --hold-time: a reading falls from the start")
+            raise typer.BadParameter("--static needs --hold-time: a reading decays from the start")
         calibrations.weights(
             static,
             hold_time_s=hold_time_s,
@@ -267,7 +269,7 @@ def moduli(  # noqa: PLR0917 - the framework fills them by name
     until: _Until = None,
     budget: Annotated[
         bool,
-        typer.Option("--budget", help="Show what their uncertainties are made of instead."),
+        typer.Option("--budget", help="Show the uncertainty budgets instead."),
     ] = False,
     report: Report = None,
     lower: Lower = None,
@@ -290,7 +292,7 @@ def moduli(  # noqa: PLR0917 - the framework fills them by name
         show(filters, csv_out=csv_out, url=url, as_json=as_json)
         return
     if csv_out is not None:
-        raise typer.BadParameter("--csv is for the moduli; a budget has --json and --report")
+        raise typer.BadParameter("--csv writes moduli only; use --json or --report for a budget")
     from impactd.console.budgets import of_the_archive
     from impactd.console.decisions import Asked
 

@@ -12,7 +12,7 @@ import typer
 from impactd.console.options import Config, Data, Json, open_archive
 
 app = typer.Typer(
-    help="Make, list and take back tokens.",
+    help="Make, list and revoke tokens.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -29,12 +29,11 @@ class TokenScope(StrEnum):
 @app.command()
 def create(  # noqa: PLR0917 - typer reads options from the parameters
     scope: Annotated[
-        TokenScope, typer.Option("--scope", help="read: look. operate: drop. admin: everything.")
+        TokenScope,
+        typer.Option("--scope", help=("read: look. operate: make drops. admin: everything.")),
     ],
     name: Annotated[str, typer.Option("--name", help="Whose it is; drops are owned by it.")] = "",
-    days: Annotated[
-        float | None, typer.Option("--days", min=0.0, help="How long it lives. [d]")
-    ] = None,
+    days: Annotated[float | None, typer.Option("--days", min=0.0, help="Lifetime. [d]")] = None,
     config: Config = None,
     data: Data = None,
     as_json: Json = False,

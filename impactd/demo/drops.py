@@ -83,9 +83,9 @@ def calibrate(client: Connection, console: Console) -> Json:
                     shot = client.get(f"/v1/shots/{drop['shot']}")
                     console.print(_line(shot), highlight=False)
     if run["state"] == "failed":
-        problem = run["problem"] or {"detail": "it does not say why"}
+        problem = run["problem"] or {"detail": "no reason is given"}
         console.print(f"  It failed: {problem['detail']}", highlight=False)
-        console.print("  Going on with the values of the load cell's certificate.")
+        console.print("  Continuing with the values of the load cell's certificate.")
     return run
 
 
@@ -118,7 +118,7 @@ def drop_all(client: Connection, console: Console, *, range_v: float) -> list[Js
             if not overloaded(shots[-1], range_v):
                 break
             lowered[sphere, surface, height_m] = LOWERED * wanted_m
-            console.print(f"           beyond {range_v:g} V: once more from lower down")
+            console.print(f"           above {range_v:g} V: repeated from a lower height")
     return shots
 
 

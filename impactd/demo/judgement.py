@@ -11,7 +11,7 @@ from impactd.aliases import Json
 
 @dataclass(frozen=True)
 class Judgement:
-    """How a verdict stands beside the truth.
+    """A verdict compared with the truth.
 
     Attributes
     ----------
@@ -88,7 +88,7 @@ def _nothing_found(hidden: list[str]) -> Judgement:
     acts = "acts" if len(hidden) == 1 else "act"
     return Judgement(
         "NOT FOUND",
-        f"{_and(hidden)} {acts}, but leaves no trace above the noise of these drops.",
+        f"{_and(hidden)} {acts}, but its signal is below the noise of these drops.",
     )
 
 
@@ -105,7 +105,7 @@ def _abstained(diagnosis: Json, effects: Sequence[Json]) -> Judgement:
     if inside:
         return Judgement(
             "NOT FOUND",
-            f"{_and(inside)} is in the library, and was not named; at least nothing false was. "
+            f"{_and(inside)} is in the library and was not named; nothing false was named either. "
             f"{place[0].upper()}{place[1:]}.",
         )
     word = "RIGHT" if said in slots else "PARTLY RIGHT"
@@ -128,15 +128,15 @@ def _named(diagnosis: Json, hidden: list[str]) -> Judgement:
     if not false and set(found) == set(hidden):
         if diagnosis["verdict"] == "partial":
             return Judgement(
-                "PARTLY RIGHT", f"{_and(hidden)} it is, but the model leaves structure behind."
+                "PARTLY RIGHT", f"{_and(hidden)} is right, but the model leaves structure."
             )
-        note = ", which it could not tell from others" if family else ""
-        return Judgement("RIGHT", f"{_and(hidden)} it is{note}.")
+        note = ", which could not be distinguished from others" if family else ""
+        return Judgement("RIGHT", f"{_and(hidden)} is right{note}.")
     if family and set(found) | set(relatives) == set(hidden):
         return Judgement(
             "RIGHT",
-            f"{_and(hidden)} is in the family that these drops cannot tell apart, though another "
-            "member was put first.",
+            f"{_and(hidden)} is in the family that these drops cannot distinguish, but another "
+            "member is listed first.",
         )
     if found:
         missing = [name for name in hidden if name not in found]
@@ -146,8 +146,8 @@ def _named(diagnosis: Json, hidden: list[str]) -> Judgement:
     if outside and diagnosis["verdict"] == "partial":
         return Judgement(
             "PARTLY RIGHT",
-            f"{_and(hidden)} acts, which the library does not have; {_and(named)} was taken as "
-            "a part of it, and the verdict says that structure remains.",
+            f"{_and(hidden)} acts, which is not in the library; {_and(named)} was named as a part "
+            "of it, and the verdict says that structure remains.",
         )
     return Judgement("WRONG", f"{_and(named)} was named, and {_and(hidden)} acts.")
 

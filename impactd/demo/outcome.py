@@ -263,7 +263,7 @@ def compare(
     seed: int,
     model: str | None = None,
 ) -> Outcome:
-    """Lay every rung beside the truth.
+    """Compare every model with the truth.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def compare(
         named = " + ".join(effect["id"] for effect in diagnosis["effects"])
         rungs.append(Rung("after", f"{CLOSED} + {named}", diagnosis["after"]))
     elif is_repaired(diagnosis):
-        rungs.append(Rung("after", f"{CLOSED} + learned closure", diagnosis["after"]))
+        rungs.append(Rung("after", f"{CLOSED} + learned discrepancy", diagnosis["after"]))
     pairs = [
         Row(
             f"{found['sphere']} on {found['surface']}",

@@ -36,17 +36,17 @@ PAGE = Template("""<!doctype html>
 <body>
 <h1>From a drop to a modulus, and to what the model lacked</h1>
 <p>One run of <code>impactd demo</code>: $drops drops on the simulated rig (seed $seed) through
-HTTP, the USB protocol and a serial line, as on a real one. The daemon did not know the truth, which
-was sealed until its last verdict was in.</p>
+HTTP, the USB protocol and a serial line, as on a real one. The truth was sealed until the daemon
+had given its last verdict.</p>
 <p class="verdict"><b>$verdict</b> $sentence</p>
 
-<h2>The ladder</h2>
-<p>The same drops, one model after the other. HSD takes the load cell for rigid; KV lets its crystal
-move (both Maranzano &amp; Hancock 2016); the closed KV is KV with what mechanics asks for besides:
-the dashpot pushes the crystal too, the coupon's mass rides on it, nothing pulls at lift-off, the
-sphere falls through air. The last rung is what the residual of the closed KV asked for. The noise
-before the trigger is $noise mV: no model can be better. A fit that looks good can still be off:
-compare the error with the modulus.</p>
+<h2>The models</h2>
+<p>The same drops were fitted with one model after the other. HSD assumes a rigid load cell. In KV
+its crystal moves (both Maranzano &amp; Hancock 2016). The closed KV adds the missing mechanics: the
+dashpot pushes the crystal too, the coupon's mass rides on it, nothing pulls at lift-off, the sphere
+falls through air. The last model adds what explains the residual of the closed KV. The noise before
+the trigger is $noise mV: no model can be better. A fit that looks good can still give a wrong
+modulus: compare the error with the modulus.</p>
 <div class="wide">$ladder</div>
 <p class="soft">$active</p>
 
@@ -56,12 +56,12 @@ compare the error with the modulus.</p>
 
 <h2>What was seen in the residual of the closed KV</h2>
 <ul>$seen</ul>
-<p>All of it, with the candidates and why they were refused: <a href="diagnosis.html">the report of
-the diagnosis</a>.</p>
-<figure><img alt="A trace with HSD and the closed KV, and what each leaves over" src="$trace_png">
-<figcaption>What a model leaves over shows what it lacks. HSD cannot ring as the crystal does. At
-the bottom, on its own scale: what the closed KV leaves of this sphere, coupon and height, mean over
-the repeats, and what is left with what was found.</figcaption></figure>
+<p><a href="diagnosis.html">The report of the diagnosis</a> has all of it, with the candidates and
+the reasons why they were rejected.</p>
+<figure><img alt="A trace with HSD and the closed KV, and the residual of each" src="$trace_png">
+<figcaption>The residual of a model shows what it lacks. HSD cannot ring as the crystal does. At
+the bottom, on its own scale: the residual of the closed KV for this sphere, coupon and height,
+mean over the repetitions, and the residual of the last model.</figcaption></figure>
 
 <h2>Reduced modulus E* of each pair / GPa</h2>
 <p>A drop measures E* of a pair, not the modulus of either material.
@@ -70,19 +70,19 @@ one load cell: they are inside or outside together more often than not.</p>
 <div class="wide">$pairs</div>
 
 <h2>Young's modulus of each material / GPa</h2>
-<p>From the network of all pairs and what was stated before. Poisson's ratio is never seen by a
-normal impact; its uncertainty is inside.</p>
+<p>From the network of all pairs and the stated moduli. A normal impact does not determine Poisson's
+ratio; its uncertainty is included.</p>
 <div class="wide">$materials</div>
 
 <figure><img alt="Deviation of each modulus from the truth, with 95 % intervals" src="$moduli_png">
 </figure>
 
 <h2>The load cell</h2>
-<p>What acts on the rig acted during calibration $calibration too, so what it found may be
-off by more than it says. The diagnosis therefore starts from the maker's certificate and takes the
-$calibration_drops drops of the reference spheres as drops like any other: cell, effect and moduli
-come out of one fit. Identifiable combinations first; mass, stiffness and damping by themselves stay
-as uncertain as they are.</p>
+<p>The effect acted during calibration $calibration too, so the error of that calibration may exceed
+its stated uncertainty. The diagnosis therefore starts from the maker's certificate and uses the
+$calibration_drops drops of the reference spheres like any others: one fit gives cell, effect and
+moduli. The identifiable combinations come first; mass, stiffness and damping alone stay
+uncertain.</p>
 <div class="wide">$sensor</div>
 
 <p class="soft">$software. Beside this file: <code>diagnosis.html</code> and

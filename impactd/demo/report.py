@@ -92,7 +92,7 @@ def _ladder(outcome: Outcome) -> str:
 
 def _active(outcome: Outcome) -> str:
     if outcome.model is None:
-        return "Nothing was made active: later fits stay with the closed KV."
+        return "No model was made active: later fits still use the closed KV."
     return (
         f"<code>{html.escape(outcome.model)}</code> was made the active model: later fits use it, "
         "earlier results keep theirs."

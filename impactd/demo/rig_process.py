@@ -168,7 +168,7 @@ class RigProcess:
 
     def _wait_until_ready(self, client: Connection) -> None:
         deadline = time.monotonic() + _START_LIMIT_S
-        status: dict[str, Any] = {"sentence": "nothing was heard of it"}
+        status: dict[str, Any] = {"sentence": "it gave no output"}
         while time.monotonic() < deadline:
             self._check_alive()
             status = client.get("/v1/status")

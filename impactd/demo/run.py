@@ -109,8 +109,8 @@ def _make_room(out: Path) -> None:
     strange = sorted(there - ours)
     if strange:
         raise Failure(
-            f"{out} holds things that no demo left there ({', '.join(strange[:3])}); "
-            "name another folder with --out."
+            f"{out} holds files that are not from a demo ({', '.join(strange[:3])}); name another "
+            "folder with --out."
         )
     for name in there:
         path = out / name

@@ -17,13 +17,15 @@ def say_what_runs(console: Console, seed: int, effect: str) -> None:
     """Print what is about to happen."""
     console.print(f"Simulated rig, seed {seed}; all that follows goes through its daemon.")
     if effect == "random":
-        console.print("Something acts on it that the closed KV lacks: drawn at random, and sealed.")
+        console.print(
+            "The rig has an effect that the closed KV lacks. It is drawn at random and sealed."
+        )
     elif effect != "none":
         console.print(f"The rig hides {effect}; neither daemon nor diagnosis is told.")
 
 
 def say_what_was_found(console: Console, found: Json) -> None:
-    """Print what was seen, the verdict in one sentence and the numbers of what was named.
+    """Print the residual's description, the verdict and the numbers of the named effects.
 
     Parameters
     ----------
@@ -43,7 +45,7 @@ def say_what_was_found(console: Console, found: Json) -> None:
             )
         if effect["confusable_with"]:
             others = ", ".join(effect["confusable_with"])
-            console.print(f"  These drops cannot tell it from: {others}.", highlight=False)
+            console.print(f"  These drops cannot distinguish it from: {others}.", highlight=False)
     if found["next_drop"]:
         console.print(f"  {next_drop_line(found['next_drop'])}", highlight=False)
 
@@ -59,7 +61,8 @@ def next_drop_line(wanted: Json) -> str:
     apart = " from ".join(wanted.get("separates") or [])
     return (
         f"Drop next: {wanted['sphere']} on {wanted['surface']} from "
-        f"{wanted['drop_height_m'] * 1e3:.0f} mm" + (f"; it would tell {apart}." if apart else ".")
+        f"{wanted['drop_height_m'] * 1e3:.0f} mm"
+        + ((f"; it would distinguish {apart}.") if apart else ".")
     )
 
 
@@ -76,7 +79,7 @@ def show(console: Console, outcome: Outcome) -> None:
     heading(console, "The sealed truth")
     effects = outcome.truth.get("effects") or []
     for line in [truth_line(effect) for effect in effects] or [
-        "Nothing acted that the closed KV lacks."
+        "No effect acted that the closed KV lacks."
     ]:
         console.print(f"  {line}", highlight=False)
     judgement = outcome.judgement
@@ -103,7 +106,7 @@ def _show_pairs(console: Console, outcome: Outcome) -> None:
 
 def _show_ladder(console: Console, outcome: Outcome) -> None:
     noise_mv = 1e3 * float(outcome.diagnosis["noise_rms_V"])
-    title = f"The ladder: error on held-out drops (noise: {noise_mv:.3g} mV) and specimen"
+    title = f"The models: error on held-out drops (noise: {noise_mv:.3g} mV) and specimen"
     table = _table(title, "model")
     for name in ("error / mV", "E/(1-ν²) ± U / GPa", "truth", "off by"):
         table.add_column(name, justify="right", no_wrap=True)

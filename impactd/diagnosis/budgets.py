@@ -13,8 +13,8 @@ SHOWN_SHARE = 1e-3
 """Share of the variance below which rows are told in one line; all are in the JSON."""
 NAMES = {"youngs_modulus_Pa": "E", "plane_strain_modulus_Pa": "E/(1-ν²)"}
 GROUPS = (
-    (True, "common to all shots: no repetition lessens it"),
-    (False, "of the single shots: more of them lessen it"),
+    (True, "common to all shots: repetitions do not reduce it"),
+    (False, "of the single shots: more of them reduce it"),
 )
 _HEAD = (
     "input",
@@ -65,7 +65,7 @@ def one(title: str, budget: Json) -> str:
         f'<h3 class="budget">{said}</h3>',
         f'<p class="soft">u = {_percent(budget["relative_u"])}: '
         f"{_percent(budget['relative_u_common'])} common to all shots, "
-        f"{_percent(budget['relative_u_averaged'])} that more shots lessen.</p>",
+        f"{_percent(budget['relative_u_averaged'])} reduced by more shots.</p>",
         f"<p><b>{html.escape(budget['improve'])}</b></p>",
     ]
     if budget.get("conformity"):

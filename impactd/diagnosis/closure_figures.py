@@ -50,7 +50,7 @@ def course(coefficients: dict[str, float]) -> str | None:
         if found:
             owner = found["owner"] or ""
             lines.setdefault(owner, []).append((float(found["at"] or found["lag"]), value))
-            names[owner] = "time after touch-down" if found["at"] else "lag behind the signal"
+            names[owner] = "time after touch-down" if found["at"] else "lag after the signal"
     if not lines or max(len(points) for points in lines.values()) < 4:
         return None
     with mpl.rc_context(LOOK):

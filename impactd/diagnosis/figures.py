@@ -100,7 +100,7 @@ def in_time(stacks: Json, unit: Unit) -> str | None:
 
 
 def spectra(before: Json, after: Json | None, unit: Unit) -> str:
-    """Draw the residual's power density before and after beside the noise's.
+    """Draw the residual's power density before and after, and the noise's.
 
     Parameters
     ----------

@@ -36,9 +36,9 @@ $headline
 $set_aside
 $found
 <h2>The error before and after</h2>
-<p class="soft">Held out: the error on shots that the parameters shared by all shots were not
-fitted to. With nothing missing it equals the noise before the trigger. The mean of the other hits
-needs no model: of each hit only its size, shift, stretch and offset are fitted.</p>
+<p class="soft">Held out: the error on shots to which the shared parameters were not fitted. If
+the model is complete, it equals the noise before the trigger. The mean of the other hits needs no
+model: only size, shift, stretch and offset of each hit are fitted.</p>
 <div class="wide">$quality</div>
 <h2>What was seen</h2>
 $seen
@@ -46,9 +46,9 @@ $residual_before
 $phases
 $in_time
 $spectra
-<h2>Where it lives</h2>
+<h2>Which slot</h2>
 $slots
-<h2>The trail</h2>
+<h2>Steps of the search</h2>
 $trail
 $closure
 <h2>Moduli before and after</h2>
@@ -59,9 +59,9 @@ $remains
 $residual_after
 <h2>What to drop next</h2>
 <p>$next_drop</p>
-<h2>Circumstances</h2>
-$circumstances
-<p class="soft">$software. This page was made from the diagnosis' JSON and needs nothing else.</p>
+<h2>Conditions</h2>
+$conditions
+<p class="soft">$software. This page was made from the diagnosis' JSON alone.</p>
 </body>
 </html>
 """)
@@ -139,7 +139,7 @@ def page(document: Json) -> str:
         if repaired
         else "",
         next_drop=sections.next_drop(document),
-        circumstances=sections.circumstances(document),
+        conditions=sections.conditions(document),
         software=html.escape(document["software"]),
     )
 
@@ -150,8 +150,8 @@ def _set_aside(document: Json, unit: Unit) -> str:
     more = len(drawn) - figures.MOST_SET_ASIDE
     return sections.set_aside_shots(document) + _picture(
         figures.set_aside_shots(drawn, document["noise_rms_V"], unit),
-        "The record, and the best that the model makes of it as it is labelled. Below: what that "
-        "leaves; grey: one standard deviation of a sample's noise."
+        "The record, and the model's best fit with the label as stated. Below: the residual; "
+        "grey: one standard deviation of a sample's noise."
         + (f" {more} more are not drawn." if more > 0 else ""),
     )
 
@@ -161,7 +161,7 @@ def _budgets(document: Json) -> str:
     block = document["after"]
     stated = [name for name, one in block["moduli"].items() if one["status"] == "fitted"]
     made = budgets.section(block.get("budget"), stated)
-    return f"<h2>What their uncertainty is made of</h2>{made}" if made else ""
+    return f"<h2>Uncertainty budgets</h2>{made}" if made else ""
 
 
 def _in_time(seen: Json, closure: Json | None, unit: Unit) -> str:
@@ -179,7 +179,9 @@ def _in_time(seen: Json, closure: Json | None, unit: Unit) -> str:
 def _learned(closure: Json | None, unit: Unit) -> str:
     if closure is None:
         return ""
-    drawn = _picture(closure_figures.course(closure["coefficients"]), "The closure over time.")
+    drawn = _picture(
+        closure_figures.course(closure["coefficients"]), ("The discrepancy over time.")
+    )
     if "curves" not in closure:
         return drawn
     curves = closure["curves"]
@@ -187,8 +189,8 @@ def _learned(closure: Json | None, unit: Unit) -> str:
         drawn
         + _picture(
             closure_figures.closure(curves, unit),
-            "The shot of each owner to which the closure adds most, or of each pair where every "
-            "shot has its own numbers: its residual, and what model and closure leave together.",
+            "For each owner (for each pair, if every shot has its own numbers) the shot to which "
+            "the discrepancy adds most: its residual, and the residual with the discrepancy.",
         )
         + _picture(
             closure_figures.force(curves), "The learned force, as a share of the elastic one."

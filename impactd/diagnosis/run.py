@@ -19,7 +19,7 @@ def diagnose(
     budget_s: float | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Json:
-    """Close the loop on a campaign; see `analysis.diagnosing.diagnose`.
+    """Diagnose a campaign; see `analysis.diagnosing.diagnose`.
 
     Parameters
     ----------

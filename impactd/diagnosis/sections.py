@@ -60,12 +60,14 @@ def headline(document: Json) -> str:
         )
     for name, new in after.get("moduli", {}).items():
         if new["status"] == "withheld":
-            cards.append(("withheld", f"{name}: its modulus; the table of moduli says why"))
+            cards.append(
+                ("withheld", (f"{name}: its modulus; the reason is in the table of moduli"))
+            )
         elif new["status"] == "fitted" and document["effects"]:
             change = _change(before.get("moduli", {}).get(name, {}), new)
-            cards.append((change, f"{name}: what the repair moves its modulus by"))
+            cards.append((change, f"{name}: change of its modulus by the repair"))
     p_value = document["p_value"]
-    cards.append((p_words(p_value), "that a complete model leaves such a residual"))
+    cards.append((p_words(p_value), "that a complete model leaves such a residual by chance"))
     body = "".join(
         f"<div><b>{html.escape(value)}</b><span>{html.escape(label)}</span></div>"
         for value, label in cards
@@ -79,15 +81,15 @@ def set_aside_shots(document: Json) -> str:
     if not lines:
         return ""
     return (
-        '<h2>Shots set aside</h2><p class="soft">A wrong label, height or gain, or a hit '
-        "beside the middle: no effect of the rig acts on one shot and spares its repetitions. "
-        "All else on this page rests on the other shots. Look at the label, or repeat the drop.</p>"
-        + bullets(lines)
+        '<h2>Shots set aside</h2><p class="soft">Possible causes are a wrong label, height or '
+        "gain, or an off-centre hit: no effect of the rig acts on one shot and not on its "
+        "repetitions. The rest of this page uses the other shots. Check the label, or repeat the "
+        "drop.</p>" + bullets(lines)
     )
 
 
 def _mean(document: Json) -> str:
-    """Return what the mean of other hits leaves, behind other figures."""
+    """Return the residual of the mean of the other hits, after other figures."""
     mean = (document.get("mean_waveform") or {}).get("heldout_rms_V")
     unit = unit_of(document)
     return "" if mean is None else f"; {MEAN_WAVEFORM} {_short(mean, unit)} {unit.label}"
@@ -150,19 +152,21 @@ def found(document: Json) -> str:
         )
         if effect["confusable_with"]:
             names = ", ".join(effect["confusable_with"])
-            said = "These data cannot tell it from"
+            said = "These data cannot distinguish it from"
             if _cut_short(document):
-                said = "These data cannot tell it from the following, or nobody compared them"
+                said = (
+                    "These data cannot distinguish it from the following, or they were not compared"
+                )
             parts.append(f"<p>{said}: {html.escape(names)}.</p>")
     return "".join(parts)
 
 
 def _lives(effect: Json, listed: Json) -> str:
-    """Return where an effect lives and what it is known by; of a mistake what to do."""
+    """Return an effect's slot and its characteristic; for a mistake the remedy."""
     if effect["slot"] == "record":
         return (
-            "Nothing was changed in the campaign, and the moduli rest on the value that the "
-            "recordings give. Weigh or measure again, and correct what was written down."
+            "The campaign was not changed. The moduli use the value that the recordings give. "
+            "Weigh or measure again, and correct the stated value."
         )
     tell_tale, source = (html.escape(listed.get(key, "")) for key in ("tell_tale", "source"))
     lives = f"Lives in: {html.escape(effect['slot'])}.{_where(effect)}"
@@ -176,7 +180,7 @@ def _where(effect: Json) -> str:
 
 
 def quality(document: Json) -> str:
-    """Return the figures of both models beside the noise."""
+    """Return the residuals of both models and the noise."""
     unit = unit_of(document)
     sized = (
         ("rms_V", f"rms residual / {unit.label}", unit.factor, ".4g"),
@@ -247,18 +251,18 @@ def next_drop(document: Json) -> str:
     wanted = document["next_drop"]
     if wanted is None:
         if document.get("ended_early") and document["verdict"] in ("family", "partial", "unknown"):
-            return "Nobody asked: the time was over before. Diagnose again with more of it."
+            return "This was not tested before the time was over. Diagnose again with more time."
         if document["verdict"] == "unknown" and not is_repaired(document):
             return (
-                "No drop tells more: it is there without an impact. Record the line with valve, "
-                "motors and supplies switched off in turn."
+                "No drop helps: the disturbance is there without an impact. Record the line with "
+                "valve, motors and supplies switched off in turn."
             )
         if document["verdict"] == "unknown":
             return (
                 "No drop is proposed: a proposal needs two named rivals. More heights and radii "
-                "narrow down what the closure has to be."
+                "restrict the discrepancy."
             )
-        return "Nothing that was found asks for another drop."
+        return "The result needs no further drop."
     if wanted.get("sentence"):
         return html.escape(str(wanted["sentence"]))
     times = wanted.get("repeats") or 1
@@ -269,10 +273,10 @@ def next_drop(document: Json) -> str:
     said += f", {times} times" if times > 1 else ""
     rivals = [f"<code>{html.escape(one)}</code>" for one in wanted.get("separates") or []]
     if rivals:
-        said += f": it tells {' from '.join(rivals)}"
+        said += f": it distinguishes {' from '.join(rivals)}"
     distance = wanted.get("expected_distance")
     if distance is not None:
-        said += f", {distance:.3g} noise units apart"
+        said += f", {distance:.3g} noise units between them"
     return f"{said}."
 
 
@@ -282,8 +286,8 @@ def _cut_short(document: Json) -> bool:
     return ended is not None and not ended["verdict_stands"]
 
 
-def circumstances(document: Json) -> str:
-    """Return what was assumed and what was refused."""
+def conditions(document: Json) -> str:
+    """Return the assumptions and the rejected shots."""
     lines = list(document["assumptions"])
     lines += [rejected_words(one) for one in document["rejected"]]
     unit = unit_of(document)

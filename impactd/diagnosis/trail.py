@@ -10,6 +10,7 @@ from impactd.diagnosis.markup import bullets, p_words, table
 from impactd.diagnosis.unit import Unit, unit_of
 
 OWNERS = {"rig": "one set for all shots", "shot": "numbers of its own in every shot"}
+_OF_SHOTS = ("column", "median", "least", "most", "what it correlates with")
 
 
 def slots(document: Json) -> str:
@@ -17,9 +18,9 @@ def slots(document: Json) -> str:
     if not document["slots"]:
         if document["slot"] and not document["effects"]:
             slot = html.escape(document["slot"])
-            return f"<p>On the line itself, before anything falls: the <b>{slot}</b> slot.</p>"
+            return f"<p>On the line itself, before the impact: the <b>{slot}</b> slot.</p>"
         if document.get("ended_early") and document["remaining"]["structured"]:
-            return "<p>Nobody asked: the time was over before.</p>"
+            return "<p>This was not tested before the time was over.</p>"
         return "<p>There is nothing to locate.</p>"
     rows = []
     for slot, seen in sorted(document["slots"].items(), key=lambda item: -item[1]["probability"]):
@@ -31,13 +32,13 @@ def slots(document: Json) -> str:
     shown = " or ".join(f"<b>{html.escape(name)}</b>" for name in names if name)
     said = f"<p>Most likely the {shown} slot.</p>" if document["slot"] else ""
     if len(names) == len(rows):
-        said = "<p>Nothing says which: all slots are about as likely.</p>"
+        said = "<p>The data do not say which: all slots are about equally likely.</p>"
     head = ("slot", "<span>share of the structure</span>", "probability")
     return (
-        f"{said}<p class='soft'>What the most flexible closure of each slot explains of the "
-        "structure on shots it was not fitted to. A named effect has to do as well. A slot's "
-        "probability says how far its closure falls behind the best; a weight, not a frequency."
-        "</p>" + table(head, rows).replace("<th><span>", '<th class="words"><span>')
+        f"{said}<p class='soft'>The share of the structure that the most flexible discrepancy of "
+        "each slot explains on held-out shots. A named effect must explain as much. A slot's "
+        "probability compares its discrepancy with the best one; it is a weight, not a "
+        "frequency.</p>" + table(head, rows).replace("<th><span>", '<th class="words"><span>')
     )
 
 
@@ -46,7 +47,7 @@ def _share(share: float) -> str:
 
 
 def trail(document: Json) -> str:
-    """Return every turn of the loop with its candidates and why they were not taken."""
+    """Return every step of the search with its candidates and why they were rejected."""
     parts = []
     unit = unit_of(document)
     for place, turn in enumerate(document["trail"]):
@@ -121,9 +122,9 @@ def closure(document: Json) -> str:
     other = learned.get("by_columns")
     few = f" Without it the best is {_parts(other)}." if other else ""
     return (
-        "<h2>The learned closure</h2>"
-        f"<p>What no name explains is best taken up by {_parts(learned)}."
-        f"{_share_of(learned, before)}{few}{_share_of(other or {}, before)}</p>{_formula(learned)}"
+        "<h2>The learned discrepancy</h2><p>The unnamed part of the residual is best explained "
+        f"by {_parts(learned)}.{_share_of(learned, before)}{few}{_share_of(other or {}, before)}"
+        f"</p>{_formula(learned)}"
     )
 
 
@@ -142,7 +143,7 @@ def _share_of(learned: Json, before: float | None) -> str:
     after = learned.get("heldout_rms_V")
     if not before or not after:
         return ""
-    return f" On held-out shots it brings the residual down {before / after:.3g}-fold."
+    return f" On held-out shots it reduces the residual {before / after:.3g}-fold."
 
 
 def _formula(learned: Json) -> str:
@@ -185,8 +186,8 @@ def _by_shot(numbers: Json) -> str:
     if not rows:
         return ""
     return (
-        f"<details><summary>{len(rows)} coefficients of its own in every shot</summary>"
-        f"{table(('column', 'median', 'least', 'most', 'what it goes with'), rows)}</details>"
+        f"<details><summary>{len(rows)} coefficients of its own in every "
+        f"shot</summary>{table(_OF_SHOTS, rows)}</details>"
     )
 
 
@@ -194,12 +195,12 @@ def remains(document: Json) -> str:
     """Return what the last model leaves over."""
     left = document["remaining"]
     if not left["structured"]:
-        said = f"<p>Noise: the omnibus test finds no structure ({p_words(left['p_value'])}).</p>"
+        said = f"<p>Noise: the test finds no structure ({p_words(left['p_value'])}).</p>"
     else:
         family = left.get("strongest", {}).get("family", "")
         what = FAMILIES.get(family, family)
         said = (
-            f"<p>Structure ({p_words(left['p_value'])}); what takes up most of it is "
+            f"<p>Structure ({p_words(left['p_value'])}); the family that explains most of it is "
             f"{html.escape(what)}.</p>"
         )
     after = document["residual"]["after"]

@@ -84,7 +84,7 @@ class Cut:
 
     @property
     def contact_s(self) -> float:
-        """How long the first blow lasts. [s]"""
+        """Duration of the first impact. [s]"""
         return self.hit.contact / self.rate_hz
 
 
@@ -286,7 +286,7 @@ def _find(
         said.append(f"{where}: the recording begins within a hit, which is left out.")
     elif not found.hits:
         said.append(
-            f"{where}: nothing exceeds {found.threshold:.3g} (the largest excursion is "
+            f"{where}: no sample exceeds {found.threshold:.3g} (the largest excursion is "
             f"{found.largest:.3g}, the noise {found.noise:.3g}); it is left out."
         )
     return found

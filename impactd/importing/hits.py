@@ -20,15 +20,15 @@ handling and crosstalk lie below a twentieth. It is also where a contact is said
 _FOOT = 0.1
 """Of its peak: where the width of a contact is taken; there a half-sine has 94 % of its length."""
 BEFORE_CONTACTS = 10
-"""Contacts of quiet signal before a hit: what the noise and the zero line are taken from."""
+"""Contacts of quiet signal before a hit: what the noise and the baseline are taken from."""
 AFTER_CONTACTS = 30
 """Contacts behind the touch: the cell rings out, and a droop shows."""
 _LEAST_BEFORE, _LEAST_AFTER = 64, 256
 """Samples. A standard deviation from 64 is known to 9 %; 256 hold what a contact of eight needs."""
 LEAST_QUIET = 8
-"""Samples before a hit: from fewer no zero line can be told, and the record began in the hit."""
+"""Samples before a hit: from fewer no baseline can be told, and the record began in the hit."""
 _PAUSE_CONTACTS = 2
-"""Contacts between two blows, at least: the swings of what rings follow one another faster."""
+"""Contacts between two impacts, at least: the swings of a ring follow one another faster."""
 _BLOW_SHARE = 0.2
 """Of the largest: what bounces comes back with more of its speed, what beats with less."""
 _MANY_BLOCKS, _BLOCK = 64, 32
@@ -48,10 +48,10 @@ class Hit:
     touch : int
         Sample of the record at which the contact begins.
     peak : float
-        Largest excursion from the zero line, with its sign.
+        Largest excursion from the baseline, with its sign.
     contact : int
         Width of the first swing at a tenth of its height. [samples]
-    blows : int
+    impacts : int
         1, or as many as are kept together.
     """
 
@@ -60,7 +60,7 @@ class Hit:
     touch: int
     peak: float
     contact: int
-    blows: int
+    impacts: int
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Found:
     noise : float
         Standard deviation of the quiet part, from its median absolute deviation.
     threshold : float
-        Excursion from the zero line that counts.
+        Excursion from the baseline that counts.
     begun : int
         Hits that are left out because the record begins in them.
     largest : float
@@ -120,7 +120,7 @@ def find_hits(
     before = max(_LEAST_BEFORE, BEFORE_CONTACTS * contact)
     after = max(_LEAST_AFTER, AFTER_CONTACTS * contact)
     # A hit has a record of its own where the signal was quiet before it; what comes sooner stays
-    # with the hit before, whether it rings or is a second blow.
+    # with the hit before, whether it rings or is a second impact.
     groups = np.split(above, np.flatnonzero(np.diff(above) > before) + 1)
     hits, begun = [], 0
     for place, group in enumerate(groups):
@@ -140,7 +140,7 @@ def find_hits(
 
 
 def quiet_level(record: NDArray[np.float64], step: float | None) -> tuple[float, float]:
-    """Return the zero line and the noise of the quiet part of a record.
+    """Return the baseline and the noise of the quiet part of a record.
 
     Parameters
     ----------
@@ -182,7 +182,7 @@ def _hit(
     stop: int,
     audible: float,
 ) -> Hit:
-    """Return a hit with the zero line of its own quiet beginning: zero lines drift."""
+    """Return a hit with the baseline of its own quiet beginning: baselines drift."""
     own = record[first:stop] - float(np.median(record[first : int(group[0])]))
     away = np.abs(own)
     at = int(np.argmax(away))
@@ -192,8 +192,8 @@ def _hit(
     swing = _first_swing(own, start, at)
     contact = _contact(own, swing)
     pushed = np.flatnonzero(np.sign(own[swing]) * own > max(audible, _BLOW_SHARE * away[at]))
-    blows = 1 + int(np.count_nonzero(np.diff(pushed) > _PAUSE_CONTACTS * contact))
-    return Hit(first, stop, first + max(0, start - 1), float(own[at]), contact, blows)
+    impacts = 1 + int(np.count_nonzero(np.diff(pushed) > _PAUSE_CONTACTS * contact))
+    return Hit(first, stop, first + max(0, start - 1), float(own[at]), contact, impacts)
 
 
 def _first_swing(own: NDArray[np.float64], start: int, at: int) -> int:

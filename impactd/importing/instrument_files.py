@@ -54,7 +54,8 @@ def read_wav(path: Path) -> Recording:
         for at, row in enumerate(scaled)
     )
     said = (
-        f"{path.name}: WAV states no unit; full scale counts as 1 of the unit (--scale says more).",
+        f"{path.name}: WAV states no unit; full scale counts as 1 of the unit (--scale sets "
+        "another value).",
     )
     return Recording(path.name, channels, float(rate), assumed=said if step is not None else ())
 
@@ -69,7 +70,7 @@ def read_uff(path: Path) -> Recording:
         ]
     except Exception as error:  # pyuff raises what it stumbles on
         raise RecordingError(
-            path.name, "is no universal file that can be read.", "Export data set 58 anew."
+            path.name, "is no universal file that can be read.", "Export data set 58 again."
         ) from error
     signals = [one for one in sets if one.get("func_type") == _TIME_RESPONSE]
     if not signals:

@@ -22,9 +22,10 @@ PICTURE_NAME = "recordings.png"
 _NAMED = 4
 """Files in a sentence."""
 UNKNOWN = (
-    "Not known and left out are what fell or hit (radius, mass, modulus), on what (modulus, "
-    "thickness), the drop height, and the sensor. Write what you have measured into campaign.json; "
-    f"gravity_m_per_s2 stands there with its standard value, {STANDARD_GRAVITY_M_PER_S2}."
+    "These values are unknown and left out: the body that fell or hit (radius, mass, modulus), "
+    "the surface (modulus, thickness), the drop height, and the sensor. Write what you have "
+    "measured into campaign.json. gravity_m_per_s2 stands there with its standard value, "
+    f"{STANDARD_GRAVITY_M_PER_S2}."
 )
 
 
@@ -145,15 +146,15 @@ def refuse_taken(out: Path, count: int = 0) -> None:
 
 
 def _rule(cuts: Sequence[Cut], threshold: float | None) -> str:
-    double = sum(one.hit.blows > 1 for one in cuts)
-    together = f" Of them {double} with more than one blow." if double else ""
+    double = sum(one.hit.impacts > 1 for one in cuts)
+    together = f" Of them {double} with more than one hit." if double else ""
     by = "a twentieth of the largest excursion of its recording, and by more than noise does"
     if threshold is not None:
         by = f"{threshold:g}, as --threshold says"
     return (
-        f"Shots: {len(cuts)}, where the signal leaves its zero line by more than {by}; blows "
-        f"without quiet between them stay in one shot.{together} trigger_index is where a contact "
-        "reaches a twentieth of its peak."
+        f"Shots: {len(cuts)}, where the signal leaves its baseline by more than {by}; hits "
+        f"without a pause between them stay in one shot.{together} trigger_index is where a "
+        "contact reaches a twentieth of its peak."
     )
 
 

@@ -77,8 +77,8 @@ def draw(cuts: Sequence[Cut]) -> Figure:
     ]
     more = " and ".join(one for one in left if one)
     figure.suptitle(
-        "Above: the recordings; grey is what becomes a shot. Below: each hit; the dashed line is "
-        f"trigger_index.{f' Not drawn: {more}.' if more else ''}",
+        "Above: the recordings; each grey band becomes a shot. Below: each hit; the dashed line "
+        f"is trigger_index.{f' Not drawn: {more}.' if more else ''}",
         fontsize=8,
         color=INK,
     )
@@ -109,7 +109,7 @@ def _draw_hit(axes: Axes, one: Cut, number: int) -> None:
     contact = one.hit.contact
     first = max(0, one.trigger_index - max(16, _BEFORE * contact))
     last = one.trigger_index + max(32, _AFTER * contact)
-    if one.hit.blows > 1:
+    if one.hit.impacts > 1:
         last = one.samples.size
     part = one.samples[first:last]
     times = (np.arange(part.size) + first - one.trigger_index) / one.rate_hz
@@ -117,8 +117,8 @@ def _draw_hit(axes: Axes, one: Cut, number: int) -> None:
     few = "." if part.size < 200 else ""
     axes.plot(times * factor, part, color=AFTER, lw=0.9, marker=few, ms=2.5)
     axes.axvline(0.0, color=BEFORE, lw=0.9, ls="--")
-    blows = f", {one.hit.blows} blows" if one.hit.blows > 1 else ""
-    axes.set_title(f"{number}: {one.name}{blows}", fontsize=7, pad=3)
+    impacts = f", {one.hit.impacts} impacts" if one.hit.impacts > 1 else ""
+    axes.set_title(f"{number}: {one.name}{impacts}", fontsize=7, pad=3)
     axes.tick_params(labelsize=6)
     axes.set_xlabel(prefix, fontsize=6.5, labelpad=0)
     axes.margins(x=0)

@@ -136,8 +136,9 @@ def decode(path: Path) -> str:
     if b"\0" in content[:4096]:
         raise RecordingError(
             path.name,
-            "is no text, and its ending is none of those that are known.",
-            "Give it the ending of its kind: .npy, .npz, .mat, .wav, .uff, .tdms, .lvm, .h5, .csv.",
+            "is not a text file, and its ending is unknown.",
+            "Give it the ending of its format: .npy, .npz, .mat, .wav, .uff, .tdms, .lvm, .h5, "
+            ".csv.",
         )
     try:
         return content.decode("utf-8-sig")
@@ -149,7 +150,7 @@ def _form_said(file: str, form: _Form, begin: int) -> str:
     lines = "1 line" if begin == 1 else f"{begin} lines"
     head = f"{lines} before the numbers" if begin else "no header"
     comma = ", decimal commas" if form.decimal == "," else ""
-    return f"{file}: columns parted by {_NAMES[form.delimiter]}{comma}; {head}."
+    return f"{file}: columns separated by {_NAMES[form.delimiter]}{comma}; {head}."
 
 
 def _find_form(file: str, lines: list[str]) -> _Form:
@@ -304,7 +305,7 @@ def _recording(
     elif len(columns) > 1:
         first = table[:, 0]
         if counts_samples(first):
-            assumed.append(f"{file}: column {columns[0] + 1} counts the samples; it is no time.")
+            assumed.append(f"{file}: column {columns[0] + 1} counts the samples; it is not a time.")
             table, columns = table[:, 1:], columns[1:]
         elif _rises(first):
             time_at = 0

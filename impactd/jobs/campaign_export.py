@@ -89,8 +89,8 @@ def _calibration(
     own = [number for number in numbers if _series_of(archive, number) == chosen.number]
     if own:
         return None, (
-            f"Shot {own[0]} belongs to calibration {chosen.number}, which would vouch for itself: "
-            "the load cell is as its certificate has it.",
+            f"Shot {own[0]} belongs to calibration {chosen.number}, so it is exported with the "
+            "load cell's certificate: a calibration cannot confirm itself.",
         )
     if len(used) > 1:
         return chosen, (

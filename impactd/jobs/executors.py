@@ -268,7 +268,7 @@ def dask_executor(
     scheduler: str | None = None,
     warm_up: Callable[[], object] | None = None,
 ) -> Iterator[Executor]:
-    """Run tasks in a Dask cluster, behind the same seam.
+    """Run tasks in a Dask cluster, behind the same interface.
 
     Parameters
     ----------

@@ -163,7 +163,7 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
 
 
 def _comparison_order(shot: Shot, archive: Archive, settings: Settings) -> Json:
-    """Return a new shot and what it is held against, without what is known of materials."""
+    """Return a new shot and its repetitions, without what is known of materials."""
     since = utc_after(-SESSION_DAYS)
     session = archive.shots(since=since, before=shot.number, limit=SESSION_SHOTS)
     by_condition: dict[Any, list[Shot]] = {}

@@ -88,7 +88,7 @@ class ResultWriter:
             title="Fit failed",
             status=500,
             detail=reason,
-            remedy="The shot is safe. Look at its trace, then ask for another fit.",
+            remedy="The shot is safe. Look at its trace, then request another fit.",
         )
         if job.kind == CALIBRATE:
             self._archive.calibrations.fail(job.payload["calibration"], problem)

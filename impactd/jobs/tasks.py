@@ -133,7 +133,7 @@ def _holds_for_bounces(model: str, definition: Json | None) -> bool:
 
 
 def diagnose(order: Json) -> Json:
-    """Close the loop on stored shots.
+    """Diagnose stored shots.
 
     Parameters
     ----------

@@ -90,8 +90,8 @@ def calibrations_of_other_bases(
         of = str((archive.calibrations.get(int(name)).result or {}).get("model", base))
         if of.partition("+")[0] != base:
             found.append(
-                f"Calibration {name} was made with {of}; its load cell does not hold for fits "
-                f"with {model}. Calibrate again with {model} active, then run: impactd refit."
+                f"Calibration {name} was made with {of}; its load cell is not valid for fits with "
+                f"{model}. Calibrate again with {model} active, then run: impactd refit."
             )
     return found
 

@@ -23,7 +23,7 @@ _PAGE = Template("""<!doctype html>
 <style>$style</style>
 </head>
 <body>
-<h1>What the uncertainty of each modulus is made of</h1>
+<h1>Uncertainty budget of each modulus</h1>
 <p class="soft">$about</p>
 $budgets
 <h2>How to read it</h2>
@@ -31,9 +31,9 @@ $budgets
 (95 %). A contribution is the relative uncertainty of
 the modulus that the input alone would leave; the squares of all contributions add up to u squared,
 and a share is that square over the whole (JCGM 100, 5.1). The sensitivity is the change of ln E for
-a change of the input's logarithm, or of the input where a unit stands behind it.</p>
-$circumstances
-<p class="soft">$software. This page was made from the budget's JSON and needs nothing else.</p>
+a change of the input's logarithm, or of the input if a unit follows it.</p>
+$conditions
+<p class="soft">$software. This page was made from the budget's JSON alone.</p>
 </body>
 </html>
 """)
@@ -68,7 +68,7 @@ def page(document: Json, names: Sequence[str]) -> str:
         style=STYLE,
         about=html.escape(about(document)),
         budgets=budgets.section(document, names),
-        circumstances=bullets(notes),
+        conditions=bullets(notes),
         software=html.escape(document["software"]),
     )
 

@@ -185,12 +185,12 @@ def _shared(items: tuple[tuple[str, float], ...]) -> dict[str, float]:
 def _why_not(found: ShotFit) -> str | None:
     """Return why a shot stays out of the network, ``None`` when it takes part."""
     if found.source == "import":
-        return "it was recorded elsewhere; fit its campaign instead"
+        return "it was recorded on another rig; fit its campaign instead"
     outcome = found.fit.result["outcome"]
     if outcome["status"] != "converged":
         return str(outcome["message"])
     if found.clipped:
-        return "it sits on a limit of the converter or amplifier"
+        return "it reaches a limit of the converter or amplifier"
     if found.series is not None:
         # The cell's calibration rests on it already; counted again, it would vouch for itself.
         return f"it belongs to calibration {found.series}"

@@ -291,7 +291,7 @@ class ModuliService:
 
 
 def _stated(network: _Network, key: str, entry: Json) -> Json:
-    """Return the modulus that was stated beforehand, beside the one that all shots adjusted."""
+    """Return the stated modulus, and the one adjusted by all shots."""
     if entry["status"] != "reference":
         return {}
     known = network.stated.spheres if entry["side"] == "sphere" else network.stated.surfaces

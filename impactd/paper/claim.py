@@ -12,7 +12,7 @@ NO_CLAIM = "no claim"
 
 @dataclass(frozen=True)
 class Claim:
-    """One claim beside our number.
+    """One claim and our number.
 
     Attributes
     ----------

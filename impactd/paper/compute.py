@@ -40,7 +40,7 @@ STARTS_PA = (
 
 @dataclass(frozen=True)
 class PaperResult:
-    """The paper beside ours.
+    """The paper compared with ours.
 
     Attributes
     ----------

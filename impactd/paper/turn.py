@@ -50,7 +50,7 @@ class Rung:
 
 @dataclass(frozen=True)
 class Turn:
-    """What the loop made of one rig.
+    """The diagnosis of one rig.
 
     Attributes
     ----------
@@ -102,7 +102,7 @@ class Turn:
 def take_turns(
     seed: int, tell: Callable[[str], None] | None = None, pairs: Collection[Pair] | None = None
 ) -> list[Turn]:
-    """Run the loop from HSD on a rig that hides nothing, and on one with a leaky coupler.
+    """Diagnose from HSD a rig that hides nothing, and one with a leaky coupler.
 
     Parameters
     ----------

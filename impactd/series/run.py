@@ -211,9 +211,9 @@ class SeriesRunner:
             wrong = [one for one in ids if one not in planned]
             if wrong or len(set(ids)) != len(ids):
                 raise SeriesRefusedError(
-                    f"Drop {wrong[0]} of the series is not planned any more; look again."
+                    f"Drop {wrong[0]} of the series is no longer planned; read the series again."
                     if wrong
-                    else "A drop stands twice in the order."
+                    else "A drop appears twice in the order."
                 )
             begun = tuple(one for one in series.drops if one.state != "planned")
             return self._set(replace(series, drops=(*begun, *(planned[one] for one in ids))))
@@ -304,7 +304,7 @@ class SeriesRunner:
                 return f"{reservation.aborted_by or 'somebody'} aborted it."
             if not good:
                 detail = drop.problem.detail if drop.problem else f"it is {drop.state}."
-                self._pause_for(f"Drop {drop.number} brought no shot: {detail}")
+                self._pause_for(f"Drop {drop.number} gave no shot: {detail}")
             self._service.wait_ready(self._settings.timeouts.recover_every_s + 5.0)
 
     def _next(self, reservation: Reservation) -> Planned | str:
@@ -372,4 +372,4 @@ def _all_done(series: Series) -> str:
     many = len(series.drops)
     if series.done == many:
         return f"All {many} drops are done."
-    return f"{series.done} of {many} drops brought a shot."
+    return f"{series.done} of {many} drops gave a shot."

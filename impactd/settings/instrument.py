@@ -25,7 +25,8 @@ class RigSection(Section):
 
     name: str = choice("Name of the rig, written into every shot", min_length=1, max_length=80)
     unattended_safe: bool = choice(
-        "Whether somebody answered for dropping spheres with nobody present", default=False
+        "Whether a responsible person has agreed that spheres are dropped with nobody present",
+        default=False,
     )
     min_drop_height_m: float = key("Smallest height the stand allows", "m", gt=0, default=0.002)
     max_drop_height_m: float = key(

@@ -132,7 +132,9 @@ class MaterialBook:
         """
         if not _NAME.fullmatch(name):
             raise SettingsError(
-                None, role, f"{name!r} is no name; take letters, digits, _, . and -, at most 64"
+                None,
+                role,
+                (f"{name!r} is not a valid name; use letters, digits, _, . and -, at most 64"),
             )
         if find_forbidden(note) is not None:
             raise SettingsError(None, "note", "it holds characters that no text may hold")

@@ -47,7 +47,7 @@ class PreflightSection(Section):
     """What must be true before the valve may open."""
 
     baseline_samples: int = key(
-        "Samples of the idle input that are looked at", "1", ge=1000, le=1_000_000, default=250_000
+        "Samples of the idle input that are checked", "1", ge=1000, le=1_000_000, default=250_000
     )
     baseline_min_v: float = key(
         "Lowest mean the idle input may have", "V", where="read the idle input for an hour"
@@ -85,7 +85,7 @@ class TimeoutsSection(Section):
 
     loading_s: float = key("Wait for the sphere to be held", "s", gt=0, default=300.0)
     blind_loading_s: float = key(
-        "Time given to hang the sphere where no gauge can tell", "s", ge=0, default=10.0
+        "Time given to hang the sphere if there is no gauge", "s", ge=0, default=10.0
     )
     held_stable_s: float = key("The gauge must say held for this long", "s", ge=0, default=0.3)
     settle_s: float = key(
@@ -105,7 +105,7 @@ class TimeoutsSection(Section):
         "Pause between attempts to reach a lost device", "s", gt=0, default=5.0
     )
     idle_check_every_s: float = key(
-        "Pause between looks at the valve while idle", "s", gt=0, default=1.0
+        "Pause between checks of the valve while idle", "s", gt=0, default=1.0
     )
 
 
@@ -132,7 +132,9 @@ class CalibrationSection(Section):
     """The scheduled calibration."""
 
     validity_days: float = key("How long a calibration counts as valid", "d", gt=0, default=30.0)
-    remind_days: float = key("How long before its end it is called due", "d", ge=0, default=3.0)
+    remind_days: float = key(
+        "How long before its end it is reported as due", "d", ge=0, default=3.0
+    )
     drift_limit_sigmas: float = key(
         "Drift against the last calibration that raises an alarm, in standard deviations",
         "1",
@@ -170,9 +172,7 @@ class EnvironmentSection(Section):
         "this file",
         default=None,
     )
-    max_age_s: float | None = key(
-        "A file that was written longer ago is not believed", "s", gt=0, default=None
-    )
+    max_age_s: float | None = key("An older file is not used", "s", gt=0, default=None)
     command: tuple[Annotated[str, Field(min_length=1)], ...] | None = choice(
         "Program and arguments that print such JSON, run before each drop",
         min_length=1,
@@ -213,7 +213,9 @@ class EnvironmentSection(Section):
                 f"relative_humidity), a file, or a command; given: {found}"
             )
         if (self.file is None) != (self.max_age_s is None):
-            raise ValueError("file and max_age_s belong together: how old may a reading be?")
+            raise ValueError(
+                "file and max_age_s belong together: max_age_s is the largest age of a reading"
+            )
         if self.command is None and "command_limit_s" in self.model_fields_set:
             raise ValueError("command_limit_s belongs to command, which is missing")
         return self
@@ -240,7 +242,7 @@ class EnvironmentSection(Section):
 class SimulationSection(Section):
     """The simulated rig; this section's presence selects it, and no hardware is touched."""
 
-    seed: int = key("Seed of everything drawn at random", ge=0, default=1)
+    seed: int = key("Seed of all random draws", ge=0, default=1)
     clock_speed: float = Field(
         description="Rig seconds per host second; inf runs as fast as the host reads [1]",
         json_schema_extra={"unit": "1"},

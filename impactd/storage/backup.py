@@ -96,7 +96,7 @@ def back_up(
 
 
 def restore(file: Path, directory: Path) -> ReindexReport:
-    """Make an archive of a backup, and its index anew.
+    """Restore an archive from a backup, and rebuild its index.
 
     Parameters
     ----------

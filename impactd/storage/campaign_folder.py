@@ -67,7 +67,7 @@ CALIBRATION_KEYS = ("number", "model", "finished_utc", "valid_until_utc", "senso
 
 @dataclass(frozen=True)
 class CampaignFolder:
-    """A folder as read: the campaign, and the raw samples behind it.
+    """A folder as read: the campaign, and its raw samples.
 
     Attributes
     ----------
@@ -173,7 +173,7 @@ def _calibrated(root: Fields) -> Sensor | None:
         return None
     calibration = root.child("calibration", known=CALIBRATION_KEYS)
     if not calibration.has("sensor"):
-        calibration.refuse("sensor", "is missing: what the calibration found of the load cell.")
+        calibration.refuse("sensor", "is missing: the load cell as the calibration found it.")
     return sensor_from_json(calibration.child("sensor", known=SENSOR_KEYS))
 
 

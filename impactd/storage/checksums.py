@@ -79,6 +79,11 @@ def statements_of(table: str) -> Iterator[str]:
     ----------
     table : str
         One of `COLUMNS`.
+
+    Yields
+    ------
+    str
+        SQL that fills the table of digests, and its triggers.
     """
     # ruff: noqa: S608 - nothing here but the names of our own tables and columns
     columns = first_columns(table)

@@ -23,7 +23,7 @@ _SELECT = (
 
 @dataclass(frozen=True)
 class DropRequest:
-    """What a technician asks for.
+    """The request of a drop.
 
     Attributes
     ----------

@@ -55,7 +55,9 @@ class StorageFullError(ArchiveError):
         super().__init__(
             f"The disk of {directory} has {free_bytes / 1e6:.1f} MB free and "
             f"{needed_bytes / 1e6:.1f} MB are needed.",
-            remedy="Free space or move the archive (storage.directory); nothing stored was harmed.",
+            remedy=(
+                "Free space or move the archive (storage.directory); stored files are not affected."
+            ),
         )
 
 

@@ -38,7 +38,7 @@ _SIDECARS = ("", "-wal", "-shm")
 
 
 class Index:
-    """The SQLite file behind all tables.
+    """The SQLite file of all tables.
 
     Parameters
     ----------
@@ -168,7 +168,9 @@ class Index:
             if isinstance(error, sqlite3.IntegrityError):
                 raise ArchiveError(
                     f"The index refused a row: {error}.",
-                    why="It names a drop, shot or calibration that is unknown, or exists twice.",
+                    why=(
+                        "It names an unknown drop, shot or calibration, or one that exists twice."
+                    ),
                 ) from error
             raise self._no_answer(str(error)) from error
 
@@ -382,7 +384,7 @@ class Index:
 
     @contextmanager
     def raw(self) -> Iterator[sqlite3.Connection]:
-        """Hold the connection itself, for whoever rebuilds the index."""
+        """Hold the connection itself, for a rebuild of the index."""
         with self._lock, self._translated():
             yield self._connection
 

@@ -124,7 +124,7 @@ def entries(path: Path, *, start_bytes: int = 0, end_bytes: int | None = None) -
     except OSError as error:
         raise ArchiveError(
             f"The journal {path} cannot be read: {error.strerror}.",
-            remedy="Check its owner and the disk; `impactd reindex` writes it anew.",
+            remedy="Check its owner and the disk; `impactd reindex` writes it again.",
         ) from error
 
 
@@ -198,7 +198,7 @@ class Journal:
             raise _translated(error, path) from error
 
     def append(self, at: Position, rows: list[Change]) -> Position:
-        """Write a transaction, durably, behind the last one that was committed.
+        """Append a transaction durably after the last committed one.
 
         Parameters
         ----------
@@ -229,7 +229,7 @@ class Journal:
         return Position(at.journal, at.n + 1, at.size_bytes + len(line))
 
     def cut(self, size_bytes: int) -> None:
-        """Take back what lies behind a size, as far as the disk lets it; `append` does so too."""
+        """Remove the bytes after a size, as far as the disk permits; `append` does so too."""
         with suppress(OSError):
             if os.fstat(self._file).st_size > size_bytes:
                 os.ftruncate(self._file, size_bytes)
@@ -269,7 +269,9 @@ def _translated(error: OSError, path: Path) -> ArchiveError:
         return StorageFullError(str(path.parent), free_bytes=free, needed_bytes=0)
     return ArchiveError(
         f"The journal {path} cannot be written: {error.strerror}.",
-        why="Nothing of this transaction was counted as done.",
-        remedy="Check the disk (`dmesg`), and the owner and mode of the archive's directory; "
-        "where the file is gone, stop the daemon and run `impactd reindex`.",
+        why="This transaction was not acknowledged.",
+        remedy=(
+            "Check the disk (`dmesg`), and the owner and mode of the archive's directory. If the "
+            "file is gone, stop the daemon and run `impactd reindex`."
+        ),
     )

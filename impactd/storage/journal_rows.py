@@ -72,7 +72,13 @@ def migration() -> tuple[str, ...]:
 
 
 def statements_of(table: str) -> Iterator[str]:
-    """Yield the statements that journal one table."""
+    """Yield the statements that journal one table.
+
+    Yields
+    ------
+    str
+        SQL that makes one trigger.
+    """
     yield from triggers_of(table, checksums.first_columns(table))
     key = ", ".join(f"old.{name}" for name in key_of(table))
     yield (

@@ -88,7 +88,7 @@ class Journaling:
         return True
 
     def finish_first(self) -> None:
-        """Give a first journal its name; the index that knows of it is durable."""
+        """Give a first journal its name; the index that names it is durable."""
         at = position(self._connection)
         if self._path is not None and self._journal is not None and at is not None:
             self._finish_first(at)

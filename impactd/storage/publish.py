@@ -62,7 +62,7 @@ def publish(path: Path, content: bytes, *, replace: bool = False) -> None:
         ) from error
 
 
-_WHY = {errno.EIO: "The disk failed twice; nothing was counted as stored."}
+_WHY = {errno.EIO: "The disk failed twice; the file was not acknowledged as stored."}
 
 
 def _publish_once(path: Path, draft: Path, content: bytes, *, replace: bool) -> None:

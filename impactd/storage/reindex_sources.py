@@ -160,7 +160,7 @@ def _told(lines: Lines, old: OldIndex, known_n: int) -> tuple[list[str], list[st
             f"The journal ends with transaction {lines.n}, the old index with {known_n}."
         )
     if lines.damaged_end and covered_n <= lines.n:
-        lost.append(f"What stood at the end of the journal, from line {lines.damaged_end[0]} on.")
+        lost.append(f"The end of the journal, from line {lines.damaged_end[0]} on.")
     elif known_n > lines.n and unread:
         lost.append(f"Transactions {lines.n + 1} to {known_n}, as far as {', '.join(unread)}.")
     return damaged, lost

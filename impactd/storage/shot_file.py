@@ -40,7 +40,7 @@ from impactd.storage.nexus import group, plain, put, refuse_foreign
 from impactd.storage.shot_metadata import VOLTAGE, Recording, ShotMetadata
 from impactd.storage.shot_views import CHUNK_SAMPLES, DATA_PATH, TIME_PATH, VIEW_LINKS, write_views
 
-_CIRCUMSTANCES = "entry/process/circumstances/data"
+_METADATA = "entry/process/circumstances/data"
 
 
 def recording_of(record: Record) -> Recording:
@@ -120,7 +120,7 @@ def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotMetad
                 chunk_values=CHUNK_SAMPLES,
             )
             samples = plain(file, DATA_PATH)[()]
-            facts = json.loads(plain(file, _CIRCUMSTANCES)[()])
+            facts = json.loads(plain(file, _METADATA)[()])
         return facts["number"], *metadata_from_json(facts, samples, path)
     except (OSError, KeyError, TypeError, ValueError, RecursionError, CampaignError) as error:
         raise CorruptShotError(path, f"it does not read as a shot ({error})") from error

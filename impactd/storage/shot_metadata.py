@@ -25,7 +25,7 @@ QUANTITIES = {VOLTAGE: "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 @dataclass(frozen=True)
 class ShotMetadata:
-    """What is known of a shot beside its samples.
+    """The metadata of a shot.
 
     Attributes
     ----------

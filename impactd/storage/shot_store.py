@@ -59,7 +59,7 @@ class ShotStore:
         return sorted((self.directory / SHOTS_NAME).glob("*.h5"))
 
     def drafts(self) -> list[Path]:
-        """Return what a killed writer left behind."""
+        """Return temporary files of a killed writer."""
         return sorted(self.directory.glob("**/.*.draft"))
 
     def sync_names(self) -> None:

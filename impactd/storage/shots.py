@@ -13,7 +13,7 @@ from impactd.storage.materials_json import environment_from_text, environment_to
 
 @dataclass(frozen=True)
 class Shot:
-    """What the index knows of a shot file.
+    """The index's row of a shot file.
 
     Attributes
     ----------

@@ -26,7 +26,7 @@ def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(calm_hands):
     history.get_by_text(re.compile(r"^(done|failed)$")).wait_for()
     assert "failed" not in history.inner_text()
     page.locator(".badge").get_by_text("valid", exact=True).wait_for()
-    facts = page.get_by_role("region", name="The calibration in force").inner_text()
+    facts = page.get_by_role("region", name="The valid calibration").inner_text()
     assert "in 30 days" in facts
     assert "±" in facts
     page.locator(".chart .point").first.wait_for(state="attached")

@@ -78,7 +78,7 @@ def test_a_clipped_record_says_repeat_and_why(visitor):
     # a number that is not to be used is behind a click
     assert "±" not in page.locator(".modulus").inner_text()
     assert not page.get_by_text("Reduced modulus E* of the pair").is_visible()
-    page.get_by_text("What the fit says all the same").click()
+    page.get_by_text("The result of the fit").click()
     page.get_by_text("Reduced modulus E* of the pair").wait_for()
     visitor.go("Shots")
     page.get_by_label("Advice").select_option("repeat")
@@ -102,7 +102,7 @@ def test_a_height_the_rig_does_not_allow_is_refused_before_it_is_asked(visitor):
 def test_a_read_token_sees_everything_and_moves_nothing(visitor):
     """The button says so; the API would refuse, too."""
     visitor.sign_in("read")
-    visitor.page.get_by_text("may look and not touch").wait_for()
+    visitor.page.get_by_text("may only look").wait_for()
     assert visitor.page.locator(".go button").get_attribute("aria-disabled") == "true"
 
 
@@ -117,7 +117,7 @@ def test_a_reading_goes_with_one_press_and_needs_its_uncertainty(visitor):
     page.get_by_label("Relative humidity / %", exact=True).fill("45")
     page.get_by_label("Uncertainty of relative humidity / %").fill("2")
     visitor.arm_and_drop()
-    page.get_by_text("How sure is it? A temperature needs its standard uncertainty.").wait_for()
+    page.get_by_text("A temperature needs its standard uncertainty.").wait_for()
     assert _latest(visitor) == before
     page.get_by_label("Uncertainty of temperature / K").fill("0.2")
     visitor.arm_and_drop()

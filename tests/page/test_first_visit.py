@@ -18,7 +18,7 @@ def test_a_first_visit_ends_with_a_modulus(visitor):
     page.locator(".chart .main-svg").first.wait_for()
     legend = page.locator(".legendtext").all_text_contents()
     assert legend == ["measured", "HSD", "KV", "closed KV"]
-    left_over = page.get_by_role("group", name="Whose residual is shown").get_by_role("button")
+    left_over = page.get_by_role("group", name="Model of the residual").get_by_role("button")
     assert left_over.all_inner_texts() == ["HSD", "KV", "closed KV"]
     visitor.assert_clean()
 

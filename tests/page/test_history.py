@@ -98,6 +98,6 @@ def test_a_shot_shows_temperature_and_humidity_where_they_are_known(visitor):
     number = page.evaluate(_WARM_DROP)
     shot = page.evaluate(_ANALYSED, number)
     page.goto(f"{visitor.daemon.url}/#/shots/{shot}")
-    circumstances = page.get_by_role("region", name="Circumstances")
+    circumstances = page.get_by_role("region", name="Conditions")
     circumstances.get_by_text("21.30 ± 0.39 °C, 45.0 ± 3.9 %").wait_for()
     visitor.assert_clean()

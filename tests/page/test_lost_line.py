@@ -18,7 +18,7 @@ def test_a_lost_connection_is_said_and_mended_without_a_hand(visitor):
     visitor.context.set_offline(True)
     lost = page.get_by_role("alert").filter(has_text="The connection is lost.")
     lost.wait_for()
-    assert re.search(r"What you see is from \d\d:\d\d:\d\d\.", lost.inner_text())
+    assert re.search(r"The screen shows the state at \d\d:\d\d:\d\d\.", lost.inner_text())
     assert page.locator("#light").get_attribute("data-light") == "unknown"
     assert page.locator(".go button").inner_text() == "Not connected"
     page.get_by_role("button", name="Abort").click()

@@ -26,7 +26,7 @@ def test_a_mass_is_changed_and_a_coupon_added(visitor):
     form.get_by_label("Standard uncertainty of ν").fill("0.02")
     form.get_by_label("Where the values come from").fill("lot 7")
     form.get_by_role("button", name="Keep it").click()
-    form.get_by_role("alert").get_by_text("no name").wait_for()
+    form.get_by_role("alert").get_by_text("not a valid name").wait_for()
     form.get_by_label("Name").fill("plate_7")
     form.get_by_role("button", name="Keep it").click()
     page.get_by_role("row").filter(has_text="plate_7").wait_for()

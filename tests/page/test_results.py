@@ -19,7 +19,7 @@ def test_a_budget_is_unfolded_and_a_limit_decided(visitor):
     card.locator(".modulus").wait_for()
     assert not any("budget" in url for url in asked)
 
-    card.get_by_text("What its uncertainty is made of").click()
+    card.get_by_text("Uncertainty budget").click()
 
     table = card.get_by_role("table").first
     table.wait_for()

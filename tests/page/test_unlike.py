@@ -44,7 +44,7 @@ def test_another_gain_is_told_on_top_and_beside_the_shot(tmp_path: Path, browser
         visitor.shot(GOOD + 1)
         beside = page.locator("[data-advice=check]")
         beside.get_by_text(words).wait_for()
-        assert "another gain, or a hit beside the middle" in beside.inner_text()
+        assert "another gain, or an off-centre hit" in beside.inner_text()
         if PICTURES:
             page.wait_for_timeout(1500)
             page.screenshot(path=Path(PICTURES) / "unlike-tablet.png")

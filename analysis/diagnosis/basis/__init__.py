@@ -1,1 +1,1 @@
-"""Columns: what a residual could look like if something in one slot were wrong."""
+"""Basis columns: the residuals that a fault in one slot would cause."""

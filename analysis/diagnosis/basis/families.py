@@ -1,4 +1,4 @@
-"""A shot's columns by the name of their family, and the sizes that they are measured in.
+"""The basis columns of a shot by family, and their units.
 
 ==============  ====================================================================================
 family          what it can take up, beside those of the other modules

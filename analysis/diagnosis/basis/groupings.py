@@ -1,4 +1,4 @@
-r"""Whose a coefficient is, and on which materials an effect acts.
+r"""The groupings of a coefficient, and the sets of materials on which an effect acts.
 
 An effect's size on each material, to first order, leaves few candidates. Let :math:`c_m` be the
 size that material m asks for and S the information about all of them, the rest of the model
@@ -112,11 +112,11 @@ class Sizes:
 
     @property
     def gain(self) -> float:
-        """Return the squares that a size for each material takes up."""
+        """Return the squares that a size for each material explains."""
         return float(self.values @ self.information @ self.values)
 
     def common(self, names: Sequence[str]) -> tuple[float, float]:
-        """Return the size that some materials have in common, and the squares that it takes up."""
+        """Return the common size of some materials, and the squares that it explains."""
         inside = np.isin(self.names, names).astype(float)
         score = float(inside @ self.information @ self.values)
         known = float(inside @ self.information @ inside)
@@ -139,7 +139,7 @@ class Sizes:
         return sorted(found, key=lambda only: -self.promise(only))
 
     def promise(self, only: ActsOn) -> float:
-        """Return the squares that a set's common size takes up, its choice paid for."""
+        """Return the squares that a set's common size explains, less the price of its choice."""
         return self.common(only.names)[1] - price_of_choice(len(only.names), len(self.names))
 
 

@@ -174,7 +174,7 @@ def tuned_columns(
 def best_frequency(
     family: str, signals: Sequence[Array], residuals: Sequence[Array], rates: Sequence[float]
 ) -> float:
-    """Return the frequency at which two numbers a shot take up most of the residuals. [Hz]
+    """Return the frequency at which two numbers a shot explain most of the residuals. [Hz]
 
     Noise is taken as white here: it only chooses.
     """
@@ -192,7 +192,7 @@ def _resolved(frequencies_hz: Sequence[float], rates: Sequence[float]) -> Sequen
 def best_damped(
     signals: Sequence[Array], residuals: Sequence[Array], rates: Sequence[float]
 ) -> tuple[float, float]:
-    """Return frequency [Hz] and damping ratio of the resonance that takes up most of the residuals.
+    """Return frequency [Hz] and damping ratio of the resonance that explains most of the residuals.
 
     From the best of a grid on, also between its points.
     """
@@ -216,7 +216,7 @@ def best_damped(
 
 
 def _power(family: str, shots: Sequence[_Shot], frequency_hz: float, zeta: float) -> float:
-    """Return how much of the residuals two numbers a shot take up."""
+    """Return how much of the residuals two numbers a shot explain."""
     power = 0.0
     for signal, residual, rate in shots:
         columns = tuned_columns(family, signal, rate, frequency_hz, zeta)

@@ -1,4 +1,4 @@
-"""What can be tried on top of a model, and what each would add to first order."""
+"""The effects that can be added to a model, and the first-order gain of each."""
 
 from __future__ import annotations
 

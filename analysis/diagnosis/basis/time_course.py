@@ -1,4 +1,4 @@
-"""What comes at a time of the shot: locked to the impact, once, or changing in its course.
+"""Basis columns at a fixed time after touch-down, at one time, or along the shot.
 
 ==============  ====================================================================================
 family          what it can take up
@@ -7,7 +7,7 @@ family          what it can take up
 ``outline``     the same in step with the contact, for each pair its own; only learned
 ``jump``        a time axis that jumps, as where a transfer loses samples; only learned
 ``blow``        a late impact: a second bell of force, read through the crystal; only learned
-``baseline``    a zero line that is no constant, as under mains hum
+``baseline``    a baseline that is not constant, as under mains hum
 ``alternate``   offset, gain and delay of every second sample
 ``pieces``      a gain that changes within the contact; only learned
 ``wander``      a time axis that swings
@@ -131,7 +131,7 @@ def late_impact_shape(width_us: float, rate: float, crystal: Crystal | None) -> 
 
 
 def _place(residual: Array, shape: Array, first: int) -> tuple[int, float]:
-    """Return where a shape takes up most of a residual, and how much."""
+    """Return the place at which a shape explains most of a residual, and how much."""
     room = residual.size - first
     if room < 2:
         return first, 0.0
@@ -148,7 +148,7 @@ def late_impact_width(
     residuals: Sequence[Array], firsts: Sequence[int], rates: Sequence[float],
     crystals: Sequence[Crystal | None],
 ) -> float:  # fmt: skip
-    """Return the width at which one late impact a shot takes up most of the residuals. [us]
+    """Return the width at which one late impact a shot explains most of the residuals. [us]
 
     None begins before the samples ``firsts``. Noise is taken as white here: it only chooses.
     """

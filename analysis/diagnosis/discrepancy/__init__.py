@@ -1,1 +1,1 @@
-"""What repairs a residual without a name: flexible columns and waveforms."""
+"""Discrepancies for a residual without a name: flexible columns and waveforms."""

@@ -1,4 +1,4 @@
-"""Which discrepancies are worth learning, and which repairs held-out shots best."""
+"""The choice of discrepancies to fit, and of the best one on held-out shots."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def _with_others(
     nothing_left: float,
     progress: Progress,
 ) -> Learned:
-    """Return the best with those beside it that help, each in the better of two forms."""
+    """Return the best discrepancy with others that improve it, each in the better of two forms."""
     for place, (part, coarse) in enumerate(more.items()):
         if part in best.parts or _error(best) < nothing_left:
             continue

@@ -1,4 +1,4 @@
-"""Discrepancies fitted with the model: what columns repair, judged on shots left out.
+"""Discrepancies fitted together with the model and tested on held-out shots.
 
 The linearisation is first order around one fit. Here the fit moves: columns and model are fitted to
 each other until they agree, as one would a named effect, and the error on held-out shots is

@@ -1,4 +1,4 @@
-r"""The mean waveform of other hits: the plainest prediction of a hit, without any model.
+r"""The mean waveform of the other hits: a prediction of a hit without any model.
 
 .. math:: y(t) = a\, W(u) + \sum_k c_k V_k(u) + b, \qquad u = (t - \Delta) / s
 

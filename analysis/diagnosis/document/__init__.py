@@ -1,1 +1,1 @@
-"""What a diagnosis says: `impactd-diagnosis/1`, its words and pictures."""
+"""The document of a diagnosis, `impactd-diagnosis/1`: its JSON, words and pictures."""

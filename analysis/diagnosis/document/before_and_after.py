@@ -1,4 +1,4 @@
-"""What records hold before a touch-down and after a pulse, where no contact can have made it.
+"""Signals before touch-down and after the pulse that no contact can have caused.
 
 Both are seen in the records themselves, without a model: what comes before cannot be caused by what
 comes after, and a pulse that is over leaves a record where it began.
@@ -82,9 +82,9 @@ def _before(looks: Sequence[_Look]) -> list[str]:
         return []
     size = two_digits(100.0 * float(np.abs(each.mean(axis=0)).max()))
     return [
-        f"Before touch-down the records already leave their line, by up to {size} % of the peak "
-        "and alike in every hit. No contact makes that: it is a zero-phase or linear-phase filter, "
-        "or a precursor."
+        f"Before touch-down the records already leave their baseline, by up to {size} % of the "
+        "peak and in the same way in every hit. A contact cannot cause that: it is a zero-phase "
+        "or linear-phase filter, or a precursor."
     ]
 
 
@@ -98,12 +98,12 @@ def _after(looks: Sequence[_Look]) -> list[str]:
     where = "below" if level < 0.0 else "above"
     said = (
         f"After the pulse the records lie {two_digits(100.0 * abs(level))} % of the peak {where} "
-        f"where they began (+- {two_digits(100.0 * u)} %)"
+        f"their level before it (+- {two_digits(100.0 * u)} %)"
     )
     if level > 0.0:
-        return [f"{said}: something creeps or warms, or is still pressed."]
+        return [f"{said}: a creep, a warming, or a load that remains."]
     droop_s = float(np.median([look.impulse_s for look in looks])) / -level
     return [
-        f"{said}: a droop, as a high-pass of about {two_digits(1e3 * droop_s)} ms leaves, or "
-        "something that swings back slowly."
+        f"{said}: a droop, as from a high-pass of about {two_digits(1e3 * droop_s)} ms, or a slow "
+        "return of a moving part."
     ]

@@ -1,4 +1,4 @@
-"""What a diagnosis says, as JSON: ``impactd-diagnosis/1``."""
+"""A diagnosis as JSON: ``impactd-diagnosis/1``."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     elif diagnosis.rivals:
         widen_over_family(stated, family_members(diagnosis, free_after))
     if diagnosis.open_names:
-        withhold_fitted(stated["moduli"], "the name beside which it was found is not certain")
+        withhold_fitted(stated["moduli"], "the name of the other effect is not certain")
     if diagnosis.verdict == "unknown" and located is not None:
         _add_discrepancy(stated, free_after, located)
     mean = mean_waveform(first.problem) if located is None or located.mean is None else located.mean
@@ -211,7 +211,7 @@ def _on_moduli(block: Json, result: FitResult) -> list[str]:
     held = [name for name, one in block["moduli"].items() if one.get("reason") == STRUCTURE_LEFT]
     said = [one.sentence for one in result.undetermined]
     if held:
-        said.append(f"Withheld is the modulus of {', '.join(held)}: {STRUCTURE_LEFT}.")
+        said.append(f"The modulus of {', '.join(held)} is withheld: {STRUCTURE_LEFT}.")
     return said
 
 
@@ -235,7 +235,7 @@ def noise_json(result: FitResult, seen: Background | None = None) -> Json:
     said = [s for (_, rate), noise in noises.items() for s in wording.noise_sentences(noise, rate)]
     said = list(dict.fromkeys(said))
     if seen is not None and seen.clear:
-        said.append(f"It is no plain noise: {wording.background_words(seen)}.")
+        said.append(f"It is not plain noise: {wording.background_words(seen)}.")
     return {
         "instruments": [
             {

@@ -23,7 +23,10 @@ from analysis.fit.measurand import NORMAL95, measurand
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
 
-STRUCTURE_LEFT = "more than noise is left in these shots, and nobody knows how far that moves this"
+STRUCTURE_LEFT = (
+    "the residual of these shots is larger than the noise, and its effect on this modulus is "
+    "unknown"
+)
 """Why a modulus is withheld."""
 MODULUS_PREFIXES = ("sphere.", "surface.")
 """Beginnings of the parameters that are moduli."""
@@ -73,7 +76,7 @@ def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
 
 @dataclass(frozen=True)
 class Member:
-    """One of the models that the data cannot tell apart."""
+    """One of the models that the data cannot distinguish."""
 
     name: str
     """Id of the effect in which it differs."""
@@ -124,8 +127,8 @@ def widen_over_family(block: Json, family: Sequence[Member]) -> None:
         ]
         if open_in:
             reason = (
-                f"these data cannot tell {family[0].name} from {open_in[0]}, and with that they "
-                "leave it open"
+                f"these data cannot distinguish {family[0].name} from {open_in[0]}, so the "
+                "modulus is not determined"
             )
             block["moduli"][name] = withheld(entry["side"], reason)
             if block["budget"] is not None:
@@ -194,4 +197,6 @@ def _add_to_budget(budget: Json, stated: Json, names: Sequence[str]) -> None:
         effective_degrees_of_freedom=freedom and freedom * (relative_u / others) ** 4,
     )
     if rows[0] is row:
-        budget["improve"] = f"Not knowing {which} weighs most: make the drop that tells them apart."
+        budget["improve"] = (
+            f"Not knowing {which} contributes most: make the drop that distinguishes them."
+        )

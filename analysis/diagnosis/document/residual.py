@@ -1,4 +1,4 @@
-"""What a residual looks like, so that a person can picture it, and what a discrepancy adds to it.
+"""A residual described for people, and the curves of a discrepancy.
 
 Where, when, how fast and how often it deviates, in numbers and in sentences; the residual stacked
 over shots against the time after touch-down; the learned discrepancy as curves over the same time.
@@ -28,7 +28,7 @@ RING_ENDS = 4.0
 """The ring is looked at until so many contact times after touch-down. A choice of words: no verdict
 asks where one phase ends."""
 PHASES = {
-    "before": "before the contact begins, so it is not locked to the impact",
+    "before": "before the contact begins, so the impact does not cause it",
     "contact": "while sphere and surface touch",
     "ring": f"in the ring after lift-off (until {RING_ENDS:g} contact times)",
     "later": "long after the contact: something slow, or a second touch",
@@ -80,27 +80,27 @@ def _sentences(found: Json, records: list[str]) -> list[str]:
     peak = found["spectrum"]
     if peak["peak_ratio"] > CRITERIA.words.spectrum_ratio:
         said.append(
-            f"Its spectrum stands out most at {frequency(peak['peak_Hz'])}, "
-            f"{two_digits(peak['peak_ratio'])} times above the noise."
+            f"Its spectrum is highest above the noise at {frequency(peak['peak_Hz'])}, "
+            f"{two_digits(peak['peak_ratio'])} times the noise."
         )
     lag = found["lag"]
     if abs(lag["correlation"]) > CRITERIA.words.lag_correlation:
-        sign = "upright" if lag["correlation"] > 0 else "upside down"
+        sign = "with the same sign" if lag["correlation"] > 0 else "with the opposite sign"
         said.append(
-            f"It looks like the pulse itself, {sign}, {lag['lag_s'] * 1e6:.3g} us later "
+            f"It has the shape of the pulse, {sign}, {lag['lag_s'] * 1e6:.3g} us later "
             f"(correlation {lag['correlation']:.2f})."
         )
     power = found["speed"]
     if power["exponent"] is not None and power["u"] < CRITERIA.words.speed_exponent_u:
         said.append(
             f"It grows with impact speed to the power {power['exponent']:.2f} +- {power['u']:.2f} "
-            "(the pulse itself: 1.2)."
+            "(the pulse: 1.2)."
         )
     said += _contrast(found["by_surface"], "on") + _contrast(found["by_sphere"], "with")
     order = found["order"]
     if order["p_value"] is not None and order["p_value"] < CRITERIA.words.trend_p_value:
         way = "grows" if order["correlation"] > 0 else "shrinks"
-        said.append(f"It {way} in the course of the campaign (p = {order['p_value']:.1g}).")
+        said.append(f"It {way} during the campaign (p = {order['p_value']:.1g}).")
     return [*said, f"{repeats}."] if repeats else said
 
 

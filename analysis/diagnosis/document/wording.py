@@ -1,4 +1,4 @@
-"""What a diagnosis says in words: the verdict, the noise, families of columns, and why not."""
+"""A diagnosis in words: verdict, noise, families of columns, reasons for rejection."""
 
 from __future__ import annotations
 
@@ -34,34 +34,34 @@ FAMILIES = {
     "contact": "a contact force over depth and rate",
     "loss": "a force on the sphere alone",
     "cell": "the cell's own numbers",
-    "speed": "the impact speed that a height promises",
+    "speed": "the impact speed that follows from a height",
     "waveform": "a waveform locked to the record, from before touch-down on",
-    "mean_waveform": "the mean waveform of a pair's other hits, which takes the model's place",
+    "mean_waveform": "the mean waveform of a pair's other hits, in place of the model",
     "locked": "anything at a fixed time after touch-down",
-    "law": "more than a published law is usually wrong by",
-    "background": "what is on the line all the time",
-    "ringing": "resonances behind the signal",
-    "memory": "delays and slow decays behind the signal",
+    "law": "more than the usual error of a published law",
+    "background": "a disturbance that is always on the line",
+    "ringing": "resonances after the signal",
+    "memory": "delays and slow decays after the signal",
     "bend": "a smooth nonlinearity of the signal",
     "top": "a nonlinearity at the signal's top",
     "outline": "a waveform locked to touch-down",
     "curve": "a nonlinearity of the signal",
     "fine": "a nonlinearity of the signal, in small steps",
-    "ripple": "a periodic curve of the signal, as of uneven steps of a converter",
-    "path": "a nonlinearity that is another one on the way up and on the way down",
+    "ripple": "a periodic function of the signal, as of uneven steps of a converter",
+    "path": "a nonlinearity that differs between rise and fall",
     "creep": "a memory from microseconds to milliseconds",
     "impulse": "a linear chain of any impulse response",
     "slew": "a limit of the signal's slope",
-    "seat": "a force on the crystal that is no straight function of its motion",
-    "droop": "a gain that sinks with what the signal has been",
-    "alternate": "every second sample unlike the one before, as of a converter of two halves",
-    "baseline": "a zero line that is no constant",
+    "seat": "a force on the crystal that is a nonlinear function of its motion",
+    "droop": "a gain that falls with the past signal",
+    "alternate": "a difference between odd and even samples, as of a converter with two halves",
+    "baseline": "a baseline that is not constant",
     "warmth": "a memory of the signal's square or cube, as of something that warms",
-    "blow": "a blow after the impact, in every shot at a time of its own",
+    "blow": "a second impact, at its own time in every shot",
     "pieces": "a gain that changes within the contact",
-    "jump": "a clock that jumps once, as where samples are lost",
-    "clock": "a clock that swings",
-    "swing": "an oscillation that is there before the impact too",
+    "jump": "a clock that jumps once, as when samples are lost",
+    "clock": "a clock that oscillates",
+    "swing": "an oscillation that is also there before the impact",
     "mode": "a resonance that the impact sets off",
     "damped": "a resonance that the impact sets off",
     "gain": "the cell's gain",
@@ -109,7 +109,7 @@ def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
         f"S{shot_words(one.shot, one.name)[1:]} does not belong. {one.because}" for one in set_aside
     ]
     count = len(said)
-    rest = "The rest is judged without " + ("it." if count == 1 else f"these {count}.")
+    rest = "The other shots are judged without " + ("it." if count == 1 else f"these {count}.")
     return [*said, rest] if said else []
 
 
@@ -119,14 +119,14 @@ def base_sentences(diagnosis: Diagnosis) -> list[str]:
     if diagnosis.base_asked is not None or base == DEFAULT_BASE:
         return []
     return [
-        f"These records obey {base} rather than the closed {DEFAULT_BASE} (a dashpot that does not "
-        "load the crystal, a coupon without mass), as simulated ones may and no real rig can: the "
+        f"These records obey {base} rather than the closed {DEFAULT_BASE} (a dashpot that does "
+        "not load the crystal, a coupon without mass), as only a simulated rig can: the "
         f"diagnosis starts from {base}."
     ]
 
 
 def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
-    """Return the verdict in one sentence, and for what has no name what it looks like.
+    """Return the verdict in one sentence, with a description of what has no name.
 
     ``before`` and ``after`` are the model without and with what was found.
     """
@@ -138,23 +138,23 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     structured = diagnosis.steps[-1].score_test.structured
     if diagnosis.mistakes:
         found, *near = (one.sentence for one in diagnosis.mistakes)
-        said = f"A mistake, no effect: {found}; without it only noise is left ({floor} {unit})."
+        said = f"A mistake, not an effect: {found}; without it only noise is left ({floor} {unit})."
         rivals = [*near, *diagnosis.effects_as_good]
         if rivals:
-            said += f" These data cannot tell it from: {'; '.join(rivals)}."
+            said += f" These data cannot distinguish it from: {'; '.join(rivals)}."
     elif diagnosis.verdict == "adequate":
         said = f"The model {before.model} explains the data: its residual is {_noise_left(before)}."
     elif diagnosis.verdict == "identified":
         ends = f", which is noise ({noise})."
         if structured:
             ends = (
-                f" ({noise}). What remains beside the noise is less than 0.5 % of what it adds to "
-                "the signal, as far as its equation can be trusted."
+                f" ({noise}). The rest of the residual beyond the noise is less than 0.5 % of "
+                "what the effect adds to the signal, which is the accuracy of its equation."
             )
         said = f"Found: {names}; with it {fall}{ends}"
     elif diagnosis.verdict == "family" and diagnosis.open_names:
         uncompared = "; ".join(
-            f"{effect_id} was not held against {', '.join(beside)}"
+            f"{effect_id} was not compared with {', '.join(beside)}"
             for effect_id in diagnosis.effect_ids
             if (beside := diagnosis.confusable_with(effect_id))
         )
@@ -162,19 +162,22 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
         said = f"Found: {names}; with it {fall} ({noise}), {but}."
     elif diagnosis.verdict == "family":
         others = ", ".join(diagnosis.confusable)
-        said = f"Found: {names}, or what these data cannot tell from it ({others}); {fall}."
+        said = (
+            f"Found: {names}, or another that these data cannot distinguish from it ({others}); "
+            f"{fall}."
+        )
     elif diagnosis.verdict == "partial":
         ends = f", but structure remains ({noise})"
         if diagnosis.disturbed and not structured:
-            ends = f" ({noise}), but beside it {background_words(diagnosis.check_noise)}"
+            ends = f" ({noise}), but in addition {background_words(diagnosis.check_noise)}"
         why = "".join(f" The records show it: {one.sentence}." for one in diagnosis.shown)
         said = f"Found in part: {names}; {fall}{ends}.{why}"
     elif diagnosis.verdict == "unknown":
         said = _unknown(diagnosis, before)
     elif after.undetermined and not after.out_of_range:
         said = (
-            f"The model {after.model} explains the data, but no modulus that was sought can be "
-            "told from them."
+            f"The model {after.model} explains the data, but the data determine no modulus "
+            "that was sought."
         )
     else:
         said = "These data could not show whether the model is complete."
@@ -202,8 +205,8 @@ def _noise_left(result: FitResult) -> str:
     noises = [s.item.noise for s in result.shots]
     if any(noise.coarse is not None for noise in noises):
         return (
-            "what the converter's rounding leaves; its step is larger than the noise, so that "
-            "quantisation limits what these data can show"
+            "the converter's rounding error; its step is larger than the noise, so quantisation "
+            "limits what these data can show"
         )
     rates = [s.item.frame.sample_rate_hz for s in result.shots]
     corner = max((n.corner * rate for n, rate in zip(noises, rates, strict=True)), default=0.0)
@@ -211,16 +214,16 @@ def _noise_left(result: FitResult) -> str:
 
 
 def _unknown(diagnosis: Diagnosis, before: FitResult) -> str:
-    """Return what is known of an effect without a name: slot, what it looks like, what repairs."""
+    """Return what is known of an unnamed effect: slot, appearance, best discrepancy."""
     located = diagnosis.located
     if located is None and diagnosis.search_ended:
-        leaves = "explains what an impact causes"
+        leaves = "explains the impact"
         if diagnosis.steps[-1].score_test.structured:
-            leaves = "leaves no more than what is on the line anyway"
+            leaves = "leaves only what is always on the line"
         disturbance = background_words(diagnosis.check_noise)
         return (
-            f"The model {before.model} {leaves}, but {disturbance}; nothing in the library does "
-            "that: look at plugs, cables and the supply."
+            f"The model {before.model} {leaves}, but {disturbance}; no effect of the library does "
+            "that: check plugs, cables and the supply."
         )
     what = "that no effect of the library explains" if diagnosis.search_ended else "not yet named"
     said = f"The model {before.model} misses something {what}{_place(diagnosis)}"
@@ -241,8 +244,8 @@ def _repair(begin: str, learned: Learned | None, before: FitResult) -> str:
     fold = before.heldout_rms / learned.heldout_rms
     if fold < CRITERIA.words.heldout_fold:
         return ""
-    like = ", and beside it ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
-    return f" {begin} {like}: with that the error on held-out shots falls {fold:.2g}-fold."
+    like = ", together with ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
+    return f" {begin} {like}: with it the error on held-out shots falls {fold:.2g}-fold."
 
 
 def _place(diagnosis: Diagnosis) -> str:
@@ -253,15 +256,15 @@ def _place(diagnosis: Diagnosis) -> str:
     if located.hardly_anywhere:
         share = located.gains[slot] / located.structure
         return (
-            f"; no slot's closure explains much of it on other shots, {slot} most with "
+            f"; no slot's discrepancy explains much of it on other shots, {slot} most with "
             f"{100 * share:.0f} %."
         )
     names = [slot, *located.also]
     if len(names) == 1:
-        return f"; it lives in the {slot} slot."
+        return f"; it is in the {slot} slot."
     if len(names) == len(located.probabilities):
-        return "; nothing says in which slot it lives."
-    return f"; the data cannot tell whether it lives in the slot {' or '.join(names)}."
+        return "; the data do not say in which slot it is."
+    return f"; the data cannot distinguish the slots {' and '.join(names)}."
 
 
 def beside_mean_waveform(
@@ -295,18 +298,20 @@ def noise_kind(noise: NoiseModel) -> str:
 
 
 def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
-    """Return what a person should know of an instrument's noise before residuals are judged."""
+    """Return sentences about an instrument's noise."""
     kind = noise_kind(noise)
     if kind == "unknown colour":
         return [
-            "No record has a quiet stretch: the level of the noise is a guess from differences of "
-            "neighbouring samples, its colour is not known, and structure may be colour."
+            "No record has a quiet interval: the level of the noise is estimated from "
+            "differences of neighbouring samples, its colour is not known, and structure may be "
+            "colour."
         ]
     if noise.coarse is not None:
         return [
             f"Quantisation limits: the converter's step is {two_digits(1.0 / noise.coarse.noise)} "
-            "times the noise before the trigger, or more. Its rounding error, step over sqrt(12), "
-            "is taken for noise, and samples within a step of one another count as one value."
+            "times the noise before the trigger, or more. Its rounding error, step over "
+            "sqrt(12), is treated as noise, and samples within a step of one another count as "
+            "one value."
         ]
     like = {
         "1/f": f"rises like 1/f below {frequency(noise.corner * rate_hz)}",
@@ -315,19 +320,19 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
         ),
         "white": "is white",
     }[kind]
-    judged = "" if kind == "white" else "; residuals are judged with that taken into account"
+    judged = "" if kind == "white" else "; the tests of residuals account for that"
     said = [f"The noise before the trigger {like}{judged}."]
     far = CRITERIA.words.drift_ratio * noise.drift_expected_rms
     if noise.drift_rms is not None and noise.drift_rms > far:
         times = noise.drift_rms / noise.drift_expected_rms
         said.append(
             f"Before the trigger the records also drift slowly, {times:.3g} times as far as noise "
-            "makes them, as hum does. That is not taken for noise."
+            "would, as hum does. The drift is not counted as noise."
         )
     if noise.calm_share < 1.0:
         said.append(
-            f"The last {1.0 - noise.calm_share:.0%} of what was recorded before the pulse are "
-            "louder than noise: a precursor, or a filter that looks ahead. The noise is that of "
+            f"The last {1.0 - noise.calm_share:.0%} of the record before the pulse are louder "
+            "than the noise: a precursor, or a non-causal filter. The noise is estimated from "
             "the quiet beginning alone."
         )
     return said
@@ -350,11 +355,11 @@ def background_words(seen: Background | None) -> str:
                 f"{spikes.far} of {spikes.samples} quiet samples lie beyond {far:g} standard "
                 f"deviations; Gaussian noise leaves {chance:.1g}"
             )
-        said.append(f"spikes or jumps come at any time, also before the trigger ({why})")
+        said.append(f"spikes or jumps occur at any time, also before the trigger ({why})")
     if tone is not None and tone.clear:
         said.append(
-            f"a tone of {frequency(tone.frequency_hz)} is there all the time, also before the "
-            f"trigger ({tone.times:.3g} times the noise beside it)"
+            f"a tone of {frequency(tone.frequency_hz)} is always there, also before the trigger "
+            f"({tone.times:.3g} times the noise next to it)"
         )
     return " and ".join(said)
 
@@ -366,7 +371,7 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
     if refit is taken:
         return None
     if not fitted_to_the_end(refit):
-        return "not fitted to the end: its search was far behind the others when they were taken on"
+        return "not fitted to the end: its fit was far behind the others when those were continued"
     if refit.at_bound:
         return _not_physical(refit)
     if refit.score() < CRITERIA.comparison.least_lead:
@@ -407,10 +412,10 @@ def _not_physical(refit: Refit) -> str:
     if refit.effect.basis is not None:
         return (
             "it is not there before the trigger, or its sizes and phases are alike in all shots, "
-            "and the mains do not know of a drop"
+            "but the mains are not synchronous with a drop"
         )
     if refit.gain < CRITERIA.comparison.least_gain_per_shot * refit.own:
-        return "every shot needs a number of its own, and they bring too little to be believed"
+        return "every shot needs its own number, and these lower the misfit too little"
     outside = out_of_range(refit.problem, refit.fitted)
     if outside:
         return "; ".join(one.sentence for one in outside)
@@ -425,11 +430,11 @@ def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None)
     """Return why a candidate that helps and is possible was still not taken."""
     left = f"it leaves a residual of {_left(refit)} times the noise"
     if taken is None and step is not diagnosis.steps[-1]:
-        return "what was added later explains it better"
+        return "an effect that was added later explains it better"
     if taken is None:
         return f"{left}; what remains is still structured"
     if refit.effect_id in diagnosis.confusable and step is diagnosis.steps[0]:
-        return f"these data cannot tell it from {taken.effect_id}"
+        return f"these data cannot distinguish it from {taken.effect_id}"
     return f"{left}; {taken.effect_id} leaves {_left(taken)}"
 
 
@@ -440,7 +445,7 @@ def _left(refit: Refit) -> str:
 
 
 def not_refitted(step: Step, effect_id: str) -> str:
-    """Return why an effect of the library was not refitted at all in a turn of the loop."""
+    """Return why an effect of the library was not refitted in a step of the search."""
     if effect_id in step.refused:
         return f"not tried: {step.refused[effect_id]}"
     if effect_id in (e.id.partition(":")[0] for e in step.problem.model.effects):
@@ -452,11 +457,11 @@ def not_refitted(step: Step, effect_id: str) -> str:
         for scope in scopes_of(effect_named(key.partition("@")[0]))
     ]
     if not gains:
-        return "not tried: the time was over before" if step.unfinished else "not tried"
+        return "not tried before the time was over" if step.unfinished else "not tried"
     share = max(gains) / max(step.linearised.chi2, 1e-300)
     return (
-        f"to first order it explains {share:.1%} of the residual's energy; "
-        "others promised more and were refitted"
+        f"to first order it explains {share:.1%} of the residual's energy; others explained more "
+        "and were fitted"
     )
 
 
@@ -479,7 +484,7 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
         by_name = {name: found[names == name] for name in sorted(set(names.tolist()))}
         if len(by_name) > 1 and kruskal(*by_name.values()).pvalue <= largest_p:
             medians = ", ".join(f"{name} {np.median(own):.3g}" for name, own in by_name.items())
-            said.append(f"goes with the {what}: {medians}")
+            said.append(f"correlates with the {what}: {medians}")
     groups = {"": np.full(found.size, fill_value=True)}
     groups |= {f" on {name}": coupons == name for name in sorted(set(coupons.tolist()))}
     said += _along("from drop to drop", found, np.arange(found.size, dtype=np.float64), groups)

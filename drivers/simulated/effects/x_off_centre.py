@@ -1,4 +1,4 @@
-"""Invented: a hit beside the middle of the cell loads its crystal only in part.
+"""Invented: an off-centre hit on the cell loads its crystal only in part.
 
 Gain ``1 - a z^2`` with z a standard normal number of each shot: never more than a central hit
 gives. Source: own, first term of any smooth sensitivity with its maximum in the middle. Outside

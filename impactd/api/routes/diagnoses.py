@@ -87,8 +87,11 @@ def make_next_drop(  # noqa: PLR0917 - the framework fills them by name
         raise ProblemError(
             "conflict",
             f"Diagnosis {diagnosis_id} {is_what}.",
-            remedy="Only a finished diagnosis that confuses effects, and knows a drop that tells "
-            "them apart, proposes one; any other drop goes through POST /v1/drops.",
+            remedy=(
+                "A drop is proposed only by a finished diagnosis that confuses effects and "
+                "has found a drop that distinguishes them. Request any other drop with POST "
+                "/v1/drops."
+            ),
             state=job.state,
         )
     asked = DropRequest(

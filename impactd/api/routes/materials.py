@@ -87,7 +87,7 @@ def _refused(error: SettingsError, role: Role, name: str) -> ProblemError:
     return ProblemError(
         "invalid",
         f"{said}.",
-        remedy="Correct what is named; `GET /v1/materials` shows entries that are well.",
+        remedy="Correct the named key; `GET /v1/materials` shows valid entries.",
         errors=[
             {"pointer": "#/entry/" + at.replace(".", "/"), "reason": reason}
             for at, reason in findings

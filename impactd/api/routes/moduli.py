@@ -86,8 +86,8 @@ async def budget(  # noqa: PLR0917 - the framework fills them by name
     if limited and specimen is None:
         raise ProblemError(
             "invalid",
-            "A limit was given, and no specimen that it is for.",
-            remedy="Add `specimen` with the name of the surface.",
+            "A limit was given without a specimen.",
+            remedy="Add `specimen` with the name of the limit's surface.",
         )
     ask = partial(
         daemon.moduli_budget,

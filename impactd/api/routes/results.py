@@ -141,7 +141,7 @@ def export(  # noqa: PLR0917 - the framework fills them by name
             raise ProblemError(
                 "invalid",
                 f"These are {len(chosen.shots)} shots; a zip holds {MOST_FILES} at most.",
-                remedy="Choose fewer, by time or by numbers, or take the CSV.",
+                remedy="Select fewer, by time or by numbers, or use the CSV.",
             )
         return StreamingResponse(
             selection.as_zip(daemon.archive, chosen),
@@ -168,7 +168,9 @@ def _selection(
     wanted = None if numbers is None else selection.numbers_of(numbers)
     if numbers is not None and wanted is None:
         raise ProblemError(
-            "invalid", f"shots is {numbers!r}, no list of numbers.", remedy="Write 3, 5, 8-19."
+            "invalid",
+            (f"shots is {numbers!r}, which is not a list of numbers."),
+            remedy="Write 3, 5, 8-19.",
         )
     before, limit = _range_of(wanted)
     found = daemon.archive.shots(
@@ -187,7 +189,7 @@ def _selection(
         raise ProblemError(
             "invalid",
             f"More than {MOST_SHOTS} shots are in this selection.",
-            remedy="Choose fewer, by pair or by time.",
+            remedy="Select fewer, by pair or by time.",
         )
     return selection.Selection(tuple(kept), {**by, "numbers": numbers}, software())
 

@@ -1,4 +1,4 @@
-"""Blind trials of the loop: one side draws and seals, the other diagnoses, both are opened.
+"""Blind trials of diagnoses: one side draws and seals, the other diagnoses, both are opened.
 
 The diagnosis sees what a campaign folder holds and nothing else. A trial is known by its kind and
 its seed; a table belongs to the seeds it was made with, so tune on some and report on others.

@@ -1,4 +1,4 @@
-"""Counting trials: a row of the table, whom to ask, and shares and medians of these."""
+"""Counting of trials: rows of the table, their trials, shares and medians."""
 
 from __future__ import annotations
 

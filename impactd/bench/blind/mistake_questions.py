@@ -1,4 +1,4 @@
-"""What is asked of trials in which people made a mistake."""
+"""The questions about trials with an operator's mistake."""
 
 from __future__ import annotations
 

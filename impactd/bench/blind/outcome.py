@@ -1,4 +1,4 @@
-"""What became of one trial: every trial is exactly one of `OUTCOMES`."""
+"""The outcome of one trial: exactly one of `OUTCOMES`."""
 
 from __future__ import annotations
 

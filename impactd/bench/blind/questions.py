@@ -1,4 +1,4 @@
-"""What is asked of a set of trials, how it is counted, and what the goal is."""
+"""The questions about a set of trials, their counts and their goals."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far an effect or a mistake shows, in whitened squares, by the simulator's own account.
+"""The size of an effect or a mistake in whitened squares, from the simulator alone.
 
 The same campaign is simulated with hardly any noise, with its effects or its mistake and without.
 The base model is fitted to both under the noise that the real campaign has; what they add to the
@@ -108,7 +108,7 @@ def _difference(twin: Campaign, bare: Campaign, noise_v: float) -> float:
 
 
 def _cost(twin: Campaign, campaign: Campaign, model: str, *, uncertain: bool = False) -> float:
-    """Return the cost of a quiet twin under the noise of the campaign.
+    """Return the cost of the low-noise copy under the noise of the campaign.
 
     ``uncertain`` takes masses, radii and the like as uncertain as stated, else as exact.
     """
@@ -129,6 +129,6 @@ def _cost(twin: Campaign, campaign: Campaign, model: str, *, uncertain: bool = F
 
 
 def _without_restitution(campaign: Campaign) -> Campaign:
-    """Return what the loop looks at: stated rebounds are left out there."""
+    """Return the campaign as a diagnosis uses it, without stated rebounds."""
     shots = tuple(dataclasses.replace(s, restitution=None) for s in campaign.shots)
     return dataclasses.replace(campaign, shots=shots)

@@ -48,7 +48,7 @@ def test_what_comes_before_its_cause_is_said() -> None:
 def test_a_droop_of_a_tenth_of_a_per_cent_is_said(noise: float) -> None:
     """With the time constant that leaves it: 0.2 s, of which the pulse is a thousandth."""
     words = said("high-pass", noise=noise)
-    assert "% of the peak below where they began" in words
+    assert "% of the peak below their level before it" in words
     assert "a high-pass of about" in words
     constant_ms = float(words.split("a high-pass of about ")[1].split(" ms")[0])
     assert constant_ms == pytest.approx(200.0, rel=0.15)

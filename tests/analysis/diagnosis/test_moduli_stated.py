@@ -63,7 +63,7 @@ def test_a_model_that_leaves_structure_states_no_modulus_that_was_sought(half: D
         assert acetal["status"] == "reference"
         assert acetal["youngs_modulus_Pa"]["value"] == stated.value
     assert found["accepted_model"] is None
-    assert "Withheld is the modulus of specimen" in found["sentence"]
+    assert "The modulus of specimen is withheld" in found["sentence"]
     assert found["after"]["parameters"]  # the cell's and the effect's own
 
 

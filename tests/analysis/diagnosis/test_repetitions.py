@@ -109,7 +109,7 @@ def test_fewer_than_two_repetitions_say_nothing(whole: Campaign, shots: list[Rec
 def test_another_gain_is_told_by_its_size(
     whole: Campaign, shots: list[Recorded], factor: float
 ) -> None:
-    """The same record smaller: a gain, or a hit beside the middle."""
+    """The same record smaller: a gain, or an off-centre hit."""
     found = told(
         whole,
         shots,

@@ -1,4 +1,4 @@
-"""Structure is what many overlapping tests see, what none sees, and no zero line moved by noise."""
+"""Structure is what many overlapping tests see, what none sees, and no baseline moved by noise."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def test_clean_campaigns_have_every_p_value_alike(tmp_path):
 
 
 def _asked(folder: Path, corner_hz: float, hum_v: float = 0.0) -> tuple[ScoreTest, float]:
-    """Return the answers for 27 shots, and how likely their zero lines move by noise."""
+    """Return the answers for 27 shots, and how likely their baselines move by noise."""
     hum = {"amplitude_v": hum_v, "frequency_hz": 50.0, "harmonics": 2.0}
     settings = dataclasses.replace(
         CampaignSettings(),
@@ -163,7 +163,7 @@ def _asked(folder: Path, corner_hz: float, hum_v: float = 0.0) -> tuple[ScoreTes
 
 
 def test_noise_too_slow_to_be_seen_is_no_structure(tmp_path: Path) -> None:
-    """It moves the zero lines more than white noise does, in the ratio that 1/f has."""
+    """It moves the baselines more than white noise does, in the ratio that 1/f has."""
     score_test, p = _asked(tmp_path, FAINT_HZ)
     wander = score_test.answers[WANDER]
     assert wander.gain > 1.5 * wander.dof

@@ -140,7 +140,7 @@ def test_what_grows_on_one_coupon_is_told_with_the_coupon_and_the_order(
     ]
     said = dependence((np.array(sizes) + 1e-6 * rng.standard_normal(len(shots))).tolist(), shots)
     assert len(said) == 2
-    assert said[0].startswith("goes with the coupon: aluminium ")
+    assert said[0].startswith("correlates with the coupon: aluminium ")
     assert said[1].startswith("rises from drop to drop on polycarbonate, rank correlation ")
 
 

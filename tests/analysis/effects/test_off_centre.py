@@ -1,4 +1,4 @@
-"""A hit beside the middle: a crystal that is compressed and tilts, integrated in time."""
+"""An off-centre hit: a crystal that is compressed and tilts, integrated in time."""
 
 from __future__ import annotations
 

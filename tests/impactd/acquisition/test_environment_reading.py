@@ -124,7 +124,7 @@ def _holding(content: str | bytes) -> Callable[[Path], None]:
     [
         (_missing, "cannot be read: No such file"),
         (_stale, "is stale: it was last written at 20"),
-        (_of_tomorrow, "which is yet to come"),
+        (_of_tomorrow, "which is in the future"),
         (_link, "links are not followed"),
         (_fifo, "FIFO"),
         (_holding(""), "not JSON"),

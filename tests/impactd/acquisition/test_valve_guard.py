@@ -76,7 +76,7 @@ def test_a_request_that_waited_through_an_abort_drops_nothing(laboratory: Labora
         time.sleep(0.2)  # until it waits for the lock
         report = laboratory.service.abort(by="cd")
         assert report.aborted
-        assert "A request that was about to begin is refused" in report.sentence
+        assert "A request that was about to start is refused" in report.sentence
         other.execute("ROLLBACK")
     thread.join()
     assert ended == ["aborted"]

@@ -64,7 +64,7 @@ def test_a_limit_gets_a_decision(measured):
 @pytest.mark.parametrize(
     ("query", "words"),
     [
-        ("lower_Pa=2e9", "no specimen"),
+        ("lower_Pa=2e9", "without a specimen"),
         ("specimen=specimen&lower_Pa=2.2", "2.2 GPa is 2.2e9"),
         ("specimen=specimen&lower_Pa=2e9&upper_Pa=1e9", "not below"),
         ("specimen=sand&lower_Pa=2e9", "not stated"),

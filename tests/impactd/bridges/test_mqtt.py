@@ -177,7 +177,7 @@ def test_every_event_arrives_over_a_broker_that_restarts(
 def test_a_file_that_is_no_place_is_named(tmp_path: Path) -> None:
     """A state file with something else in it is refused, with what to do."""
     (tmp_path / "place.json").write_text("[]")
-    with pytest.raises(RigError, match="remove it"):
+    with pytest.raises(RigError, match="remove the file"):
         Place(tmp_path / "place.json")
 
 

@@ -72,7 +72,7 @@ def test_a_budget_of_no_time_is_wrong_usage(leaky_campaign, seconds):
     made = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert made.returncode == 2
     said = " ".join(made.stderr.replace("│", " ").split())
-    assert f"{seconds} is no time to search in" in said
+    assert f"{seconds} is not a valid search time" in said
     assert "positive number of seconds" in said
 
 

@@ -16,7 +16,7 @@ def test_every_hit_is_found_where_it_begins(contact: int, sign: float) -> None:
     begins = tuple(contact * k for k in (60, 200, 370))
     made = make_record(begins, samples=500 * contact, contact=contact)
     found = find_hits(sign * made.signal + 7.0)
-    assert [hit.blows for hit in found.hits] == [1, 1, 1]
+    assert [hit.impacts for hit in found.hits] == [1, 1, 1]
     for hit, begin in zip(found.hits, begins, strict=True):
         assert begin - 2 <= hit.touch <= begin + 0.2 * contact
         assert hit.touch - hit.first >= min(64, 10 * contact)
@@ -27,10 +27,10 @@ def test_every_hit_is_found_where_it_begins(contact: int, sign: float) -> None:
 
 
 def test_two_blows_without_quiet_between_them_stay_together() -> None:
-    """A hammer that bounced makes one shot of two blows; the hit after it stays its own."""
+    """A hammer that bounced makes one shot of two impacts; the hit after it stays its own."""
     made = make_record((4000, 4300, 20_000), peaks=(100.0, 50.0, 80.0))
     found = find_hits(made.signal)
-    assert [hit.blows for hit in found.hits] == [2, 1]
+    assert [hit.impacts for hit in found.hits] == [2, 1]
     assert found.hits[0].stop > 4300 + made.contact
 
 
@@ -42,7 +42,7 @@ def test_ringing_is_no_second_blow() -> None:
     signal = made.signal.copy()
     signal[4060:16_060] += beat
     (hit,) = find_hits(signal).hits
-    assert hit.blows == 1
+    assert hit.impacts == 1
 
 
 def test_noise_alone_is_no_hit() -> None:
@@ -60,7 +60,7 @@ def test_hum_and_a_moving_zero_line_are_no_hits() -> None:
 
 
 def test_a_hit_that_the_record_begins_in_is_left_out() -> None:
-    """Without a quiet start there is no zero line to judge it by."""
+    """Without a quiet start there is no baseline to judge it by."""
     made = make_record((2, 14_000))
     found = find_hits(made.signal)
     assert found.begun == 1

@@ -104,7 +104,7 @@ def test_a_gap_in_the_times_is_refused(tmp_path: Path, record: Record, out: Path
     [
         ("a.csv", b"", "is empty"),
         ("a.csv", b"dear colleague\nhere are the data\n", "no table of numbers"),
-        ("a.bin", b"\0\1\2\3" * 100, "is no text"),
+        ("a.bin", b"\0\1\2\3" * 100, "not a text file"),
         ("a.npy", b"not an array", "no array of plain numbers"),
         ("a.npz", b"not an archive", "no archive of arrays"),
         ("a.mat", b"not matlab at all", "no MATLAB file"),

@@ -76,7 +76,7 @@ def test_shots_of_the_calibration_itself_leave_without_it(calibrated, tmp_path):
     calibrated.operator.post("/v1/fits", json={"shots": [1], "model": "kv2"})
     said = json.loads(exported(calibrated, [1, 4], tmp_path / "out").read_text())
     assert "calibration" not in said
-    assert "vouch for itself" in said["assumptions"][0]
+    assert "cannot confirm itself" in said["assumptions"][0]
 
 
 def test_a_calibration_without_a_cell_is_refused_by_its_path(calibrated, tmp_path):

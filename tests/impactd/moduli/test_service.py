@@ -245,11 +245,11 @@ def _from_the_tables(archive: Archive, model: str, since: str, until: str) -> di
         if not since <= shot.started_utc < until:
             continue
         if shot.source == "import":
-            reason = "it was recorded elsewhere; fit its campaign instead"
+            reason = "it was recorded on another rig; fit its campaign instead"
         elif outcome["status"] != "converged":
             reason = outcome["message"]
         elif shot.clipped:
-            reason = "it sits on a limit of the converter or amplifier"
+            reason = "it reaches a limit of the converter or amplifier"
         elif (series := archive.drop(number).calibration) is not None:
             reason = f"it belongs to calibration {series}"
         else:

@@ -167,7 +167,7 @@ def test_the_loop_goes_on_from_the_crystal_to_what_is_undeclared(
 def test_the_page_tells_the_turn_in_words(written: tuple[Path, dict[str, Any]]) -> None:
     """R2 and moduli before and after stand beside the paper's and the truth."""
     page = (written[0] / "paper.md").read_text()
-    _, _, turn = page.partition("## The paper as one turn of the loop")
+    _, _, turn = page.partition("## The paper as one diagnosis")
     assert "Verdict `identified`: `crystal_dynamics`." in turn
     assert "| HSD |" in turn
     assert "| 0.70 ± 0.18 | 0.48 |" in turn

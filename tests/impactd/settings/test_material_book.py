@@ -55,7 +55,7 @@ def test_a_wrong_entry_changes_nothing(book, tmp_path):
     assert error.value.findings[0].path_in_file == "sphere.acetal.poissons_ratio.value"
     assert book.version == 0
     assert not (tmp_path / MATERIAL_CHANGES_NAME).exists()
-    with pytest.raises(SettingsError, match="is no name"):
+    with pytest.raises(SettingsError, match="is not a valid name"):
         book.change("sphere", "../x", heavier(book), by="ab", note="")
 
 

@@ -21,6 +21,6 @@ export function drawCompared(place, found, byPeak, signal) {
       yaxis: axis(byPeak ? "signal / peak" : `signal / ${found[0]?.trace.unit ?? "V"}`),
       hovermode: "x unified",
     },
-    words: `The traces of shots ${found.map(({ shot }) => shot.number).join(", ")} over each other.`,
+    words: `The overlaid traces of shots ${found.map(({ shot }) => shot.number).join(", ")}.`,
   }), signal);
 }

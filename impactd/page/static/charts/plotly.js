@@ -13,7 +13,7 @@ export function plotly() {
       restore();
       loading = null;
       script.remove();
-      reject(new Error("The charts cannot be drawn: the daemon's Python package plotly is missing, or the line is lost. The numbers are right without it."));
+      reject(new Error("The charts cannot be drawn: the daemon's Python package plotly is missing, or the connection is lost. The numbers are correct without it."));
     };
     document.head.append(script);
   });

@@ -32,7 +32,7 @@ export function drawImpact(place, { trace, curves, left }, signal) {
       const rest = residual(trace, shown);
       traces.push({
         x: rest.time_us, y: milli ? rest.value.map((value) => value * 1e3) : rest.value, yaxis: "y2", mode: "lines", showlegend: false,
-        line: { color: modelLook(left).color, width: 1.25 }, hovertemplate: `%{y:.2f} ${milli ? "mV" : trace.unit}<extra>left over</extra>`,
+        line: { color: modelLook(left).color, width: 1.25 }, hovertemplate: `%{y:.2f} ${milli ? "mV" : trace.unit}<extra>residual</extra>`,
       });
     }
     return {
@@ -40,10 +40,10 @@ export function drawImpact(place, { trace, curves, left }, signal) {
       layout: {
         xaxis: axis("time since the trigger / µs", { anchor: "y2", zeroline: false, range: FIRST_LOOK_US }),
         yaxis: axis(`signal / ${trace.unit}`, { domain: [0.43, 1] }),
-        yaxis2: axis(`left over / ${milli ? "mV" : trace.unit}`, { domain: [0, 0.35], zeroline: true, zerolinecolor: colour("edge") }),
+        yaxis2: axis(`residual / ${milli ? "mV" : trace.unit}`, { domain: [0, 0.35], zeroline: true, zerolinecolor: colour("edge") }),
         hovermode: "x unified",
       },
-      words: `The measured impact with the curves of ${curves.map((one) => modelName(one.model)).join(" and ") || "no model"}; below it what ${left ? modelName(left) : "no model"} leaves.`,
+      words: `The measured impact with the curves of ${curves.map((one) => modelName(one.model)).join(" and ") || "no model"}; below it the residual of ${left ? modelName(left) : "no model"}.`,
     };
   };
   return draw(place, make, signal);

@@ -24,7 +24,7 @@ export class Problem extends Error {
 const UNREACHABLE = {
   type: "unreachable",
   detail: "The daemon does not answer.",
-  remedy: "Look whether it runs and whether this tablet is on the network; the page goes on by itself.",
+  remedy: "Check that it runs and that this tablet is on the network. The page reconnects automatically.",
 };
 
 /** Return what the daemon answers to one request; throw a Problem when it refuses. */

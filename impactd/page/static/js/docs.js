@@ -63,5 +63,5 @@ try {
     h("p", {}, h("a", { href: "/openapi.json" }, "The same as OpenAPI, for programs"), "."),
     [...byTag].flatMap(([tag, all]) => [h("h2", {}, tag), ...all]));
 } catch (error) {
-  fill(place, h("h1", {}, "The REST API"), h("p", { class: "wrong" }, `Its description cannot be had: ${error.message}`));
+  fill(place, h("h1", {}, "The REST API"), h("p", { class: "wrong" }, `Its description cannot be loaded: ${error.message}`));
 }

@@ -5,8 +5,8 @@ import { modulus, modulusUnit, significant } from "../js/numbers.js";
 
 const NAMES = { youngs_modulus_Pa: "E", plane_strain_modulus_Pa: "E/(1−ν²)" };
 const GROUPS = [
-  [true, "Common to all shots: no repetition lessens it"],
-  [false, "Of the single shots: more of them lessen it"],
+  [true, "Common to all shots: repetitions do not reduce it"],
+  [false, "Of the single shots: more shots reduce it"],
 ];
 // The share comes first: a tablet shows the first columns, and the others when it is pushed aside.
 const HEAD = ["Input", "Share", "Value", "u", "Distribution", "Sensitivity", "Contribution", "Degrees of freedom", "Traceable to"];
@@ -38,10 +38,10 @@ function one(symbol, name, budget) {
   return h("section", { class: "stack budget", "aria-label": `Budget of ${symbol} of ${name}` },
     h("h3", {}, `${symbol} = ${modulus(budget)} (95 %)`),
     h("p", { class: "improve" }, budget.improve),
-    h("p", { class: "soft" }, `u = ${percent(budget.relative_u)}: ${percent(budget.relative_u_common)} common to all shots, ${percent(budget.relative_u_averaged)} that more shots lessen.`),
+    h("p", { class: "soft" }, `u = ${percent(budget.relative_u)}: ${percent(budget.relative_u_common)} common to all shots, ${percent(budget.relative_u_averaged)} reduced by more shots.`),
     h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": `Table of the budget of ${symbol}` },
       h("table", {},
-        h("caption", { class: "unseen" }, `What the uncertainty of ${symbol} of ${name} is made of`),
+        h("caption", { class: "unseen" }, `Uncertainty budget of ${symbol} of ${name}`),
         h("thead", {}, h("tr", {}, HEAD.map((word, index) => h("th", { scope: "col", class: WORDS.includes(index) ? null : "number" }, word)))),
         GROUPS.map(([common, words]) => group(words, budget.rows.filter((row) => row.common === common))))));
 }

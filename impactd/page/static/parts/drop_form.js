@@ -37,7 +37,7 @@ export function dropForm(rig, latest, onGo) {
     const drops = Number(count.input.value);
     for (const input of [height.input, count.input, operator.input, ...around.inputs]) input.removeAttribute("aria-invalid");
     if (!(mm >= low && mm <= high)) return fault(height.input, `This rig drops from ${millimetres(rig.min_drop_height_m)} to ${millimetres(rig.max_drop_height_m)}.`);
-    if (!(Number.isInteger(drops) && drops >= 1 && drops <= MOST_DROPS)) return fault(count.input, `Between 1 and ${MOST_DROPS} drops make a series.`);
+    if (!(Number.isInteger(drops) && drops >= 1 && drops <= MOST_DROPS)) return fault(count.input, `A series has 1 to ${MOST_DROPS} drops.`);
     if (!operator.input.value.trim()) return fault(operator.input, "Who hangs the sphere? A name or initials are kept with the shot.");
     const missing = around.missing();
     if (missing) return fault(missing.input, missing.words);
@@ -68,7 +68,7 @@ export function dropForm(rig, latest, onGo) {
     operator,
     around.element,
     h("div", { class: "go" }, wrong, go,
-      !may("operate") && h("p", { class: "soft" }, `The token ${session.name} may look and not touch; dropping needs one with scope operate.`)));
+      !may("operate") && h("p", { class: "soft" }, `The token ${session.name} may only look; a drop needs a token with scope operate.`)));
 
   return {
     form,

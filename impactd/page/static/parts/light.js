@@ -28,8 +28,8 @@ export function startLight() {
   });
   on("lost", () => {
     const since = live.seenAt ? ` since ${clock(live.seenAt)}` : "";
-    show("unknown", "NOT KNOWN", `The daemon has not answered${since}. The rig may be doing anything: look at it.`);
+    show("unknown", "NOT KNOWN", `The daemon has not answered${since}. The state of the rig is unknown: look at it.`);
     said = "";
   });
-  on("unknown", () => show("unknown", "NOT KNOWN", "Sign in to see how the rig is."));
+  on("unknown", () => show("unknown", "NOT KNOWN", "Sign in to see the state of the rig."));
 }

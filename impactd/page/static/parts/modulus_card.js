@@ -39,7 +39,7 @@ export function modulusCard(name, entry, budgets) {
       h("span", { class: `badge ${badge}` }, word)),
     (young || plane) && h("p", { class: "modulus" }, h("small", {}, young ? "E " : "E/(1−ν²) "), young ?? plane),
     young && plane && h("p", { class: "soft" }, `E/(1−ν²) = ${plane}`),
-    entry.stated_youngs_modulus_Pa && h("p", { class: "soft" }, `Stated beforehand: ${modulus(entry.stated_youngs_modulus_Pa)}; above is what all shots make of it.`),
+    entry.stated_youngs_modulus_Pa && h("p", { class: "soft" }, `Stated value: ${modulus(entry.stated_youngs_modulus_Pa)}; the value above includes all shots.`),
     entry.reason && h("p", { class: "soft" }, entry.reason),
     (young || plane) && uncertainty(name, entry, budgets));
 }
@@ -61,7 +61,7 @@ function uncertainty(name, entry, budgets) {
     }
   };
   return h("details", { on: { toggle: open } },
-    h("summary", {}, "What its uncertainty is made of", h("span", { class: "unseen" }, `: ${material(name)}`)),
+    h("summary", {}, "Uncertainty budget", h("span", { class: "unseen" }, `: ${material(name)}`)),
     inside);
 }
 

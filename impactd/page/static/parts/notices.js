@@ -20,11 +20,11 @@ let known = () => false;
 export function startNotices(signedIn) {
   known = signedIn;
   on("lost", () => {
-    lost = live.seenAt ? `What you see is from ${clock(live.seenAt)}.` : "Nothing was heard of it yet.";
+    lost = live.seenAt ? `The screen shows the state at ${clock(live.seenAt)}.` : "No answer has arrived yet.";
     draw();
   });
   on("found", () => {
-    if (lost) tell("info", "The connection is back; what you see is up to date.", { passing: true });
+    if (lost) tell("info", "The connection is back; the screen is up to date.", { passing: true });
     lost = null;
     if (known()) showNotices();
     else draw();
@@ -77,7 +77,7 @@ function draw() {
   fill(
     byId("notices"),
     lost && h("div", { class: "notice bad", role: "alert" },
-      h("div", {}, h("strong", {}, "The connection is lost. "), lost, " It is tried again every 2 s.")),
+      h("div", {}, h("strong", {}, "The connection is lost. "), lost, " The page tries again every 2 s.")),
     [...alarms].sort((a, b) => a.severity.localeCompare(b.severity)).map(alarmNotice),
     passing.map((one) => h("div", { class: `notice ${one.kind}`, role: one.kind === "bad" ? "alert" : "status" },
       h("div", {}, one.sentence),

@@ -21,7 +21,7 @@ export function readings() {
   const element = h("details", { class: "readings" },
     h("summary", {}, "Temperature and humidity, if you read them"),
     rows.map(({ value, u }) => h("div", { class: "pair" }, value, u)),
-    h("p", { class: "soft" }, "The uncertainty is a standard one: 0.2 K for a thermometer that is right to 0.4 °C. For this press only."));
+    h("p", { class: "soft" }, "The uncertainty is a standard one: 0.2 K for a thermometer that is accurate to 0.4 °C. It counts for this drop only."));
 
   return {
     element,
@@ -36,7 +36,7 @@ export function readings() {
     /** Return { input, words } of what is missing beside what was given, else null. */
     missing() {
       for (const { name, value, u } of rows) {
-        if (value.input.value !== "" && !(Number(u.input.value) > 0)) return { input: u.input, words: `How sure is it? A ${name.toLowerCase()} needs its standard uncertainty.` };
+        if (value.input.value !== "" && !(Number(u.input.value) > 0)) return { input: u.input, words: `A ${name.toLowerCase()} needs its standard uncertainty.` };
         if (value.input.value === "" && u.input.value !== "") return { input: value.input, words: `The ${name.toLowerCase()} itself is missing.` };
       }
       return null;

@@ -115,7 +115,7 @@ function planned(now) {
 /** Return how far a series is; a calibration's looks the same. */
 export function seriesCard({ title, done, of, remaining, load, end }) {
   return h("section", { class: "card", "aria-label": title },
-    h("div", { class: "row spread" }, h("h2", {}, `${title}: ${done} of ${of} drops done`), h("p", { class: "soft" }, remaining ? `${remaining} to go` : "the time to go is known after the first drop")),
+    h("div", { class: "row spread" }, h("h2", {}, `${title}: ${done} of ${of} drops done`), h("p", { class: "soft" }, remaining ? `${remaining} to go` : "the remaining time is known after the first drop")),
     h("progress", { max: of, value: done, "aria-label": `${done} of ${of} drops done` }),
     load && h("p", { class: "instruction" }, load),
     end);

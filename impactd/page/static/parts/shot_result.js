@@ -38,8 +38,8 @@ function verdict(shot) {
   const what = `Reduced modulus E* of the pair, ± U (95 %), ${modelName(fit.model)}`;
   if (!usable(shot)) {
     return h("div", { class: "stack" },
-      h("p", { class: "modulus" }, h("small", {}, "No modulus: this shot is not to be used.")),
-      h("details", {}, h("summary", {}, "What the fit says all the same"), h("p", { class: "soft" }, `${what}: ${number}`)));
+      h("p", { class: "modulus" }, h("small", {}, "No modulus: this shot must not be used.")),
+      h("details", {}, h("summary", {}, "The result of the fit"), h("p", { class: "soft" }, `${what}: ${number}`)));
   }
   return h("div", { class: "verdict" },
     h("p", { class: "modulus" }, h("span", { class: "unseen" }, "Reduced modulus "), number),
@@ -53,7 +53,7 @@ async function showMaterial(place, shot) {
   const one = found?.moduli[shot.surface];
   const young = one && modulus(one.youngs_modulus_Pa);
   if (!young) return;
-  const from = { fitted: "from all shots together", reference: "its stated value, with what all shots add", withheld: "withheld" }[one.status] ?? one.status;
+  const from = { fitted: "from all shots together", reference: "its stated value, combined with all shots", withheld: "withheld" }[one.status] ?? one.status;
   fill(place, h("strong", {}, `Young's modulus of ${words(shot.surface)}: ${young}`), h("span", { class: "soft" }, ` (${from})`));
 }
 
@@ -62,8 +62,8 @@ function advice(shot) {
   const { word, sign, sentence } = ADVICE[shot.advice];
   const reasons = shot.because ?? [];
   return h("div", { class: `advice ${shot.advice === "check" ? "check-it" : shot.advice}`, data: { advice: shot.advice } },
-    h("p", {}, h("strong", {}, h("span", { "aria-hidden": "true" }, `${sign} `), reasons.length ? sentence : `${word}: nothing in this record speaks against it.`)),
-    !reasons.length && bestFit(shot.fits)?.calibration === null && h("p", {}, "The load cell was not calibrated: the modulus rests on its certificate."),
+    h("p", {}, h("strong", {}, h("span", { "aria-hidden": "true" }, `${sign} `), reasons.length ? sentence : `${word}: no check of this record failed.`)),
+    !reasons.length && bestFit(shot.fits)?.calibration === null && h("p", {}, "The load cell was not calibrated: the modulus uses its certificate."),
     reasons.length ? h("ul", {}, reasons.map((reason) => h("li", {}, reason))) : null);
 }
 
@@ -86,7 +86,7 @@ async function chart(shot, signal) {
   requestAnimationFrame(show);
   return h("figure", { class: "stack" },
     place,
-    models.length > 1 && h("div", { class: "row", role: "group", "aria-label": "Whose residual is shown" }, h("span", { class: "label" }, "Left over by"), buttons),
+    models.length > 1 && h("div", { class: "row", role: "group", "aria-label": "Model of the residual" }, h("span", { class: "label" }, "Left over by"), buttons),
     fitFacts(shot),
     curves.missing.length > 0 && h("p", { class: "soft" }, `No curve was kept for ${curves.missing.map(modelName).join(", ")}: a fit of the whole archive keeps numbers only. Fit the shot again to see it.`));
 }

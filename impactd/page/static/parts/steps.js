@@ -79,7 +79,7 @@ function instruction(drop, rig) {
     return { words: `${lead}${drop.problem.detail} ${drop.problem.remedy}`.trim(), bad: true };
   }
   if (drop.state === "requested" && rig?.state === "LOADING") {
-    return { words: `Load the sphere: ${material(drop.sphere)}. The drop begins by itself once it is held.` };
+    return { words: `Load the sphere: ${material(drop.sphere)}. The drop starts when the sphere is held.` };
   }
   if (drop.state === "requested" && rig?.state === "CHECKING") {
     return { words: "The sphere is held. Hands off the table: the input is being checked." };

@@ -12,7 +12,7 @@ import { showCalibrationUnderWay } from "../parts/series.js";
 
 export async function showCalibration(place, { signal }) {
   const progress = h("div", { class: "stack" });
-  const current = h("section", { class: "card", "aria-label": "The calibration in force" });
+  const current = h("section", { class: "card", "aria-label": "The valid calibration" });
   const drift = h("section", { class: "card", "aria-labelledby": "drift-title" });
   const begin = h("section", { class: "card", "aria-labelledby": "begin-title" });
   const history = h("section", { class: "card", "aria-labelledby": "history-title" });
@@ -44,7 +44,7 @@ export async function showCalibration(place, { signal }) {
 
 function showCurrent(place, one) {
   if (!one) {
-    fill(place, h("h2", {}, "Never calibrated"), h("p", {}, "The values of the cell's certificate are used. Moduli are only as good as these; calibrate before you trust them."));
+    fill(place, h("h2", {}, "Never calibrated"), h("p", {}, "The values of the cell's certificate are used. Moduli are only as accurate as these values; calibrate before you use them."));
     return;
   }
   const late = new Date(one.valid_until_utc) < new Date();
@@ -74,7 +74,7 @@ function showBegin(place, plan) {
   };
   fill(place,
     h("h2", { id: "begin-title" }, "Calibrate"),
-    drops ? h("p", {}, `${drops} drops of spheres and surfaces whose moduli are known, then one fit. Stay at the rig: the page says which sphere comes next.`) : h("p", {}, "The settings hold no plan of drops; fill in [[calibration.plan]]."),
+    drops ? h("p", {}, `${drops} drops of spheres and surfaces of known modulus, then one fit. Stay at the rig: the page says which sphere comes next.`) : h("p", {}, "The settings hold no plan of drops; fill in [[calibration.plan]]."),
     h("ul", { class: "soft" }, plan.map((one) => h("li", {}, `${one.repeats} × ${materials(one.sphere, one.surface)} from ${millimetres(one.drop_height_m)}`))),
     may("operate") && drops > 0 && h("div", { class: "row" }, h("button", { class: "button main-action", type: "button", "aria-disabled": String(!live.status?.ready), on: { click: go } }, "Start a calibration")));
 }
@@ -98,9 +98,9 @@ function showDrift(place, series, inForce, signal) {
 
 /** Say how far the cell moved, in the daemon's sentence and with the words of this page. */
 function moved({ since_previous: before, since_first: first }) {
-  if (!before) return h("p", { class: "soft" }, "How far the cell drifts is known after the second calibration.");
+  if (!before) return h("p", { class: "soft" }, "The drift of the cell is known after the second calibration.");
   const plain = (sentence) => QUANTITIES.reduce((text, [key, name]) => text.replace(key, name), sentence);
-  return h("p", { class: before.drifted ? "wrong" : null }, `Since the calibration before: ${plain(before.sentence)} Since the first: ${plain(first.sentence)}`);
+  return h("p", { class: before.drifted ? "wrong" : null }, `Since the previous calibration: ${plain(before.sentence)} Since the first: ${plain(first.sentence)}`);
 }
 
 /** Say how a calibration is made; of one under way, how many drops are behind it. */

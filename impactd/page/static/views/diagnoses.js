@@ -26,7 +26,7 @@ export async function showDiagnoses(place, { signal }) {
       // Drawn only when something changed: a button must not vanish under a finger.
       const text = JSON.stringify(page.items);
       if (text !== list.dataset.drawn) {
-        fill(list, page.items.length ? page.items.map((one) => diagnosis(one, load)) : h("p", { class: "empty" }, "No diagnosis yet. Choose shots of one campaign: several heights and two spheres tell most."));
+        fill(list, page.items.length ? page.items.map((one) => diagnosis(one, load)) : h("p", { class: "empty" }, "No diagnosis yet. Choose shots of one campaign; several heights and two spheres are best."));
         list.dataset.drawn = text;
       }
       if (page.items.some((one) => UNDER_WAY.includes(one.state))) timer = setTimeout(load, WATCH_MS);
@@ -42,8 +42,8 @@ export async function showDiagnoses(place, { signal }) {
 
 function startForm(started) {
   const given = new URLSearchParams(here().split("?")[1]).get("shots") ?? "";
-  const shots = field("Shots", { value: given, required: true, inputmode: "text", maxlength: 400 }, { hint: "Numbers with commas, ranges with a dash: 3, 5, 8-19. The list of shots can fill this in." });
-  const base = choice("From the model", [["kv2", "Closed KV: a load cell that moves, with all of mechanics"], ["kv", "KV: as in the paper"], ["hsd", "HSD: a rigid load cell"]], "kv2");
+  const shots = field("Shots", { value: given, required: true, inputmode: "text", maxlength: 400 }, { hint: "Numbers with commas, ranges with a dash: 3, 5, 8-19. You can also choose them in the list of shots." });
+  const base = choice("From the model", [["kv2", "Closed KV: a load cell that moves, with all laws of mechanics"], ["kv", "KV: as in the paper"], ["hsd", "HSD: a rigid load cell"]], "kv2");
   const wrong = h("p", { class: "wrong", role: "alert" });
   const submit = async (event) => {
     event.preventDefault();
@@ -56,7 +56,7 @@ function startForm(started) {
     }
     try {
       const made = await post("/v1/diagnoses", { shots: numbers, base: base.input.value }, { key: freshKey() });
-      tell("info", `Diagnosis ${made.id} has begun. It may take some minutes; you need not wait here.`, { passing: true });
+      tell("info", `Diagnosis ${made.id} has started. It may take some minutes; you can leave this page.`, { passing: true });
       started();
     } catch (problem) {
       wrong.textContent = problem.message;
@@ -64,7 +64,7 @@ function startForm(started) {
   };
   return h("form", { class: "card", on: { submit } },
     h("h2", {}, "Start a diagnosis"),
-    h("p", { class: "soft" }, "A diagnosis finds out what the model misses on these shots, names it where the data allow, and shows what adding it changes."),
+    h("p", { class: "soft" }, "A diagnosis finds what the model misses on these shots. It names the effect if the data allow, and shows the result with the effect in the model."),
     shots, base, wrong, h("div", { class: "row" }, h("button", { class: "button main-action", type: "submit" }, "Start a diagnosis")));
 }
 
@@ -110,11 +110,11 @@ function diagnosis(one, changed) {
     underWay && progress(one),
     h("div", { class: "row" },
       one.links.report && h("a", { class: "button", href: one.links.report, target: "_blank", rel: "noopener" }, "Read the report", h("span", { class: "unseen" }, ` of diagnosis ${one.id}, in a new tab`)),
-      one.links.next_drop && may("operate") && h("button", { class: "button", type: "button", on: { click: nextDrop } }, "Make the drop it asks for"),
+      one.links.next_drop && may("operate") && h("button", { class: "button", type: "button", on: { click: nextDrop } }, "Make the proposed drop"),
       underWay && may("operate") && h("button", { class: "button", type: "button", on: { click: cancel } }, "Cancel", h("span", { class: "unseen" }, ` diagnosis ${one.id}`))));
 }
 
 function progress({ state, progress: told }) {
-  if (!told) return h("p", { class: "soft" }, state === "queued" ? "It waits for its turn." : "It has begun.");
+  if (!told) return h("p", { class: "soft" }, state === "queued" ? "It is waiting in the queue." : "It has begun.");
   return h("div", { class: "stack" }, h("p", { class: "soft" }, told.text), h("progress", { max: 1, value: told.share, "aria-label": told.text }));
 }

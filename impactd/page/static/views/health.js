@@ -56,7 +56,7 @@ function showChecks(place, { checks, attention, calibration }) {
   const now = JSON.stringify([checks, attention, calibration]);
   if (now === place.dataset.drawn) return;
   place.dataset.drawn = now;
-  fill(place, h("h2", { id: "checks-title" }, "Looked at before every drop"),
+  fill(place, h("h2", { id: "checks-title" }, "Checked before every drop"),
     attention && h("p", { class: "notice warn" }, `${attention[0].toUpperCase()}${attention.slice(1)}.`),
     h("ul", { class: "checks" }, checks.map((one) => [one, ...standing(one, calibration)]).map(([one, check, said]) => h("li", { data: { check } },
       h("span", { class: `badge ${check}` }, said),
@@ -71,7 +71,7 @@ function showFacts(place, found) {
     ["Calibration due", due ? `${day(due)}, ${inDays(due)}` : "never calibrated: the certificate is used"],
     ["Disk", `${gigabytes(disk.free_bytes)} free of ${gigabytes(disk.total_bytes)}; drops end at ${gigabytes(disk.reserve_bytes)}`],
     ["Room for", `${disk.shots_left.toLocaleString("en-GB")} more shots`],
-    ["Vacuum gauge", found.valve_has_gauge ? "wired" : "none: nobody can tell whether a sphere is held"],
+    ["Vacuum gauge", found.valve_has_gauge ? "wired" : "none: the rig cannot see whether a sphere is held"],
     ...found.devices.map((one) => [NAMES[one.name], `${one.sentence}${one.answers ? "" : " (does not answer)"}`]),
   ];
   const now = JSON.stringify(facts);

@@ -19,7 +19,7 @@ export async function showMaterials(place, { signal }) {
   const lists = h("div", { class: "cards" });
   const changes = h("section", { class: "card", "aria-labelledby": "changes-title" });
   fill(place, h("h1", {}, "Materials"),
-    h("p", {}, "What a drop may name. A change counts for drops and fits from now on; stored fits keep what they were made with."),
+    h("p", {}, "The materials that a drop can use. A change counts for later drops and fits; stored fits keep their values."),
     editor, lists, changes);
   const load = async () => {
     try {
@@ -76,7 +76,7 @@ function quantity([key, label, scale], entry) {
     if (size === null && NEEDED.includes(key)) throw Object.assign(new Error(`${label} is needed.`), { input: value.input });
     if (size === null) return undefined;
     if (sure === null) {
-      if (key === "poissons_ratio" || key === "youngs_modulus_pa") throw Object.assign(new Error(`How sure is ${label}? It needs its standard uncertainty.`), { input: u.input });
+      if (key === "poissons_ratio" || key === "youngs_modulus_pa") throw Object.assign(new Error(`${label} needs its standard uncertainty.`), { input: u.input });
       return size;
     }
     return { ...(typeof now === "object" ? now : {}), value: size, u: sure };
@@ -87,7 +87,7 @@ function quantity([key, label, scale], entry) {
 function form(kind, material, grades, done) {
   const { one, columns } = KINDS[kind];
   const entry = material?.entry ?? {};
-  const name = field("Name", { value: material?.name ?? "", maxlength: 64, required: true, autocomplete: "off", ...(material ? { readonly: true } : {}) }, { hint: "Letters, digits, _ . -; it stands in every shot." });
+  const name = field("Name", { value: material?.name ?? "", maxlength: 64, required: true, autocomplete: "off", ...(material ? { readonly: true } : {}) }, { hint: "Letters, digits, _ . -; the name is stored in every shot." });
   const values = columns.map((column) => [column[0], quantity(column, entry)]);
   const grade = kind === "spheres" ? choice("Grade of the bag", [["", "none"], ...grades.map((key) => [key, key])], entry.batch?.grade ?? "") : null;
   const lot = kind === "spheres" ? field("Lot or certificate", { value: entry.batch?.traceable_to ?? "", maxlength: 200, autocomplete: "off" }) : null;
@@ -119,7 +119,7 @@ function form(kind, material, grades, done) {
     next.source = source.input.value.trim();
     try {
       await ask("PUT", `/v1/materials/${kind}/${encodeURIComponent(name.input.value.trim())}`, { body: { entry: next, note: note.input.value.trim() } });
-      tell("info", `${name.input.value.trim()} is kept; drops and fits take it from now on.`, { passing: true });
+      tell("info", `${name.input.value.trim()} is saved; later drops and fits use it.`, { passing: true });
       done();
     } catch (problem) {
       wrong.textContent = problem.message;
@@ -128,11 +128,11 @@ function form(kind, material, grades, done) {
   return h("form", { class: "card", novalidate: true, "aria-label": material ? `Change ${material.name}` : `Add a ${one}`, on: { submit } },
     h("h2", {}, material ? `Change ${material.name}` : `Add a ${one}`),
     h("div", { class: "material-fields" }, name, values.map(([, part]) => part), grade, lot),
-    h("label", { class: "row" }, reference, h("span", {}, "Its modulus counts as known: calibrations may rest on it")),
+    h("label", { class: "row" }, reference, h("span", {}, "Its modulus counts as known: calibrations may use it")),
     source, note, wrong,
     h("div", { class: "row" },
       h("button", { class: "button main-action", type: "submit" }, "Keep it"),
-      h("button", { class: "button", type: "button", on: { click: done } }, "Leave it as it was")));
+      h("button", { class: "button", type: "button", on: { click: done } }, "Cancel")));
 }
 
 function showChanges(place, changes) {

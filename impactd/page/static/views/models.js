@@ -12,14 +12,14 @@ export async function showModels(place, { signal }) {
   const list = h("section", { class: "card", "aria-label": "All models" });
   const history = h("section", { class: "card", "aria-labelledby": "chosen-title" });
   fill(place, h("h1", {}, "Models"),
-    h("p", {}, "Every shot is fitted with HSD, KV, the closed KV and the active model; moduli are reported with the active one. Earlier results keep the model they were made with."),
+    h("p", {}, "Every shot is fitted with HSD, KV, the closed KV and the active model; moduli are reported with the active one. Earlier results keep their model."),
     list, history);
   const show = (page) => {
     if (signal.aborted) return;
     fill(list, h("ul", {}, page.items.map((model) => h("li", { class: "diagnosis" }, one(model, show)))),
       !may("admin") && h("p", { class: "soft" }, "Choosing another model needs a token with scope admin."));
     fill(history, h("h2", { id: "chosen-title" }, "Chosen so far"),
-      page.history.length ? h("ul", {}, page.history.map((entry) => h("li", {}, `${moment(entry.since_utc)}: ${modelName(entry.name)}`))) : h("p", { class: "soft" }, "Nobody has chosen yet; KV is what the program begins with."));
+      page.history.length ? h("ul", {}, page.history.map((entry) => h("li", {}, `${moment(entry.since_utc)}: ${modelName(entry.name)}`))) : h("p", { class: "soft" }, "Nobody has chosen a model yet; the program uses its default."));
   };
   const load = async () => {
     try {

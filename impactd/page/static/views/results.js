@@ -45,7 +45,7 @@ export async function showResults(place, { signal }) {
     try {
       const found = await get(withQuery("/v1/results", times()));
       if (signal.aborted || mine !== turn) return;
-      about.textContent = `What ${found.shots} shots together say, fitted with ${modelName(found.model)}; ± is the expanded uncertainty (95 %).`;
+      about.textContent = `Result of ${found.shots} shots, fitted with ${modelName(found.model)}; ± is the expanded uncertainty (95 %).`;
       // Drawn only when something changed: an open budget must not close under a reader.
       const text = JSON.stringify(found);
       if (text === list.dataset.drawn) return;
@@ -82,8 +82,8 @@ function dayAfter(text) {
 function networkWords(network) {
   if (!network || !network.degrees_of_freedom) return "";
   const said = `The pairs were adjusted together: chi² ${significant(network.chi2)} at ${network.degrees_of_freedom} ${network.degrees_of_freedom === 1 ? "degree" : "degrees"} of freedom, p = ${significant(network.p_value, 2)}.`;
-  const dark = network.dark_uncertainty > 0 ? ` They scatter by ${percent(network.dark_uncertainty)} more than their uncertainties explain; this is part of every ±.` : "";
-  const odd = network.contradicting?.length ? ` At odds with the others: ${network.contradicting.map((one) => (typeof one === "string" ? one : one.pair ?? one.name)).join(", ")}.` : "";
+  const dark = network.dark_uncertainty > 0 ? ` They scatter by ${percent(network.dark_uncertainty)} more than their uncertainties explain; every ± includes this.` : "";
+  const odd = network.contradicting?.length ? ` In contradiction to the others: ${network.contradicting.map((one) => (typeof one === "string" ? one : one.pair ?? one.name)).join(", ")}.` : "";
   return said + dark + odd;
 }
 
@@ -118,9 +118,9 @@ async function controlCard(place, found, signal) {
     h("h2", { id: "chart-title" }, `Control chart of ${materials(found.sphere, found.surface)}`),
     chart, outside,
     h("p", { class: "soft" }, control
-      ? "Limits: mean ± 3 σ, with σ from the differences of neighbouring shots (ISO 7870-2), so that a drift does not widen what should show it. Bars: ± U (95 %) of a shot by itself."
-      : "Limits are drawn from eight shots on. Bars: ± U (95 %) of a shot by itself."),
-    found.decimated && h("p", { class: "soft" }, `Of ${found.shots} shots the extremes of each stretch are drawn, and all outside the limits.`));
+      ? "Limits: mean ± 3 σ, with σ from the differences of neighbouring shots (ISO 7870-2), so that a drift does not widen the limits. Bars: ± U (95 %) of a single shot."
+      : "Limits are drawn from eight shots on. Bars: ± U (95 %) of a single shot."),
+    found.decimated && h("p", { class: "soft" }, `Of ${found.shots} shots the extremes of each interval are drawn, and all outside the limits.`));
   await drawControl(chart, found, signal);
 }
 
@@ -136,6 +136,6 @@ function showExport(place, pairs, times) {
   for (const one of [pair, shots, form]) one.input.addEventListener("input", aim);
   aim();
   fill(place, h("h2", { id: "export-title" }, "Take away"),
-    h("p", { class: "soft" }, "The shots of the times above. A table holds one line a shot with its modulus, uncertainty and advice, and says in its head what chose it."),
+    h("p", { class: "soft" }, "The shots of the period above. A table has one line a shot with its modulus, uncertainty and advice. Its header states the selection."),
     h("div", { class: "filters" }, pair, shots, form), h("div", { class: "row" }, link));
 }

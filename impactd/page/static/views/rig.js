@@ -132,6 +132,6 @@ function showFault(place, status) {
   };
   fill(place, h("section", { class: "card", "aria-label": "Fault" },
     h("h2", {}, "The rig has a fault"),
-    h("p", {}, "Do what the light says. When the rig is in order again, say so here; it is then tested before the next drop."),
+    h("p", {}, "Do what the status says. Then confirm here; the rig is tested before the next drop."),
     h("button", { class: "button main-action", type: "button", on: { click: acknowledge } }, "The rig was checked")));
 }

@@ -51,7 +51,7 @@ function actions(shot) {
       h("a", { class: "button", href: `/v1/shots/${shot.number}.h5`, download: `${name}.h5` }, "Download HDF5"),
       h("a", { class: "button", href: `/v1/shots/${shot.number}.csv`, download: `${name}.csv` }, "Download CSV"),
       h("a", { class: "button", href: `/v1/shots/${shot.number}`, download: `${name}.json` }, "Download JSON")),
-    h("p", { class: "soft" }, "HDF5 holds the raw codes and everything around them; CSV time and signal; JSON the fits."),
+    h("p", { class: "soft" }, "HDF5 has the raw codes and all metadata; CSV has time and signal; JSON has the fits."),
     may("operate") && h("div", { class: "row" },
       shot.sphere && shot.surface && shot.drop_height_m && h("button", { class: "button", type: "button", on: { click: again } }, "Drop with the same settings"),
       h("button", { class: "button", type: "button", on: { click: fit } }, "Fit again"),
@@ -71,7 +71,7 @@ function circumstances(shot) {
     ["SHA-256 of the file", shot.sha256],
   ];
   return h("section", { class: "card", "aria-labelledby": "circumstances" },
-    h("h2", { id: "circumstances" }, "Circumstances"),
+    h("h2", { id: "circumstances" }, "Conditions"),
     h("dl", { class: "facts" }, facts.map(([name, value]) => h("div", {}, h("dt", {}, name), h("dd", {}, value)))));
 }
 
@@ -87,5 +87,5 @@ async function record(shot, signal) {
   requestAnimationFrame(() => drawRecord(place, trace, signal));
   return h("section", { class: "card", "aria-labelledby": "record" },
     h("h2", { id: "record" }, "The whole record"), place,
-    h("p", { class: "soft" }, `${trace.samples.toLocaleString("en-GB")} samples${trace.decimated ? `, drawn as ${trace.time_s.length.toLocaleString("en-GB")}: of each stretch the smallest and the largest` : ""}. Later bumps are the sphere coming down again.`));
+    h("p", { class: "soft" }, `${trace.samples.toLocaleString("en-GB")} samples${trace.decimated ? `, drawn as ${trace.time_s.length.toLocaleString("en-GB")}: the smallest and the largest of each interval` : ""}. Later peaks are bounces of the sphere.`));
 }

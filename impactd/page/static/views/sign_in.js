@@ -25,7 +25,7 @@ export function showSignIn(place, { why, enter }) {
   fill(place, h("form", { class: "card sign-in", on: { submit } },
     h("h1", {}, "Sign in"),
     why && h("p", { class: "notice warn" }, why),
-    h("p", {}, "This page moves a rig, so it wants to know who you are. On the rig's computer, make a token and paste it here:"),
+    h("p", {}, "This page moves a rig, so you must sign in. Make a token on the rig's computer and paste it here:"),
     h("p", {}, h("code", {}, "impactd token create --scope operate --name YOU")),
     token, wrong,
     h("button", { class: "button main-action large", type: "submit" }, "Sign in"),
