@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import minimize_scalar
-from scipy.stats import chi2, norm
+from scipy.stats import chi2
 
 from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
@@ -100,8 +100,7 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
         odd = chance[worst] * falls.size < CRITERIA.structure.false_alarm_rate
         part_of_all = CRITERIA.structure.odd_part * falls.sum() / max(to_go, 1)
         odd = odd and to_go > 0 and falls[worst] >= part_of_all
-        plainly = odd and chance[worst] < norm.sf(CRITERIA.structure.surplus_deviations)
-        if len(part.kept) < whole and not plainly:
+        if len(part.kept) < whole and not (odd and chance[worst] == 0.0):
             rest = make_step(part.problem, part.fitted)
             if not rest.score_test.structured:
                 return _set_aside(step, rest, part.kept)
