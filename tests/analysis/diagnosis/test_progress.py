@@ -153,7 +153,7 @@ def test_a_name_that_was_not_held_against_others_is_one_of_a_family(leaky: Diagn
     assert found.verdict == "family"
     assert "amplifier_lowpass" in found.confusable_with("coupler_highpass")
     told = diagnosis_json(dataclasses.replace(found, watch=watch), software="impactd test")
-    assert "coupler_highpass was not held against" in told["sentence"]
+    assert "coupler_highpass was not compared with" in told["sentence"]
     assert told["effects"][0]["confusable_with"] == found.confusable_with("coupler_highpass")
     assert told["after"]["moduli"]["specimen"]["status"] == "withheld"
 

@@ -88,7 +88,7 @@ def test_the_next_drop_is_told_in_words_with_the_command_that_makes_it(document)
     }
     told = summary({**document, "next_drop": wanted}, number=12)
     assert "Drop next, once: acetal on specimen from 41.2 mm" in told
-    assert "it tells echo from second_mode" in told
+    assert "it distinguishes echo from second_mode" in told
     assert told.endswith("impactd drop --proposed-by 12")
     assert "--proposed-by" not in summary({**document, "next_drop": {**wanted, "repeats": 3}})
 
