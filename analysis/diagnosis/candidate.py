@@ -402,9 +402,10 @@ def _sampled(rate_hz: float) -> ShotContext:
 
 SPEED, LOSS, TOUCH_DOWN = (NUISANCE.index(name) for name in ("ln_v0", "ln_e", "t0_us"))
 """Places among a shot's own parameters."""
-FROM = tuple(product((0.8, 0.5, 0.3), (0.0, 0.1)))
+RESTARTS = tuple(product((0.8, 0.5, 0.3), (0.0, 0.1)))
 """Restitutions from which such a shot begins again, and how much later it touches down, as a share
-of the pulse: what seems slower, and to gain energy, seems to come earlier."""
+of the pulse: what seems slower, and to gain energy, seems to come earlier. Measured on two such
+shots: from 0.1 and 0.15 later every restitution led back, from no later none."""
 
 
 def fitted_below_one(
@@ -423,7 +424,7 @@ def fitted_below_one(
     some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
     nuisances = fitted.nuisances.copy()
     least = np.full(gaining.size, math.inf)
-    for restitution, later in FROM:
+    for restitution, later in RESTARTS:
         own = fitted.nuisances[gaining]
         own[:, LOSS] = math.log(restitution)
         for at, item in enumerate(some.shots):

@@ -26,7 +26,7 @@ from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot
 from analysis.fit.fit_shot import FitShot
-from analysis.fit.freed_inputs import numbers_of_shots, widened_by, with_free_inputs
+from analysis.fit.freed_inputs import cost_with_free_inputs, numbers_of_shots, widened_by
 from analysis.fit.inputs import Input
 from analysis.fit.problem import JointProblem
 
@@ -87,10 +87,10 @@ Fit = Callable[[Campaign], tuple[JointProblem, joint.Fitted]]
 def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None:
     """Return the mistake without which only noise is left; None where there is none.
 
-    What leaves fewest squares is asked first. Where that is no noise, what leaves more is none
-    either.
+    The one that leaves the fewest squares is tested first. If its residual is not noise, neither is
+    one with more squares.
     """
-    tried: list[tuple[Mistake, JointProblem, joint.Fitted]] = []
+    tried: list[tuple[float, Mistake, JointProblem, joint.Fitted]] = []
     structure = step.score_test.beyond_labels
     if structure is None:
         structure = step.score_test.left
@@ -98,23 +98,27 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     for likely in (*_likeliest(step, least), *_labels(step)):
         progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
         problem, fitted = fit_base(likely.restated)
-        free = with_free_inputs(problem, fitted)
         paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
-        cost = paid + (fitted if free is None else free[1]).cost
-        tried.append((dataclasses.replace(likely, cost=cost), problem, fitted))
+        one = dataclasses.replace(likely, cost=fitted.cost + paid)
+        tried.append((paid + cost_with_free_inputs(problem, fitted), one, problem, fitted))
     found: list[tuple[Mistake, Step]] = []
-    for one, problem, fitted in sorted(tried, key=lambda way: way[0].cost):
-        if found and one.cost > found[0][0].cost + CRITERIA.stepwise.confusable_within:
+    enough = math.inf
+    for left, one, problem, fitted in sorted(tried, key=lambda way: way[0]):
+        if left > enough:
             break
         again = make_step(problem, fitted)
         if again.impossible:
             continue
         if again.score_test.structured:
             break
+        enough = min(enough, left + CRITERIA.stepwise.confusable_within)
         found.append((one, again))
     if not found:
         return None
-    return Named(found[0][0], tuple(one for one, _ in found[1:]), found[0][1])
+    found.sort(key=lambda pair: pair[0].cost)
+    best, again = found[0]
+    within = best.cost + CRITERIA.stepwise.confusable_within
+    return Named(best, tuple(m for m, _ in found[1:] if m.cost < within), again)
 
 
 def _labels(step: Step) -> list[Mistake]:

@@ -75,7 +75,7 @@ def ranked(
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     step = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
-    explained, leader = False, None
+    explained = False
     for at, effect_id in enumerate(order):
         if explained and at >= ALWAYS_TRIED:
             break
@@ -106,13 +106,8 @@ def ranked(
         new = _best_forms(tries, base, bent=slopes_mislead, far=far_off)
         best += new
         if not explained:
-            best = _leader_ended(best, new, base, samples)
-            asked, leader = leader, _leader(best)
-            explained = (
-                leader is not asked
-                and leader is not None
-                and leaves_noise(leader.problem, leader.fitted)
-            )
+            best, leader = _leader_ended(best, new, base, samples)
+            explained = leader is not None and leaves_noise(leader.problem, leader.fitted)
     last = [] if whole is None else whole
 
     def told(what: str, share: float) -> None:
@@ -124,22 +119,20 @@ def ranked(
 
 def _leader_ended(
     best: list[Refit], new: list[Refit], base: joint.Fitted, samples: int
-) -> list[Refit]:
-    """Return refits of which a new leader, if it explains more than it leaves, was fitted further.
+) -> tuple[list[Refit], Refit | None]:
+    """Return refits, and which of the new ones leads them; None if none does.
 
-    Only then is it known whether it leaves noise. One that still creeps is left at that.
+    A new leader is fitted further if it explains more than it leaves: only then is it known whether
+    it leaves noise. One that still creeps is left at that.
     """
-    leader = _leader(best)
+    leader = min((r for r in best if not r.at_bound), key=rank, default=None)
     if leader is None or not any(leader is one for one in new):
-        return best
+        return best, None
     if leader.fitted.converged or leader.gain < leader.fitted.cost - samples:
-        return best
+        return best, leader
     ended = continued(base, leader, max_iterations=AFAR_STEPS)
-    return [ended if r is leader else r for r in best]
-
-
-def _leader(refits: list[Refit]) -> Refit | None:
-    return min((r for r in refits if not r.at_bound), key=rank, default=None)
+    kept = [ended if r is leader else r for r in best]
+    return kept, None if ended.at_bound else ended
 
 
 def leaves_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:

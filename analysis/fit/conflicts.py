@@ -26,9 +26,8 @@ STABLE_BELOW = 2.0
 FIRST_STEPS = 12
 """Steps after which a fit without statements must be near the noise, or it is given up. What only a
 wrong statement kept away from the shots comes near them as fast as any fit does, in 3 to 11 steps;
-a model that lacks physics wandered on for more than 120."""
-FURTHER_STEPS = 24
-"""Steps after these, twice as many: a fit that has not ended then is one that wanders."""
+a model that lacks physics wandered on for more than 120. What is near then has twice as many to
+end; what has not wanders, too."""
 
 
 @dataclass(frozen=True)
@@ -207,10 +206,7 @@ def fit_without(
     if not first.blocks or joint.is_hopeless(wide, first.cost, widened=widened):
         return None
     second = joint.fit(
-        wide,
-        first.nuisances,
-        theta=first.theta,
-        blocks=first.blocks,
-        max_iterations=FURTHER_STEPS,
-    )
+        wide, first.nuisances, theta=first.theta, blocks=first.blocks,
+        max_iterations=2 * FIRST_STEPS,
+    )  # fmt: skip
     return (wide, second) if second.converged else None

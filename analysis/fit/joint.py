@@ -39,10 +39,10 @@ HOPELESS = 10.0
 """Variance of the residual over the noise's above which a shot's own parameters mean nothing.
 Measured: sound fits that ended at a rebound too fast left 1.02 to 1.5, models that lack physics 100
 to 11 000, and for those a second descent would only double the cost."""
-CREEPS, CREEPING = 20, 0.01
-"""A model as far off as that which gains less than this share of its squares in so many steps is
-left where it is. Measured: what lacks a soft tape went on like that for 120 steps and more, by
-1e-5 of its squares each; what reached the noise from afar gained more all the way."""
+CREEP_STEPS, CREEP_SHARE = 20, 0.01
+"""The fit of a hopeless model stops when its squares fell by less than this share in so many steps.
+Measured on eight campaigns in which the base left 5e6 to 2e9 squares: no fit that came near the
+shots was hopeless for 20 steps; 57 were, ended so, and 35 of these fell by less than this share."""
 NEARLY_FREE = 1e-2
 """Damping below which a step is within a hundredth as long as the linear model has it."""
 SUM_ROUNDING = 1e-12
@@ -333,10 +333,10 @@ def _descend(
     converged, iteration, likely = False, 0, damping <= LEAST_DAMPING
     cost = _prior_cost(problem, theta) + sum(b.cost for b in blocks)
     samples = sum(item.data for item in problem.shots)
-    passed = [cost]
+    passed: list[float] = []
     while not converged and iteration < steps.most:
         iteration += 1
-        creeps = len(passed) > CREEPS and passed[-CREEPS - 1] - cost < CREEPING * cost
+        creeps = len(passed) >= CREEP_STEPS and passed[-CREEP_STEPS] - cost < CREEP_SHARE * cost
         if creeps and is_hopeless(problem, cost):
             break
         passed.append(cost)

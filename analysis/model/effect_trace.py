@@ -16,6 +16,8 @@ from analysis.model.by_address import address_of
 from analysis.model.effect_solver import integrate_columns
 from analysis.model.structure import RIGID, Assembled, Structure
 
+EffectValues = Mapping[str, Mapping[str, float]]
+"""Physical values by effect id and parameter name."""
 _PACKED = 4
 """Numbers of a contact term, see `analysis.model.effect_solver.TERM`."""
 
@@ -42,7 +44,7 @@ class Column:
 
     row: int
     local: Array
-    values: Mapping[str, Mapping[str, float]]
+    values: EffectValues
     context: ShotContext
     step: float = 0.0
     same_structure: bool = False

@@ -32,7 +32,7 @@ from __future__ import annotations
 
 import math
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -45,7 +45,7 @@ from analysis.effects.effect import Effect, EffectParameter, ShotContext
 from analysis.effects.library import effect_named
 from analysis.errors import UnknownModelError
 from analysis.model import neighbours, solver
-from analysis.model.effect_trace import Column
+from analysis.model.effect_trace import Column, EffectValues
 from analysis.model.hertz import contact_time
 
 SHARED = {
@@ -53,7 +53,6 @@ SHARED = {
     solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M", "seen_ms"),
 }
 NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
-EffectValues = Mapping[str, Mapping[str, float]]
 COUPON_SHARE = "coupon_share"
 """Behind an effect's id: a local parameter that follows from the moduli of the two bodies."""
 
@@ -323,15 +322,9 @@ class ImpactModel:
         try:
             column = model._column(local, frame)
             steps = model._allowed(model._steps(column) if steps is None else steps)
-            table = np.zeros((1, frame.samples))
-            found, ends = neighbours.add_first_contacts(table, model, [column], steps)
-            neighbours.add_second_contacts(table[0], model, column, steps, ends[0])
-            signal = neighbours.read(table[0], model.chain, column)[-1]
+            return model._predictions([column], frame, steps)[0]
         except OverflowError:  # an effect's numbers that no float can hold
             return _nothing(frame)
-        prediction = model._prediction(signal, found[0], column)
-        frame.cut(prediction.signal)
-        return prediction
 
     @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def predict_each(
@@ -350,22 +343,33 @@ class ImpactModel:
             NaN where a motion cannot be followed. [unit of the signal]
         """
         model = self.felt_by(frame)
-        table = np.zeros((len(values), frame.samples))
+        structural = {e.id for e in model.effects if e.structure is not None}
         try:
             centre = model._column(local, frame)
             columns = [
-                replace(centre, row=row, values={**centre.values, **own}, same_structure=True)
+                replace(
+                    centre,
+                    row=row,
+                    values={**centre.values, **own},
+                    same_structure=structural.isdisjoint(own),
+                )
                 for row, own in enumerate(values)
             ]
-            found, ends = neighbours.add_first_contacts(table, model, columns, steps)
-            for row, column in enumerate(columns):
-                neighbours.add_second_contacts(table[row], model, column, steps, ends[row])
-                signal = neighbours.read(table[row], model.chain, column)[-1]
-                table[row] = model._prediction(signal, found[row], column).signal
-                frame.cut(table[row])
+            return np.array([one.signal for one in model._predictions(columns, frame, steps)])
         except OverflowError:  # an effect's numbers that no float can hold
-            table[:] = math.nan
-        return table
+            return np.full((len(values), frame.samples), math.nan)
+
+    def _predictions(self, columns: list[Column], frame: ShotFrame, steps: int) -> list[Prediction]:
+        """Return the traces of columns that name rows 0, 1, ..."""
+        table = np.zeros((len(columns), frame.samples))
+        first, ends = neighbours.add_first_contacts(table, self, columns, steps)
+        found = []
+        for column, own, contact, end in zip(columns, table, first, ends, strict=True):
+            neighbours.add_second_contacts(own, self, column, steps, end)
+            signal = neighbours.read(own, self.chain, column)[-1]
+            found.append(self._prediction(signal, contact, column))
+            frame.cut(found[-1].signal)
+        return found
 
     def reads_alike(self, one: ShotFrame, other: ShotFrame) -> bool:
         """Tell whether two frames have the same trace at the same local parameters."""

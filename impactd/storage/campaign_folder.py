@@ -250,14 +250,14 @@ def _called(value: object) -> str:
 
 
 def _refuse_again(fields: Fields, one: CampaignShot, good: Sequence[CampaignShot]) -> None:
-    """Refuse a blow that stands in the list already: two copies would weigh as two blows."""
-    blow = (one.file, one.recording.trigger_index)
+    """Refuse a hit that is in the list already: two copies would count as two hits."""
+    hit = (one.file, one.recording.trigger_index)
     for other in good:
-        if (other.file, other.recording.trigger_index) == blow:
+        if (other.file, other.recording.trigger_index) == hit:
             fields.refuse(
                 "file",
                 f"{one.file!r} with the same trigger_index is {other.shot.path} already; "
-                "one blow counts once.",
+                "one hit counts once.",
             )
 
 

@@ -41,7 +41,8 @@ from analysis.diagnosis.basis.linear_filter import (
 )
 from analysis.effects.probe import NUMBERS, PROBE, PROBE_ID
 from analysis.fit.problem import FitShot
-from analysis.model.impact_model import EffectValues, ImpactModel
+from analysis.model.effect_trace import EffectValues
+from analysis.model.impact_model import ImpactModel
 
 TOPS = (0.5, 0.7, 0.82, 0.9, 0.96)
 CURVE_KNOTS = (-0.2, -0.06, -0.02, -0.006, -0.002, 0.0, 0.002, 0.006, 0.02, 0.06,
@@ -72,8 +73,9 @@ CONTACT_POWERS = ((-1.0, 0), (-0.5, 0), (0.5, 0), (1.0, 0), (-1.0, 1), (0.0, 1),
 _SMALL = 2e-3
 """Share of the contact force at which a derivative is taken."""
 COARSE = 0.5
-"""Share of the solver's steps for that. Measured: a column is off by 2e-4 of its length at most, as
-both traces have the same grid."""
+"""Share of the solver's steps for that. Measured against eight times the steps, on four shots from
+the lowest to the highest: half leaves a column off by 2e-4 of its length at most, 0.3 by 2e-3. The
+scheme is of fifth order, and most of its error is the same in both traces."""
 
 
 def static_columns(signal: Array, top: float) -> Labelled:

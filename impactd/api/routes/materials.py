@@ -45,18 +45,14 @@ def list_materials(daemon: TheDaemon) -> MaterialsAnswer:
 def show_material(kind: _Kind, name: _Name, daemon: TheDaemon) -> MaterialAnswer:
     """Show one material, how often it was changed, and by whom last."""
     role = _ROLES[kind]
-    entries = daemon.book.entries(role)
-    if name not in entries:
-        raise ProblemError("not-found", f"There is no {role} called {name!r}.")
-    return _answer(daemon.book, role, name, entries[name])
+    return _answer(daemon.book, role, name, _entry(daemon.book, role, name))
 
 
 @router.get("/{kind}/{name}/changes")
 def list_changes(kind: _Kind, name: _Name, daemon: TheDaemon) -> MaterialChangesAnswer:
     """List every change of one material, newest first."""
     role = _ROLES[kind]
-    if name not in daemon.book.entries(role):
-        raise ProblemError("not-found", f"There is no {role} called {name!r}.")
+    _entry(daemon.book, role, name)
     return MaterialChangesAnswer(
         items=[_change(one) for one in reversed(_changes_of(daemon.book, role, name))]
     )
@@ -106,6 +102,13 @@ def _answer(book: MaterialBook, role: Role, name: str, entry: Json) -> MaterialA
         changed_by=None if last is None else last.by,
         changes=len(changes),
     )
+
+
+def _entry(book: MaterialBook, role: Role, name: str) -> Json:
+    entries = book.entries(role)
+    if name not in entries:
+        raise ProblemError("not-found", f"There is no {role} called {name!r}.")
+    return entries[name]
 
 
 def _changes_of(book: MaterialBook, role: Role, name: str) -> list[MaterialChange]:

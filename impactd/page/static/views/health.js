@@ -44,7 +44,7 @@ export async function showHealth(place, { signal }) {
   await Promise.all([load(), loadGain()]);
 }
 
-// A drop is possible without a calibration; that is no reason to call the cell in order.
+// A drop needs no valid calibration, but a cell without one is not OK.
 const standing = (one, calibration) => {
   if (!one.ok) return ["bad", "not OK"];
   const until = calibration.valid_until_utc;
