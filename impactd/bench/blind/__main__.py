@@ -76,6 +76,8 @@ def _run(options: argparse.Namespace) -> int:
 
 def _line(trial: Trial) -> str:
     truth = "+".join(trial.truth) or "nothing"
+    if not trial.was_simulated:
+        return f"{trial.kind} {trial.seed}: {truth}: not simulated: {trial.error}"
     said = " ".join((trial.verdict, "+".join(trial.named)))
     if trial.set_aside:
         said += f", shots {', '.join(map(str, trial.set_aside))} set aside"

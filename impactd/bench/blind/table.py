@@ -25,7 +25,9 @@ def table(trials: Sequence[Trial]) -> str:
         Which seeds, the questions with their goals, one row an effect, and one a mistake where
         any was made.
     """
-    parts = [_seeds(trials), _questions(trials), _effects(trials)]
+    parts = [_seeds(trials)]
+    trials = [trial for trial in trials if trial.was_simulated]
+    parts += [_questions(trials), _effects(trials)]
     if any(trial.mistake is not None for trial in trials):
         parts.append(_mistakes(trials))
     return "\n\n".join(parts)
@@ -36,7 +38,9 @@ def _seeds(trials: Sequence[Trial]) -> str:
     for trial in trials:
         by_kind[trial.kind].append(trial.seed)
     parts = [f"{k} {len(s)} (seeds {min(s)} to {max(s)})" for k, s in sorted(by_kind.items())]
-    return f"{len(trials)} campaigns: {', '.join(parts)}."
+    said = f"{len(trials)} campaigns: {', '.join(parts)}."
+    missing = sum(not trial.was_simulated for trial in trials)
+    return f"{said} {missing} could not be simulated and count nowhere." if missing else said
 
 
 def _questions(trials: Sequence[Trial]) -> str:
@@ -103,7 +107,8 @@ def confusion(trials: Sequence[Trial]) -> Json:
     Parameters
     ----------
     trials : sequence of Trial
-        Any number; singles, clean ones and the base ``hsd`` count, pairs by both names.
+        Any number; singles, clean ones and the base ``hsd`` count, pairs by both names; what could
+        not be simulated does not.
 
     Returns
     -------
@@ -115,7 +120,7 @@ def confusion(trials: Sequence[Trial]) -> Json:
         page can point at them. JSON-ready.
     """
     cells: dict[tuple[str, str], list[Trial]] = defaultdict(list)
-    for trial in trials:
+    for trial in filter(lambda t: t.was_simulated, trials):
         cells["+".join(sorted(trial.truth)) or "none", _said(trial)].append(trial)
     rows = sorted({row for row, _ in cells}, key=lambda n: (n != "none", n.startswith("x_"), n))
     plain = ("adequate", "unknown", "not_identifiable", "failed")

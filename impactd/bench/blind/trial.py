@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, fields
 
 from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
+from drivers.simulated.impact import IntegrationError
 from drivers.simulated.mistakes import make_mistake
 from drivers.simulated.rig_model import DEFAULT_RIG
 from drivers.simulated.specimens import SPECIMEN
@@ -18,6 +19,8 @@ from impactd.diagnosis.run import diagnose
 
 RECORD_SLOT = "record"
 """Slot of what people did wrong: neither physics nor electronics, but what is written down."""
+NOT_SIMULATED = "not_simulated"
+"""Instead of a verdict, where the simulator cannot integrate what was drawn: nothing to judge."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +38,8 @@ class Trial:
     ar1, noise_true_V : float
         Correlation and size of the noise as drawn. [1, V]
     verdict : str
-        Of the diagnosis; ``failed`` where it raised, with ``error`` saying what.
+        Of the diagnosis; ``failed`` where it raised, ``not_simulated`` where there was no
+        recording, with ``error`` saying what.
     acts_on : list of dict
         Where each named effect acts, as the truth says it: side to name or names; empty where it
         acts on everything. Of a mistake that was named its scope, and ``first_shot`` where the
@@ -118,6 +122,11 @@ class Trial:
         return [str(e["id"]) for e in self.effects]
 
     @property
+    def was_simulated(self) -> bool:
+        """Whether there was a recording to judge."""
+        return self.verdict != NOT_SIMULATED
+
+    @property
     def slots(self) -> list[str]:
         """Return the slots of what acted."""
         return [str(e["slot"]) for e in self.effects]
@@ -162,26 +171,30 @@ def run_trial(
     Returns
     -------
     Trial
-        Also where the diagnosis raised: its verdict is then ``failed``.
+        Also where the diagnosis raised: its verdict is then ``failed``; and where the simulator
+        cannot integrate what was drawn: ``not_simulated``.
     """
     plan = draw_plan(kind, seed, rig)
-    if plan.mistake is None:
-        simulated = simulate_campaign(plan.settings, plan.campaign_seed)
-    else:
-        simulated = make_mistake(plan.settings, plan.campaign_seed, plan.mistake)
-    solid = simulated["truth"]["surfaces"][SPECIMEN]
     noise = plan.settings.noise
     known: Json = {
         "kind": kind,
         "seed": seed,
         "base": plan.base,
         "rig": plan.rig,
-        "effects": simulated["truth"]["effects"],
-        "mistake": simulated["truth"].get("mistake"),
+        "effects": [effect.to_json() for effect in plan.effects],
         "materials": [*plan.settings.spheres, *plan.settings.surfaces],
         "colour": colour_of(noise),
         "ar1": noise.ar1,
         "noise_true_V": noise.rms_v,
+    }
+    try:
+        simulated = _simulated(plan)
+    except IntegrationError as error:
+        return Trial(**known, verdict=NOT_SIMULATED, error=str(error))
+    solid = simulated["truth"]["surfaces"][SPECIMEN]
+    known |= {
+        "effects": simulated["truth"]["effects"],
+        "mistake": simulated["truth"].get("mistake"),
         "modulus_true": solid["youngs_modulus_Pa"],
         "plane_true": solid["plane_strain_modulus_Pa"],
     }
@@ -190,6 +203,12 @@ def run_trial(
     except Exception as error:  # a trial that fails is a result, and must not stop a night's run
         known["error"] = f"{type(error).__name__}: {error}"
     return Trial(**known)
+
+
+def _simulated(plan: Plan) -> Json:
+    if plan.mistake is None:
+        return simulate_campaign(plan.settings, plan.campaign_seed)
+    return make_mistake(plan.settings, plan.campaign_seed, plan.mistake)
 
 
 def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:

@@ -77,6 +77,22 @@ def test_the_table_is_printed_from_files(
     assert found["counts"]["detectable"] == [[0, 0, 0], [0, 1, 1]]
 
 
+def test_what_cannot_be_simulated_ends_no_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], a_trial: ATrial
+) -> None:
+    """A draw beyond the simulator is written down with its reason, and counts nowhere."""
+    path = written(tmp_path / "t.jsonl", a_trial("echo", named=["echo"], seed=1))
+    beyond = Task("pair", 46_300_024, "closed")  # relaxation of 3.5 us on a tape of 7e8 N/m
+    (ended,) = run_into(path, [beyond])
+    assert not ended.was_simulated
+    assert ended.truth == ["stress_relaxation", "adhesive_layer"]
+    assert "more than 400000 steps" in str(ended.error)
+    matrix = tmp_path / "matrix.json"
+    assert main(["--table", str(path), "--confusion", str(matrix)]) == 0
+    assert "1 could not be simulated and count nowhere." in capsys.readouterr().out
+    assert json.loads(matrix.read_text())["rows"] == ["echo"]
+
+
 def test_an_effect_shows_as_far_as_its_size() -> None:
     """By the simulator's account, a trial's effects count from the noise alone upwards."""
     plan = draw_plan("library", 1)
