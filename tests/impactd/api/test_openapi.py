@@ -46,11 +46,14 @@ def test_status_is_one_honest_sentence(rig):
 
 def test_the_active_model_can_be_chosen(rig):
     """PUT /models/active changes what results are reported with; unknown models are refused."""
-    assert rig.admin.put("/v1/models/active", json={"name": "hsd"}).json()["active"] == "hsd"
-    assert rig.reader.get("/v1/models").json()["active"] == "hsd"
-    wrong = rig.admin.put("/v1/models/active", json={"name": "magic"})
-    assert wrong.status_code == 422
-    rig.admin.put("/v1/models/active", json={"name": "kv"})
+    before = rig.reader.get("/v1/models").json()["active"]
+    try:
+        assert rig.admin.put("/v1/models/active", json={"name": "hsd"}).json()["active"] == "hsd"
+        assert rig.reader.get("/v1/models").json()["active"] == "hsd"
+        wrong = rig.admin.put("/v1/models/active", json={"name": "magic"})
+        assert wrong.status_code == 422
+    finally:  # other tests share this daemon
+        rig.admin.put("/v1/models/active", json={"name": before})
 
 
 def test_the_effect_library_is_a_list(rig):
