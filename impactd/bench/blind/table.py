@@ -25,11 +25,10 @@ def table(trials: Sequence[Trial]) -> str:
         Which seeds, the questions with their goals, one row an effect, and one a mistake where
         any was made.
     """
-    parts = [_seeds(trials)]
-    trials = [trial for trial in trials if trial.was_simulated]
-    parts += [_questions(trials), _effects(trials)]
-    if any(trial.mistake is not None for trial in trials):
-        parts.append(_mistakes(trials))
+    simulated = _simulated(trials)
+    parts = [_seeds(trials), _questions(simulated), _effects(simulated)]
+    if any(trial.mistake is not None for trial in simulated):
+        parts.append(_mistakes(simulated))
     return "\n\n".join(parts)
 
 
@@ -39,8 +38,12 @@ def _seeds(trials: Sequence[Trial]) -> str:
         by_kind[trial.kind].append(trial.seed)
     parts = [f"{k} {len(s)} (seeds {min(s)} to {max(s)})" for k, s in sorted(by_kind.items())]
     said = f"{len(trials)} campaigns: {', '.join(parts)}."
-    missing = sum(not trial.was_simulated for trial in trials)
-    return f"{said} {missing} could not be simulated and count nowhere." if missing else said
+    missing = len(trials) - len(_simulated(trials))
+    return f"{said} Not simulated and not counted: {missing}." if missing else said
+
+
+def _simulated(trials: Sequence[Trial]) -> list[Trial]:
+    return [trial for trial in trials if trial.was_simulated]
 
 
 def _questions(trials: Sequence[Trial]) -> str:
@@ -120,7 +123,7 @@ def confusion(trials: Sequence[Trial]) -> Json:
         page can point at them. JSON-ready.
     """
     cells: dict[tuple[str, str], list[Trial]] = defaultdict(list)
-    for trial in filter(lambda t: t.was_simulated, trials):
+    for trial in _simulated(trials):
         cells["+".join(sorted(trial.truth)) or "none", _said(trial)].append(trial)
     rows = sorted({row for row, _ in cells}, key=lambda n: (n != "none", n.startswith("x_"), n))
     plain = ("adequate", "unknown", "not_identifiable", "failed")

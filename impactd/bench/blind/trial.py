@@ -193,7 +193,6 @@ def run_trial(
         return Trial(**known, verdict=NOT_SIMULATED, error=str(error))
     solid = simulated["truth"]["surfaces"][SPECIMEN]
     known |= {
-        "effects": simulated["truth"]["effects"],
         "mistake": simulated["truth"].get("mistake"),
         "modulus_true": solid["youngs_modulus_Pa"],
         "plane_true": solid["plane_strain_modulus_Pa"],

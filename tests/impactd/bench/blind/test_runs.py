@@ -89,7 +89,7 @@ def test_what_cannot_be_simulated_ends_no_run(
     assert "more than 400000 steps" in str(ended.error)
     matrix = tmp_path / "matrix.json"
     assert main(["--table", str(path), "--confusion", str(matrix)]) == 0
-    assert "1 could not be simulated and count nowhere." in capsys.readouterr().out
+    assert "Not simulated and not counted: 1." in capsys.readouterr().out
     assert json.loads(matrix.read_text())["rows"] == ["echo"]
 
 
