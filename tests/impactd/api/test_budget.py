@@ -25,6 +25,9 @@ def measured(rig):
         {"sphere": "acetal", "surface": "specimen", "drop_height_m": 0.03, "operator": "ab"}
     ).json()["number"]
     assert rig.ended(number, ("analysed", "failed"))["state"] == "analysed"
+    moduli = rig.reader.get("/v1/moduli").json()
+    takes_part = number in [shot["number"] for shot in moduli["shots"]]
+    assert takes_part, (moduli["model"], moduli["excluded"], moduli["warnings"])
     return rig
 
 
