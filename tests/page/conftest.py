@@ -148,20 +148,28 @@ class Visitor:
 
 
 @pytest.fixture(scope="session")
-def browser() -> Iterator[object]:
-    """Debian's chromium, without a window."""
+def chromium() -> str:
+    """Where Debian's chromium is."""
     if CHROMIUM is None:
         pytest.skip("needs chromium; on Debian: apt install chromium")
+    return CHROMIUM
+
+
+# One for each file: Playwright's event loop runs in the main thread as long as it lives,
+# and a test of another folder that runs its own there would be refused.
+@pytest.fixture(scope="module")
+def browser(chromium: str) -> Iterator[object]:
+    """Debian's chromium, without a window."""
     with playwright.sync_playwright() as engine:
         # Chromium refuses its own sandbox to root, who runs the tests in a container.
         options = ["--no-sandbox"] if os.geteuid() == 0 else []
-        found = engine.chromium.launch(executable_path=CHROMIUM, args=options)
+        found = engine.chromium.launch(executable_path=chromium, args=options)
         yield found
         found.close()
 
 
 @pytest.fixture(scope="session")
-def daemon(tmp_path_factory: pytest.TempPathFactory, browser) -> Iterator[Daemon]:
+def daemon(tmp_path_factory: pytest.TempPathFactory, chromium: str) -> Iterator[Daemon]:
     """Share one daemon among the tests that leave it as they found it: idle."""
     one = Daemon(tmp_path_factory.mktemp("daemon"))
     try:

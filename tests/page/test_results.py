@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from playwright.sync_api import expect
+
 
 def test_a_budget_is_unfolded_and_a_limit_decided(visitor):
     """The sentence, both groups of rows, their shares, and pass or fail stand under a modulus."""
@@ -59,12 +61,27 @@ def test_pairs_have_charts_and_a_selection_is_taken_away(visitor):
     page.locator("section .chart .main-svg").first.wait_for(state="attached")
     taken = page.get_by_role("region", name="Take away")
     taken.get_by_label("Pair").select_option(label="acetal on polycarbonate")
+    shots = row.get_by_role("cell").first
+    before = int(shots.inner_text())
+    _drop_in_another_tab(visitor)
+    expect(shots).not_to_have_text(str(before), timeout=60_000)
     with page.expect_download() as caught:
         taken.get_by_role("link", name="Download").click()
     text = caught.value.path().read_text()
     assert "# surface: polycarbonate" in text
     assert "acetal,polycarbonate" in text
     visitor.assert_clean()
+
+
+def _drop_in_another_tab(visitor):
+    """Drop the same pair once more, while the first tab shows what is chosen in it."""
+    first, visitor.page = visitor.page, visitor.context.new_page()
+    visitor.page.goto(visitor.daemon.url)
+    visitor.choose("acetal", "polycarbonate", 25)
+    visitor.arm_and_drop()
+    visitor.page.locator(".modulus").first.wait_for()
+    visitor.page.close()
+    visitor.page = first
 
 
 def test_the_rig_is_shown_as_it_was_found(visitor):

@@ -22,8 +22,6 @@ from impactd.bridges.place import Place
 from impactd.client import RigError
 from tests.impactd.api.conftest import Rig
 
-from .conftest import run_apart
-
 aiomqtt = pytest.importorskip("aiomqtt")
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
 SCHEMA = json.loads(
@@ -104,7 +102,7 @@ async def heard(broker: Broker, topic: str, wanted: int) -> list:
 
 def collect(broker: Broker, topic: str, wanted: int = 1) -> list:
     """Return messages within a generous limit."""
-    return run_apart(asyncio.wait_for(heard(broker, topic, wanted), 60))
+    return asyncio.run(asyncio.wait_for(heard(broker, topic, wanted), 60))
 
 
 def publish(served: Rig, numbers: range) -> None:
@@ -138,7 +136,7 @@ def test_every_event_arrives_over_a_broker_that_restarts(
     """Events of the time without broker, and of the time without bridge, arrive afterwards."""
     state = tmp_path / "place.json"
     served.daemon.bus.publish("test.begin", {})
-    newest = run_apart(served.daemon.bus.last_id())
+    newest = asyncio.run(served.daemon.bus.last_id())
     Place(state).arrived(newest)
     words = ("mqtt", "127.0.0.1", "--port", str(broker.port), "--topic", "lab/rig")
     words = (*words, "--state", str(state))
@@ -170,7 +168,7 @@ def test_every_event_arrives_over_a_broker_that_restarts(
         with bridge(served, *words):
             await asyncio.wait_for(third, 60)
 
-    run_apart(story())
+    asyncio.run(story())
     assert sorted(seen.values()) == list(range(8))
 
 

@@ -12,8 +12,6 @@ from impactd.bridges.opcua import NAMESPACE, serve
 from impactd.client import AsyncRig
 from tests.impactd.api.conftest import ACETAL_ON_ALUMINIUM, Rig
 
-from .conftest import run_apart
-
 asyncua = pytest.importorskip("asyncua")
 
 
@@ -67,7 +65,7 @@ def test_a_drop_over_opc_ua_ends_in_its_variables(served: Rig) -> None:
             assert 1e9 < modulus < 10e9
             assert 0 < await read("LastReducedModulusExpandedUncertaintyPa") < modulus
 
-    run_apart(story())
+    asyncio.run(story())
 
 
 def test_a_bridge_with_a_reading_token_moves_nothing(served: Rig) -> None:
@@ -82,5 +80,5 @@ def test_a_bridge_with_a_reading_token_moves_nothing(served: Rig) -> None:
                 await device.call_method(f"{space}:Abort")
             assert await read("State")
 
-    run_apart(story())
+    asyncio.run(story())
     assert served.reader.get("/v1/log").json()["items"][0]["data"].get("status") == 403

@@ -18,8 +18,6 @@ from impactd.bridges.webhook import Receiver, carry, read_secret
 from impactd.client import AsyncRig, RigError
 from tests.impactd.api.conftest import Rig
 
-from .conftest import run_apart
-
 standardwebhooks = pytest.importorskip("standardwebhooks")
 SECRET = "whsec_" + base64.b64encode(bytes(range(32))).decode()
 
@@ -95,17 +93,17 @@ def test_events_arrive_signed_in_order_and_are_repeated_until_taken(
 ) -> None:
     """Refused five times: the same id comes again, later and later, before the next event."""
     place = Place(tmp_path / "place.json")
-    place.arrived(run_apart(served.daemon.bus.last_id()))
+    place.arrived(asyncio.run(served.daemon.bus.last_id()))
     for number in range(3):
         served.daemon.bus.publish("test.counted", {"number": number})
     served.daemon.bus.publish("other.kind", {})
     ear.refuse = 5
-    run_apart(carried(served, ear, place, 3))
+    asyncio.run(carried(served, ear, place, 3))
     assert [event["data"]["number"] for event in ear.heard] == [0, 1, 2]
     assert ear.ids[:6] == [f"event-{ear.heard[0]['id']}"] * 6
     assert ear.pauses == [1, 2, 4, 8, 16]
     served.daemon.bus.publish("test.counted", {"number": 3})
-    run_apart(carried(served, ear, Place(tmp_path / "place.json"), 1))
+    asyncio.run(carried(served, ear, Place(tmp_path / "place.json"), 1))
     assert [event["data"]["number"] for event in ear.heard] == [0, 1, 2, 3]
     assert json.loads((tmp_path / "place.json").read_text())["last_event"] == ear.heard[-1]["id"]
 

@@ -27,6 +27,7 @@ export async function showResults(place, { signal }) {
     about, warnings, list, network, pairs, chart, takeAway);
 
   const times = () => ({ since: since.input.value, until: dayAfter(until.input.value) });
+  const offerPairs = exportForm(takeAway, times);
   let shown = null;
   const showChart = async (pair) => {
     shown = pair;
@@ -59,7 +60,7 @@ export async function showResults(place, { signal }) {
       const again = found.pairs.find((one) => shown && one.sphere === shown.sphere && one.surface === shown.surface) ?? found.pairs[0];
       if (again) showChart(again);
       else chart.hidden = true;
-      showExport(takeAway, found.pairs, times);
+      offerPairs(found.pairs);
     } catch (problem) {
       if (!list.hasChildNodes()) fill(list, h("p", { class: "wrong" }, problem.message));
     }
@@ -124,18 +125,25 @@ async function controlCard(place, found, signal) {
   await drawControl(chart, found, signal);
 }
 
-function showExport(place, pairs, times) {
-  const pair = choice("Pair", [["", "all"], ...pairs.map((one, index) => [String(index), materials(one.sphere, one.surface)])], "");
+/** Draw the form once: what is chosen in it stays while shots arrive. Return what offers the pairs found. */
+function exportForm(place, times) {
+  const pair = choice("Pair", [["", "all"]]);
   const shots = field("Shots", { maxlength: 400, autocomplete: "off", placeholder: "all, or 3, 5, 8-19" });
   const form = choice("As", FORMATS, "csv");
   const link = h("a", { class: "button main-action", download: true }, "Download");
   const aim = () => {
-    const one = pairs[Number(pair.input.value || -1)] ?? {};
-    link.href = withQuery("/v1/results/export", { format: form.input.value, sphere: one.sphere, surface: one.surface, shots: shots.input.value.trim(), ...times() });
+    const [sphere, surface] = pair.input.value ? JSON.parse(pair.input.value) : [];
+    link.href = withQuery("/v1/results/export", { format: form.input.value, sphere, surface, shots: shots.input.value.trim(), ...times() });
   };
   for (const one of [pair, shots, form]) one.input.addEventListener("input", aim);
-  aim();
   fill(place, h("h2", { id: "export-title" }, "Take away"),
     h("p", { class: "soft" }, "The shots of the period above. A table has one line a shot with its modulus, uncertainty and advice. Its header states the selection."),
     h("div", { class: "filters" }, pair, shots, form), h("div", { class: "row" }, link));
+  return (pairs) => {
+    const options = new Map([["", "all"], ...pairs.map((one) => [JSON.stringify([one.sphere, one.surface]), materials(one.sphere, one.surface)])]);
+    const chosen = pair.input.value;
+    if (!options.has(chosen)) options.set(chosen, `${materials(...JSON.parse(chosen))} (no shot in this period)`);
+    fill(pair.input, [...options].map(([value, words]) => h("option", { value, selected: value === chosen }, words)));
+    aim();
+  };
 }
