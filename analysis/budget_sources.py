@@ -17,8 +17,8 @@ from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sphere, Surface, Uncertainty
 from analysis.fit.blocks import ShotBlock
 from analysis.fit.estimates import CELL
+from analysis.fit.inputs import LAW
 from analysis.fit.joint import Fitted
-from analysis.fit.law_error import KIND as LAW
 from analysis.fit.priors import (
     LEAST_RELATIVE_U,
     SEEN,

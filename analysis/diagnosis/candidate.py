@@ -119,26 +119,30 @@ def extended(
     theta and nuisances to start from.
     """
     model = problem.model.with_effect(effect)
-    larger = dataclasses.replace(problem, model=model, names=list(problem.names))
-    first = len(problem.model.shared)
-    for row in range(first, len(model.shared)):
-        larger.names.extend(larger.effect_keys(row))
-    new = larger.names[len(problem.names) :]
+    larger = dataclasses.replace(problem, model=model)
+    new: list[str] = []
+    for row in range(len(problem.model.shared), len(model.shared)):
+        new.extend(larger.effect_keys(row))
+    # inputs stay behind everything else
+    at = len(problem.names) - len(problem.inputs)
+    larger.names = [*problem.names[:at], *new, *problem.names[at:]]
     start = np.array([coordinates.get(n, 0.0) for n in new])
-    size, old = len(larger.names), len(problem.names)
+    mine = range(at, at + len(new))
     for j, stated in stated_effects(larger):
-        if j >= old:
-            start[j - old] = stated.prior.mean
+        if j in mine:
+            start[j - at] = stated.prior.mean
+    size = len(larger.names)
+    rest = [j for j in range(size) if j not in mine]
     larger.prior_precision = np.zeros((size, size))
-    larger.prior_precision[:old, :old] = problem.prior_precision
-    for j in range(old, size):
+    larger.prior_precision[np.ix_(rest, rest)] = problem.prior_precision
+    for j in mine:
         larger.prior_precision[j, j] = COORDINATE_U**-2
-    larger.prior_mean = np.concatenate([problem.prior_mean, start])
-    for j, name in enumerate(new, start=old):
+    larger.prior_mean = np.insert(problem.prior_mean, at, start)
+    for j, name in zip(mine, new, strict=True):
         prior = effect_prior(larger, name)
         if prior is not None:
             larger.prior_precision[j, j], larger.prior_mean[j] = prior.u**-2, prior.mean
-    theta = np.concatenate([fitted.theta, start])
+    theta = np.insert(fitted.theta, at, start)
     larger.start = theta
     nuisances = carried_over(problem.model, model, fitted.nuisances, coordinates)
     return larger, theta, nuisances

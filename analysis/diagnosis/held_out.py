@@ -9,8 +9,8 @@ import numpy as np
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.progress import BudgetSpentError, unwatched
 from analysis.fit.campaign_fit import heldout_rms, solve
+from analysis.fit.freed_inputs import widened_by
 from analysis.fit.joint import Fitted
-from analysis.fit.law_error import with_law_errors
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, outcome_of
 from analysis.fit.shot_fit import collect
@@ -43,7 +43,7 @@ def as_fit_result(problem: JointProblem, fitted: Fitted, *, heldout: bool = True
     own = unwatched(dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots)))
     inexact = discrepancy(own, fitted)
     if inexact is not None:
-        own = with_law_errors(own, inexact.as_inputs(own.shots))
+        own = widened_by(own, inexact.as_inputs(own.shots), own.prior_precision)
     found, scale = solve(own, fitted.nuisances)
     held = None
     if heldout and inexact is None:

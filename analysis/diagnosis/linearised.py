@@ -36,8 +36,8 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.marginal_likelihood import log_det
 from analysis.effects.acts_on import KINDS
 from analysis.fit.blocks import prior_rows
+from analysis.fit.inputs import LAW, STATED
 from analysis.fit.joint import Fitted
-from analysis.fit.law_error import KIND as LAW
 from analysis.fit.problem import FitShot, JointProblem
 
 Families = dict[str, tuple[list[int], list[str]]]
@@ -378,13 +378,32 @@ def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linea
     )
 
 
+def _stated(problem: JointProblem, item: FitShot) -> tuple[list[str], Array, Array]:
+    """Return labels, columns and changes of ln v0 of all inputs, zeros of those of other shots."""
+    first, acting = len(problem.names) - len(problem.inputs), problem.inputs_of(item)
+    columns = np.zeros((item.frame.samples, len(problem.inputs)))
+    faster = np.zeros(len(problem.inputs))
+    for j, one in acting:
+        columns[:, j - first], faster[j - first] = one.signal(item), one.faster_by(item)
+    return [one.name for one in problem.inputs], columns, faster
+
+
+def _chain_of_inputs(problem: JointProblem, item: FitShot) -> Array:
+    """Return the inputs by the globals, shape (i, g); zeros of those of other shots."""
+    chain = np.zeros((len(problem.inputs), len(problem.names)))
+    places = [j for j, _ in problem.inputs_of(item)]
+    chain[[j - len(problem.names) + len(problem.inputs) for j in places], places] = 1.0
+    return chain
+
+
 def _linearised_shot(
     problem: JointProblem, fitted: Fitted, row: int, scale: Scale, *,
     tried: Sequence[Proposal], wanted: Sequence[str], inexact: Discrepancy | None,
 ) -> tuple[LinearisedShot, _Way, Families]:  # fmt: skip
     """Return one shot, how it follows the globals, and where each family's columns are."""
     problem.checkpoint()
-    model, item, nuisance = problem.model, problem.shots[row], fitted.nuisances[row]
+    model, nuisance = problem.model, fitted.nuisances[row]
+    item = problem.item_at(problem.shots[row], fitted.theta)
     shared, chain = problem.shared_local(item, fitted.theta)
     local = np.concatenate([shared, nuisance])
     found, jacobian, gradient = model.linearise(local, item.frame)
@@ -400,6 +419,10 @@ def _linearised_shot(
         places = inexact.places[row]
         labels = [inexact.names[j].partition(" [")[0] for j in places]
         parts = {LAW: (labels, inexact.columns[row], inexact.speeds[row])} | parts
+    if problem.inputs:
+        parts = {STATED: _stated(problem, item)} | parts
+        chain = np.vstack([chain, _chain_of_inputs(problem, item)])
+    if inexact is not None:
         chain = block_diag(chain, np.eye(len(inexact.names))[places])
     s = at = shared.size
     families = {}

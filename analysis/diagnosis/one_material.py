@@ -335,11 +335,14 @@ def part_of_shots(problem: JointProblem, places: list[int]) -> tuple[JointProble
     used = np.zeros(len(problem.names), dtype=bool)
     for item in shots:
         used |= problem.shared_local(item, problem.start)[1].any(axis=0)
+        used[[j for j, _ in problem.inputs_of(item)]] = True
     kept = np.flatnonzero(used).tolist()
+    names = [problem.names[j] for j in kept]
     part = dataclasses.replace(
         problem,
         shots=shots,
-        names=[problem.names[j] for j in kept],
+        names=names,
+        inputs=tuple(one for one in problem.inputs if one.name in names),
         start=problem.start[kept],
         prior_mean=problem.prior_mean[kept],
         prior_precision=problem.prior_precision[np.ix_(kept, kept)],

@@ -34,9 +34,14 @@ from analysis.diagnosis.progress import (
     unwatched,
 )
 from analysis.diagnosis.successive_halving import rank
+from analysis.diagnosis.uncertain_numbers import (
+    exact_refit,
+    with_numbers_as_stated,
+    with_uncertain_numbers,
+)
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
-from analysis.fit.law_error import KIND as LAW
+from analysis.fit.inputs import LAW
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import prepare
@@ -188,19 +193,26 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
     if not selection.adequate:
         with contextlib.suppress(BudgetSpentError):
             rest, usual_of_rest, set_aside = _without_odd_shots(selection, usual, told)
+    found = rest if rest.adequate else with_uncertain_numbers(rest)
     if not rest.adequate or len(set_aside) > 1:  # one mistake is less than several odd shots
         with contextlib.suppress(BudgetSpentError):
-            mistaken = _mistaken(selection, usual, told)
+            free = found if rest is selection else with_uncertain_numbers(selection)
+            mistaken = _mistaken(selection, free, usual, told)
             if mistaken is not None:
                 return _beside(seen, mistaken)
-    selection, usual = rest, usual_of_rest
-    if not selection.adequate:
-        selection = searched(selection, usual, told)
-    return dataclasses.replace(_beside(seen, _judge(selection, usual, told)), set_aside=set_aside)
+    if not found.adequate:
+        found = searched(found, usual_of_rest, told)
+    judged = _judge(found, rest, usual_of_rest, told)
+    return dataclasses.replace(_beside(seen, judged), set_aside=set_aside)
 
 
-def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnosis | None:
-    """Return the verdict that a mistake of the record explains all, None where an effect may."""
+def _mistaken(
+    selection: Selection, free: Selection, usual: joint.Fitted, told: Watch
+) -> Diagnosis | None:
+    """Return the verdict that a mistake of the record explains all, None where an effect may.
+
+    ``free`` is the selection with stated numbers uncertain, on which effects are compared.
+    """
     name = selection.last.problem.model.base
     named = named_mistake(selection.last, lambda restated: _restated(restated, name, told), told)
     if named is None:
@@ -208,9 +220,9 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
     as_good = []
     in_time = named.best.in_time and _repeated_in_time(selection.last.problem)
     if not (in_time or named.best.is_discrete):
-        try_effects(selection.last, usual, told)
-    for one in useful(selection.last)[:1]:
-        effect = selection.on(one)
+        try_effects(free.last, usual, told)
+    for one in useful(free.last)[:1]:
+        effect = free.on(one)
         ahead = named.best.cost - (effect.last.fitted.cost + one.gain - one.score())
         if effect.adequate and ahead > CRITERIA.comparison.least_lead:
             return None
@@ -219,7 +231,7 @@ def _mistaken(selection: Selection, usual: joint.Fitted, told: Watch) -> Diagnos
     verdict = "family" if as_good or named.near else "identified"
     return Diagnosis(
         verdict,
-        [*selection.steps, named.step],
+        [*with_numbers_as_stated(free, selection).steps, named.step],
         selection.chosen,
         slot=RECORD,
         mistakes=(named.best, *named.near),
@@ -351,8 +363,10 @@ def _crystal(
     return selection, place
 
 
-def _judge(selection: Selection, usual: joint.Fitted, progress: Watch) -> Diagnosis:
-    """Return the verdict that a selection allows.
+def _judge(
+    selection: Selection, start: Selection, usual: joint.Fitted, progress: Watch
+) -> Diagnosis:
+    """Return the verdict that a selection allows, which was searched from a start.
 
     A chain of effects earns its names only if it ends in noise. Where it does not, what was piled
     on top of the first effect is taken off again: it only mimicked what is missing. A name that was
@@ -361,6 +375,7 @@ def _judge(selection: Selection, usual: joint.Fitted, progress: Watch) -> Diagno
     steps, chosen = selection.steps, selection.chosen
     if selection.adequate and not chosen:
         told = not tells_no_modulus(selection.last.problem, selection.last.fitted)
+        steps = with_numbers_as_stated(selection, start).steps
         return Diagnosis("adequate" if told else "not_identifiable", steps, [])
     if chosen and selection.adequate:
         progress(MethodStep.ON_TOP.told("holding every name against others"), 0.95)
@@ -369,11 +384,17 @@ def _judge(selection: Selection, usual: joint.Fitted, progress: Watch) -> Diagno
             selection, near = each_held_against_others(selection)
         unheld = {} if progress.ended is None else not_held_against(selection)
         verdict = "family" if near or unheld else "identified"
-        slot = selection.chosen[0].effect.slot
-        return Diagnosis(verdict, selection.steps, selection.chosen, near, unheld, slot)
+        near = {name: [exact_refit(r) for r in rivals] for name, rivals in near.items()}
+        exact = with_numbers_as_stated(selection, start)
+        slot = exact.chosen[0].effect.slot
+        return Diagnosis(verdict, exact.steps, exact.chosen, near, unheld, slot)
     crystal = [c for c in chosen if c.effect.replaces_base]
     rest = chosen[len(crystal) :]
     standing = _standing(steps[len(crystal) :], rest)
+    exact = with_numbers_as_stated(
+        Selection(steps[: len(crystal) + standing + 1], chosen[: len(crystal) + standing]), start
+    )
+    steps, chosen = exact.steps, exact.chosen
     if standing:
         kept = len(crystal) + standing
         located = locate(steps[kept], progress)

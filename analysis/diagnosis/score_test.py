@@ -38,7 +38,7 @@ from analysis.diagnosis.linearised import (
 )
 from analysis.fit import joint
 from analysis.fit.freed_inputs import at_likeliest_inputs, with_free_inputs
-from analysis.fit.law_error import KIND as LAW
+from analysis.fit.inputs import LAW
 from analysis.fit.problem import JointProblem
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
 from analysis.quiet_spectrum import drift_basis, slow_powers

@@ -236,12 +236,15 @@ def input_slopes(
     by_units = model.slopes_by_units(local, item.frame, linear)
     steps = None
     for column, (_, one) in enumerate(acting):
-        moved = one.moved(item, one.step)
-        ratio = found.rebound_ratio
         added = one.signal(stated)
         if added is not None:
             signal[column] = added
-        elif one.kind in by_units:
+            if item.speed_prior is not None:
+                residuals[0, column] = -one.faster_by(stated) / item.speed_prior.u
+            continue
+        moved = one.moved(item, one.step)
+        ratio = found.rebound_ratio
+        if one.kind in by_units:
             signal[column], slope = by_units[one.kind]
             ratio += slope * one.step
         elif not model.reads_alike(moved.frame, item.frame):

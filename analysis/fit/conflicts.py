@@ -11,8 +11,8 @@ import numpy as np
 from analysis.aliases import Array, Json
 from analysis.campaign import Quantity
 from analysis.fit import joint
+from analysis.fit.inputs import LAW
 from analysis.fit.joint import Fitted
-from analysis.fit.law_error import KIND as LAW
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_effects import stated_effect, stated_effects

@@ -10,8 +10,7 @@ import numpy as np
 from analysis.aliases import Array
 from analysis.fit import joint
 from analysis.fit.estimates import CELL
-from analysis.fit.inputs import Input, stated_numbers
-from analysis.fit.law_error import KIND as LAW
+from analysis.fit.inputs import LAW, Input, stated_numbers
 from analysis.fit.priors import sensor_prior, sensor_transform
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, collect, outcome_of

@@ -14,7 +14,8 @@ joint covariance, which is generalised least squares with the common errors as p
 ``input.time_base``        ln of true over stated sample rate, of all shots [1]
 ``input.gravity``          ln of the acceleration of fall [m/s^2]
 ``input.converter_gain``   ln of true over stated volts per code, of all shots [1]
-``input.law.<column>``     how far an effect's law is wrong along a column, see `law_error` [1]
+``input.law.<column>``     how far an effect's law is wrong along a column [1]
+``input.stated.<input>``   distance of one of the above from where it is stated, to first order
 =========================  ===================================================================
 """
 
@@ -31,6 +32,8 @@ from analysis.fit.priors import Prior
 from analysis.model.impact_model import ShotFrame
 
 PREFIX = "input."
+LAW, STATED = "law", "stated"
+"""Kinds of inputs that act to first order: the error of a law, and of a stated number."""
 LOG_STEP = 1e-6
 HEIGHT_STEP_MM = 1e-4
 LARGEST_LOG = 300.0
@@ -129,6 +132,10 @@ class Input:
     def signal(self, item: FitShot) -> Array | None:
         """Return what it adds to a shot's record per unit of its coordinate, None of most."""
         return None
+
+    def faster_by(self, item: FitShot) -> float:
+        """Return what one that adds a signal adds to the promised ln v0 of a shot per unit."""
+        raise NotImplementedError
 
     def local_slopes(
         self, item: FitShot, names: Sequence[str], *, by_moduli: bool

@@ -18,7 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -95,6 +95,9 @@ class LocalMap:
         The two globals that make ln K, where they do.
     inputs : tuple
         What else the shot depends on, with its place among the globals.
+    added, faster, added_at : ndarray, shape (i, n), (i,), (i,)
+        What those that act to first order add to its record and to its promised ln v0, and their
+        places among the globals.
     follows : ndarray, shape (s, i)
         How the parameters follow all inputs' distance from where they are stated, beside what
         moves the shot itself.
@@ -110,6 +113,9 @@ class LocalMap:
     heavy_crystal: int | None
     moduli: tuple[int, int] | None
     inputs: tuple[tuple[int, Input], ...]
+    added: NDArray[np.float64]
+    faster: NDArray[np.float64]
+    added_at: NDArray[np.intp]
     follows: NDArray[np.float64]
     input_slopes: NDArray[np.float64]
 
@@ -178,9 +184,18 @@ class JointProblem:
     def _moved_to(self, item: FitShot, theta: NDArray[np.float64]) -> FitShot:
         if not self.is_thinkable(theta):  # such a step is refused by `shared_local`
             return item
-        for j, one in self.inputs_of(item):
-            item = one.moved(item, float(theta[j]) - one.stated)
-        return item
+        at = self._map_of(item)
+        for j, one in at.inputs:
+            if j not in at.added_at:
+                item = one.moved(item, float(theta[j]) - one.stated)
+        if not at.added.size:
+            return item
+        by = theta[at.added_at]
+        speed = item.speed_prior
+        if speed is not None:
+            speed = Prior(speed.mean + float(by @ at.faster), speed.u)
+        window = replace(item.window, signal=item.window.signal - by @ at.added)
+        return replace(item, window=window, speed_prior=speed)
 
     def inputs_of(self, item: FitShot) -> tuple[tuple[int, Input], ...]:
         """Return the inputs that a shot depends on, with their places among the globals."""
@@ -338,6 +353,7 @@ class JointProblem:
         inputs = tuple(
             (j, one) for j, one in enumerate(self.inputs, start=first) if one.acts_on(shot)
         )
+        adding = [(j, one, signal) for j, one in inputs if (signal := one.signal(shot)) is not None]
         follows, by_inputs = np.zeros((len(names), len(self.inputs))), np.zeros_like(slopes)
         for j, known in inputs:
             of_cell = known.cell_slopes(shot, names)
@@ -357,6 +373,9 @@ class JointProblem:
             names.index("ln_M") if fixed["ln_M"] and "ln_M" in names else None,
             None if keys is None else (self.names.index(keys[0]), self.names.index(keys[1])),
             inputs,
+            np.array([signal for _, _, signal in adding]),
+            np.array([one.faster_by(shot) for _, one, _ in adding]),
+            np.array([j for j, _, _ in adding], dtype=np.intp),
             follows,
             by_inputs,
         )

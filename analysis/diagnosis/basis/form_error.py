@@ -41,8 +41,9 @@ from analysis.aliases import Array
 from analysis.campaign import Uncertainty
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.effects.effect import Effect
+from analysis.fit.first_order_input import FirstOrderInput
+from analysis.fit.inputs import LAW
 from analysis.fit.joint import Fitted
-from analysis.fit.law_error import KIND, LawError
 from analysis.fit.problem import FitShot, JointProblem
 
 HIGHEST_ORDER = 3
@@ -71,7 +72,7 @@ class Discrepancy:
         """Return what is known of the coefficients beforehand. Shape (w, w)"""
         return np.asarray(np.eye(len(self.names)) / self.u**2)
 
-    def as_inputs(self, items: Sequence[FitShot]) -> tuple[LawError, ...]:
+    def as_inputs(self, items: Sequence[FitShot]) -> tuple[FirstOrderInput, ...]:
         """Return the coefficients as inputs of a joint fit of these shots."""
         added: list[dict[float, Array]] = [{} for _ in self.names]
         faster: list[dict[float, float]] = [{} for _ in self.names]
@@ -81,10 +82,10 @@ class Discrepancy:
             for column, speed, j in zip(columns.T, speeds.tolist(), places, strict=True):
                 added[j][item.frame.place] = column
                 faster[j][item.frame.place] = speed
-        paths = [f"{KIND}.{name.partition('.')[0]}" for name in self.names]
+        paths = [f"{LAW}.{name.partition('.')[0]}" for name in self.names]
         u = Uncertainty(self.u)
         return tuple(
-            LawError(KIND, name, 0.0, "1", u, path, {}, signal, speed)
+            FirstOrderInput(LAW, name, 0.0, "1", u, path, {}, signal, speed)
             for name, path, signal, speed in zip(self.names, paths, added, faster, strict=True)
         )
 

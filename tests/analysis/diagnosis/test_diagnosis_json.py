@@ -100,7 +100,8 @@ def test_a_model_with_an_impossible_number_is_not_named(leaky):
     selection = Selection([*leaky.steps[:-1], moved], leaky.chosen)
     assert Selection(leaky.steps, leaky.chosen).adequate
     assert not selection.adequate
-    found = _judge(selection, leaky.steps[0].fitted, Watch())
+    start = Selection(leaky.steps[:1], [])
+    found = _judge(selection, start, leaky.steps[0].fitted, Watch())
     assert found.verdict == "unknown"
     assert found.chosen == []
 

@@ -141,7 +141,7 @@ def test_what_is_shown_is_told_although_the_time_is_over() -> None:
     selection.last.problem = watch.over(problem)
     with pytest.raises(BudgetSpentError):
         watch.check()
-    found = _judge(selection, usual_place(problem, fitted.nuisances), watch)
+    found = _judge(selection, selection, usual_place(problem, fitted.nuisances), watch)
     assert found.verdict == "partial"
     assert found.effect_ids == ["clipping"]
 

@@ -149,7 +149,8 @@ def test_a_name_that_was_not_held_against_others_is_one_of_a_family(leaky: Diagn
     watch = Watch(budget=TimeBudget(BUDGET_S, iter(range(0, 1000, 100)).__next__))
     with pytest.raises(BudgetSpentError):
         watch.check()
-    found = _judge(Selection([first, *leaky.steps[1:]], leaky.chosen), first.fitted, watch)
+    selection = Selection([first, *leaky.steps[1:]], leaky.chosen)
+    found = _judge(selection, Selection([first], []), first.fitted, watch)
     assert found.verdict == "family"
     assert "amplifier_lowpass" in found.confusable_with("coupler_highpass")
     told = diagnosis_json(dataclasses.replace(found, watch=watch), software="impactd test")

@@ -1,33 +1,30 @@
-"""The error of an effect's law, as inputs of a joint fit.
+"""Inputs of a joint fit that act to first order: what one adds to each shot's record is known.
 
-Like a mass that was weighed, a law is stated and uncertain: each coefficient of its discrepancy is
-a global that was stated as 0, with a standard uncertainty, and adds a signal to some shots.
+The error of an effect's law is one: each coefficient of its discrepancy was stated as 0, with a
+standard uncertainty, and adds a signal to some shots. So are masses, radii and heights while a
+search compares models: their errors are small, and their derivatives hardly depend on the model, so
+that one derivative of each serves all fits.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-
-import numpy as np
 
 from analysis.aliases import Array
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.inputs import Input
 from analysis.fit.priors import Prior
-from analysis.fit.problem import JointProblem
-
-KIND = "law"
 
 
 @dataclass(frozen=True)
-class LawError(Input):
-    """One coefficient of the discrepancy of one law.
+class FirstOrderInput(Input):
+    """A number that was stated as 0 and adds so much of a known signal to each shot.
 
     Attributes
     ----------
     added : mapping of float to ndarray of shape (n,)
-        What a coefficient of 1 adds to each shot that has it, by the shot's place in the campaign.
+        What a coordinate of 1 adds to each shot that has it, by the shot's place in the campaign.
         [unit of the signal]
     faster : mapping of float to float
         What it adds to the promised ln v0.
@@ -43,7 +40,7 @@ class LawError(Input):
 
     @property
     def stated(self) -> float:
-        """Return the coordinate of a law that is exact."""
+        """Return the coordinate where nothing is added."""
         return 0.0
 
     def value_at(self, coordinate: float) -> float:
@@ -68,29 +65,6 @@ class LawError(Input):
         """Return what it adds to a shot's record per unit."""
         return self.added[item.frame.place]
 
-
-def with_law_errors(problem: JointProblem, errors: Sequence[LawError]) -> JointProblem:
-    """Return a problem in which laws are inexact.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Its inputs, if any, are the last globals.
-
-    Returns
-    -------
-    JointProblem
-        With these behind all globals.
-    """
-    size, more = len(problem.names), len(errors)
-    precision = np.zeros((size + more, size + more))
-    precision[:size, :size] = problem.prior_precision
-    precision[range(size, size + more), range(size, size + more)] = [e.u**-2 for e in errors]
-    return replace(
-        problem,
-        names=[*problem.names, *(e.name for e in errors)],
-        start=np.concatenate([problem.start, np.zeros(more)]),
-        prior_mean=np.concatenate([problem.prior_mean, np.zeros(more)]),
-        prior_precision=precision,
-        inputs=(*problem.inputs, *errors),
-    )
+    def faster_by(self, item: FitShot) -> float:
+        """Return what it adds to the promised ln v0 of a shot per unit."""
+        return self.faster[item.frame.place]

@@ -1,0 +1,74 @@
+"""A search in which masses, heights and the like may be off by what is stated of them.
+
+What such errors explain is no structure, and no effect is taken to explain it. They are further
+globals with their stated uncertainty, to first order, from the base model to the last comparison. A
+document then states every model with the numbers as stated, as `impactd fit` does.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+from analysis.diagnosis.candidate import Refit
+from analysis.diagnosis.forward_selection import Selection, Step, make_step
+from analysis.diagnosis.progress import unwatched
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem
+from analysis.fit.stated_to_first_order import as_stated, with_stated_numbers
+
+
+def with_uncertain_numbers(selection: Selection) -> Selection:
+    """Return a selection whose last model leaves stated numbers free within their uncertainty.
+
+    Itself where all of them are exact, or the model is so far from the shots that no such number
+    brings it near.
+    """
+    last = selection.last
+    if joint.is_hopeless(last.problem, last.fitted.cost):
+        return selection
+    wide = with_stated_numbers(last.problem, last.fitted)
+    if wide is None:
+        return selection
+    problem, theta = wide
+    fitted = joint.fit(problem, last.fitted.nuisances, theta=theta, damping=joint.LEAST_DAMPING)
+    if not fitted.blocks:
+        return selection
+    return Selection([*selection.steps[:-1], make_step(problem, fitted)], selection.chosen)
+
+
+def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:
+    """Return what was found from a start, each model fitted with the numbers as stated.
+
+    Whether a residual is noise, and what each effect explains, stays as the search has it.
+    """
+    steps = [_exact_step(step) for step in found.steps]
+    at, last = len(start.steps) - 1, start.last
+    if found.steps[at].problem.inputs:
+        steps[at] = dataclasses.replace(steps[at], problem=last.problem, fitted=last.fitted)
+        if steps[at].score_test.structured:
+            steps[at].linearised, steps[at].score_test = last.linearised, last.score_test
+    chosen = [
+        dataclasses.replace(taken, problem=step.problem, fitted=step.fitted)
+        for taken, step in zip(found.chosen, steps[1:], strict=True)
+    ]
+    return Selection(steps, chosen)
+
+
+def _exact_step(step: Step) -> Step:
+    problem, fitted = _exact(step.problem, step.fitted)
+    return dataclasses.replace(step, problem=problem, fitted=fitted)
+
+
+def exact_refit(found: Refit) -> Refit:
+    """Return a refit with the numbers as stated; its gain stays as the search has it."""
+    problem, fitted = _exact(found.problem, found.fitted)
+    return dataclasses.replace(found, problem=problem, fitted=fitted)
+
+
+def _exact(problem: JointProblem, fitted: joint.Fitted) -> tuple[JointProblem, joint.Fitted]:
+    if not problem.inputs or not fitted.blocks:
+        return problem, fitted
+    exact, theta = as_stated(problem, fitted.theta)
+    found = joint.fit(unwatched(exact), fitted.nuisances, theta=theta, damping=joint.LEAST_DAMPING)
+    exact = dataclasses.replace(exact, checkpoint=problem.checkpoint)
+    return exact, found
