@@ -23,6 +23,7 @@ from analysis.fit.physical_range import effect_out_of_range
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
 from analysis.fit.stated_effects import effect_prior, stated_effects
+from analysis.fit.steps import along
 from analysis.fit.window import quiet_part
 from analysis.model.impact_model import NUISANCE
 
@@ -197,28 +198,43 @@ def refit(
         theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
     elif coefficients and proposal.amplitude is not None:
         size = f"{effect.id}.{effect.parameters[proposal.amplitude].name}"
-        theta = _no_worse_than_none(larger, theta, nuisances, size, fitted.cost)
+        theta, nuisances = _moved_with_size(larger, theta, nuisances, size, fitted.cost)
     result = joint.fit(larger, nuisances, theta=theta, max_iterations=max_iterations)
     result = fitted_below_one(larger, result, max_iterations)
     bare = Refit(effect, proposal.effect_id, scope, larger, result, 0.0, 0, False, linear_gain)
     return refitted(bare, problem, fitted)
 
 
-def _no_worse_than_none(
+def _moved_with_size(
     problem: JointProblem, theta: Array, nuisances: Array, size: str, cost: float
-) -> Array:
-    """Return a start whose sizes are so small that it is no worse than no effect.
+) -> tuple[Array, Array]:
+    """Return a start at which everything else has followed an effect's size, to first order.
 
-    A slope overshoots where a law is bent; from beyond its valley a fit runs away. At the neutral
-    value, zero in these coordinates, the cost is that of no effect.
+    A size alone is no start: a contact that relaxes is softer, and the modulus must rise with it.
+    From no effect, zero in these coordinates, everything goes along the line on which all else is
+    at its best for the size. That line is straight where laws are; halved until it is no worse than
+    no effect, as a slope overshoots where a law is bent, and from beyond a valley a fit runs away.
     """
     at = [j for j, name in enumerate(problem.names) if name.partition("[")[0] == size]
-    theta = theta.copy()
+    wanted, none = theta[at], theta.copy()
+    none[at] = 0.0
+    base = joint.fit(problem, nuisances, theta=none, max_iterations=0)
+    if not base.blocks:
+        return theta, nuisances
+    matrix, vector, parts = joint.normal_equations(problem, base)
+    rest = [j for j in range(theta.size) if j not in at]
+    step = np.zeros(theta.size)
+    step[at] = wanted
+    load = vector[rest] - matrix[np.ix_(rest, at)] @ wanted
+    step[rest] = np.linalg.solve(matrix[np.ix_(rest, rest)], load)
+    own = np.array([part.own - part.back @ step for part in parts])
+    share = 1.0
     for _ in range(MOST_HALVINGS):
-        if joint.total_cost(problem, theta, nuisances) <= cost:
-            break
-        theta[at] *= 0.5
-    return theta
+        begun = along(problem, none, share * step), nuisances + share * own
+        if joint.total_cost(problem, *begun) <= cost:
+            return begun
+        share *= 0.5
+    return along(problem, none, share * step), nuisances + share * own
 
 
 def _drawn_near(
