@@ -348,8 +348,11 @@ class _Beside:
     @classmethod
     def of(cls, shot: Recorded, there: _Repeated, scatter: _Scatter) -> _Beside:
         """Lay a shot on a mean waveform that it had no part in."""
-        placed = fit_hit(there.wave, shot.hit, there.wave.starts(shot.hit), HELDOUT_STEPS)
-        numbers = _numbers(there.wave, shot, placed, 1.0 + 1.0 / there.count)
+        wave, hit = there.wave, shot.hit
+        # from each by itself: a width is told in samples, and a descent from a wrong one ends early
+        ends = (fit_hit(wave, hit, [start], HELDOUT_STEPS) for start in wave.starts(hit))
+        placed = min(ends, key=lambda one: one.squares)
+        numbers = _numbers(wave, shot, placed, 1.0 + 1.0 / there.count)
         return cls(numbers, there, scatter.at(there))
 
     def from_height(self, steps: float) -> _Seen:

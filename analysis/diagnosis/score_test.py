@@ -37,9 +37,9 @@ from analysis.diagnosis.linearised import (
     p_of,
 )
 from analysis.fit import joint
-from analysis.fit.freed_inputs import at_likeliest_inputs, with_free_inputs
 from analysis.fit.inputs import LAW
 from analysis.fit.problem import JointProblem
+from analysis.fit.stated_to_first_order import fitted_with_stated_numbers
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
 from analysis.quiet_spectrum import drift_basis, slow_powers
 
@@ -115,23 +115,19 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
 
     What an effect's law may be wrong by (`analysis.diagnosis.basis.form_error`) is no structure,
     nor is what masses, radii and heights explain that differ from their statements by what these
-    allow: such an answer is that of the fit in which they are where the shots put them.
+    allow: such an answer is that of the fit in which they are uncertain.
     """
     linearised = linearise(problem, fitted, inexact=discrepancy(problem, fitted))
     found = run_score_test(linearised)
     if not found.structured or joint.is_hopeless(problem, fitted.cost):
         return linearised, found
-    free = with_free_inputs(problem, fitted)
+    free = fitted_with_stated_numbers(problem, fitted)
     if free is None:
         return linearised, found  # every number is exact
     won = fitted.cost - free[1].cost
     if free[1].converged and found.is_more_than(won):
         return linearised, dataclasses.replace(found, beyond_labels=found.left - won)
-    moved = at_likeliest_inputs(problem, *free)
-    if moved is None:
-        return linearised, found
-    settled, near = moved
-    again = linearise(settled, near, inexact=discrepancy(settled, near))
+    again = linearise(*free, inexact=discrepancy(*free))
     freed = run_score_test(again)
     if freed.structured:
         return linearised, dataclasses.replace(found, beyond_labels=freed.left)

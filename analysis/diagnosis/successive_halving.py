@@ -153,10 +153,10 @@ def _begins(
 def rivals_refitted(
     problem: JointProblem, fitted: joint.Fitted, taken: Refit, effect_ids: set[str] | None = None
 ) -> list[Refit]:
-    """Return the other effects of a slot, each form fitted to all shots, best first.
+    """Return the other effects of a slot, each form fitted to some shots, best first.
 
     From the most promising start of each form, with one size for all shots, or for the materials
-    that the taken one acts on.
+    that the taken one acts on. The best few, and what is close to the taken one, go on to all.
     """
     tried = [
         p
@@ -165,18 +165,37 @@ def rivals_refitted(
         and p.effect_id != taken.effect_id
         and (effect_ids is None or p.effect_id in effect_ids)
     ]
+    places, whole = thinned(problem, MORE), list(range(len(problem.shots)))
+    few, base = part_of(problem, fitted, places)
+    lead = base.cost - part_of(taken.problem, taken.fitted, places)[1].cost
     found = []
-    for own in starts(linearise(problem, fitted, tried), tried).values():
+    for own in starts(linearise(few, base, tried), tried).values():
         forms: dict[str, Start] = {}
         for start in own:
             if start.scope == "rig":
                 forms.setdefault(start.proposal.effect.id, start)
-        found += [_on_the_same(start, problem, fitted, taken) for start in forms.values()]
+        found += [_on_the_same(start, few, base, taken) for start in forms.values()]
     found.sort(key=rank)
-    found[:INTO_LAST] = [
-        r if r.fitted.converged else continued(fitted, r) for r in found[:INTO_LAST]
-    ]
-    return one_form_each(sorted(found, key=rank))
+    near, behind = found, []
+    if len(places) < len(whole):
+        near = [
+            one
+            for at, one in enumerate(found)
+            if one.gain >= CRITERIA.search.contender_share * lead
+            and (at < INTO_LAST or lead - one.gain < CRITERIA.stepwise.unfinished_within)
+        ]
+        factor = len(whole) / len(places)
+        behind = [_scaled(one, factor) for one in found if all(one is not n for n in near)]
+        near = [
+            refit_elsewhere(
+                one, few_base=base, few=places, many=whole, problem=problem, base=fitted,
+                max_iterations=25,
+            )
+            for one in near
+        ]  # fmt: skip
+    near.sort(key=rank)
+    near[:INTO_LAST] = [r if r.fitted.converged else continued(fitted, r) for r in near[:INTO_LAST]]
+    return one_form_each([*sorted(near, key=rank), *sorted(behind, key=rank)])
 
 
 def _on_the_same(start: Start, problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> Refit:

@@ -14,7 +14,7 @@ from analysis.diagnosis.forward_selection import Selection, Step, make_step
 from analysis.diagnosis.progress import unwatched
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
-from analysis.fit.stated_to_first_order import as_stated, with_stated_numbers
+from analysis.fit.stated_to_first_order import as_stated, fitted_with_stated_numbers
 
 
 def with_uncertain_numbers(selection: Selection) -> Selection:
@@ -26,14 +26,10 @@ def with_uncertain_numbers(selection: Selection) -> Selection:
     last = selection.last
     if joint.is_hopeless(last.problem, last.fitted.cost):
         return selection
-    wide = with_stated_numbers(last.problem, last.fitted)
-    if wide is None:
+    free = fitted_with_stated_numbers(last.problem, last.fitted)
+    if free is None:
         return selection
-    problem, theta = wide
-    fitted = joint.fit(problem, last.fitted.nuisances, theta=theta, damping=joint.LEAST_DAMPING)
-    if not fitted.blocks:
-        return selection
-    return Selection([*selection.steps[:-1], make_step(problem, fitted)], selection.chosen)
+    return Selection([*selection.steps[:-1], make_step(*free)], selection.chosen)
 
 
 def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:

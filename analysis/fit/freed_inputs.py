@@ -17,9 +17,7 @@ from analysis.fit.result import FitResult, collect, outcome_of
 from analysis.model import solver
 
 SETTLING_STEPS = 8
-"""Most steps of a fit that frees inputs, and of one that then holds them where it put them. From
-exact inputs the first took 3 in 8 of 8 campaigns. Of 20 of the second, without a limit, all 10 that
-left noise took 1 or 2; of the 10 that left structure 6 took 8 to 23."""
+"""Most steps of a fit that frees inputs. From exact ones it took 3 in 8 of 8 campaigns."""
 LEAST_SHARE = 1e-12
 """Of the largest variance, below which a covariance has no direction but rounding."""
 
@@ -136,36 +134,6 @@ def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
         return fitted.cost
     free = with_free_inputs(problem, fitted)
     return fitted.cost if free is None else min(free[1].cost, fitted.cost)
-
-
-def at_likeliest_inputs(
-    problem: JointProblem, wide: JointProblem, freed: joint.Fitted
-) -> tuple[JointProblem, joint.Fitted] | None:
-    """Return a fit with masses, heights and the like where the shots and their statements put them.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Where they are exactly as stated.
-    wide, freed : JointProblem, Fitted
-        Where they are free, see `with_free_inputs`.
-
-    Returns
-    -------
-    tuple of JointProblem and Fitted, or None
-        The shots are moved within what their statements allow; no input is a parameter. None where
-        there is no solution.
-    """
-    moved = dataclasses.replace(
-        problem, shots=[wide.item_at(item, freed.theta) for item in problem.shots]
-    )
-    near = joint.fit(
-        moved,
-        freed.nuisances,
-        theta=freed.theta[: len(problem.names)],
-        max_iterations=SETTLING_STEPS,
-    )
-    return (moved, near) if near.blocks else None
 
 
 def _with_calibration(

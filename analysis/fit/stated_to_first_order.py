@@ -17,7 +17,7 @@ from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import numbers_of_shots, widened_by
 from analysis.fit.inputs import PREFIX, STATED
-from analysis.fit.joint import Fitted
+from analysis.fit.joint import LEAST_DAMPING, Fitted, fit
 from analysis.fit.problem import JointProblem
 
 
@@ -27,7 +27,7 @@ def with_stated_numbers(problem: JointProblem, fitted: Fitted) -> tuple[JointPro
     Parameters
     ----------
     problem, fitted : JointProblem, Fitted
-        A base model at its best, every stated number as stated.
+        A model at its best, every stated number as stated.
 
     Returns
     -------
@@ -64,6 +64,17 @@ def with_stated_numbers(problem: JointProblem, fitted: Fitted) -> tuple[JointPro
     ]
     start = np.concatenate([fitted.theta, np.zeros(len(inputs))])
     return widened_by(problem, tuple(inputs), problem.prior_precision), start
+
+
+def fitted_with_stated_numbers(
+    problem: JointProblem, fitted: Fitted
+) -> tuple[JointProblem, Fitted] | None:
+    """Return a fit in which masses, heights and the like may be off to first order; or None."""
+    wide = with_stated_numbers(problem, fitted)
+    if wide is None:
+        return None
+    found = fit(wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING)
+    return (wide[0], found) if found.blocks else None
 
 
 def _slopes(

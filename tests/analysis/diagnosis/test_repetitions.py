@@ -94,6 +94,24 @@ def test_at_most_one_good_shot_in_a_hundred_is_called_unlike() -> None:
     assert told <= 0.01 * asked
 
 
+@pytest.mark.parametrize("wider", [0.98, 0.99, 1.01, 1.02])
+def test_a_width_read_a_sample_off_changes_nothing(
+    whole: Campaign, shots: list[Recorded], wider: float
+) -> None:
+    """A pulse's width is told in whole samples: where a shot lies does not hang on it."""
+    for at in range(0, len(shots), 5):
+        rest = shots[:at] + shots[at + 1 :]
+        hit = dataclasses.replace(shots[at].hit, width_s=wider * shots[at].hit.width_s)
+        beside = [
+            compare(one, rest, speed_repeatability=whole.speed_repeatability)
+            for one in (shots[at], dataclasses.replace(shots[at], hit=hit))
+        ]
+        assert beside[0] is not None
+        assert beside[1] is not None
+        assert beside[1].duration == pytest.approx(beside[0].duration, abs=1e-3)
+        assert beside[1].size == pytest.approx(beside[0].size, abs=1e-3)
+
+
 def test_fewer_than_two_repetitions_say_nothing(whole: Campaign, shots: list[Recorded]) -> None:
     """One is no scatter, whatever else was dropped."""
     own = [one for one in shots if one.condition == shots[0].condition]
