@@ -17,10 +17,10 @@ def test_a_first_visit_ends_with_a_modulus(visitor):
     page.locator(".modulus").get_by_text("±").wait_for()
     assert page.locator("[data-advice=use]").is_visible()
     page.get_by_text("Young's modulus of specimen").wait_for()
-    # A chart is drawn anew when the fit is done: until then its legend is empty for a moment.
+    # A shot is drawn anew when its fit is done: until then its charts are empty for a moment.
     expect(page.locator(".legendtext")).to_have_text(["measured", "HSD", "KV", "closed KV"])
     left_over = page.get_by_role("group", name="Model of the residual").get_by_role("button")
-    assert left_over.all_inner_texts() == ["HSD", "KV", "closed KV"]
+    expect(left_over).to_have_text(["HSD", "KV", "closed KV"])
     visitor.assert_clean()
 
 
