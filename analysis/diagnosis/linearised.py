@@ -380,20 +380,12 @@ def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linea
 
 def _stated(problem: JointProblem, item: FitShot) -> tuple[list[str], Array, Array]:
     """Return labels, columns and changes of ln v0 of all inputs, zeros of those of other shots."""
-    first, acting = len(problem.names) - len(problem.inputs), problem.inputs_of(item)
+    first = len(problem.names) - len(problem.inputs)
     columns = np.zeros((item.frame.samples, len(problem.inputs)))
     faster = np.zeros(len(problem.inputs))
-    for j, one in acting:
+    for j, one in problem.inputs_of(item):
         columns[:, j - first], faster[j - first] = one.signal(item), one.faster_by(item)
     return [one.name for one in problem.inputs], columns, faster
-
-
-def _chain_of_inputs(problem: JointProblem, item: FitShot) -> Array:
-    """Return the inputs by the globals, shape (i, g); zeros of those of other shots."""
-    chain = np.zeros((len(problem.inputs), len(problem.names)))
-    places = [j for j, _ in problem.inputs_of(item)]
-    chain[[j - len(problem.names) + len(problem.inputs) for j in places], places] = 1.0
-    return chain
 
 
 def _linearised_shot(
@@ -421,7 +413,7 @@ def _linearised_shot(
         parts = {LAW: (labels, inexact.columns[row], inexact.speeds[row])} | parts
     if problem.inputs:
         parts = {STATED: _stated(problem, item)} | parts
-        chain = np.vstack([chain, _chain_of_inputs(problem, item)])
+        chain = np.vstack([chain, np.eye(len(problem.names))[-len(problem.inputs) :]])
     if inexact is not None:
         chain = block_diag(chain, np.eye(len(inexact.names))[places])
     s = at = shared.size

@@ -37,12 +37,13 @@ def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:
 
     Whether a residual is noise, and what each effect explains, stays as the search has it.
     """
-    steps = [_exact_step(step) for step in found.steps]
     at, last = len(start.steps) - 1, start.last
-    if found.steps[at].problem.inputs:
-        steps[at] = dataclasses.replace(steps[at], problem=last.problem, fitted=last.fitted)
-        if steps[at].score_test.structured:
-            steps[at].linearised, steps[at].score_test = last.linearised, last.score_test
+    base = found.steps[at]
+    if base.problem.inputs:
+        base = dataclasses.replace(base, problem=last.problem, fitted=last.fitted)
+        if base.score_test.structured:
+            base.linearised, base.score_test = last.linearised, last.score_test
+    steps = [*found.steps[:at], base, *map(_exact_step, found.steps[at + 1 :])]
     chosen = [
         dataclasses.replace(taken, problem=step.problem, fitted=step.fitted)
         for taken, step in zip(found.chosen, steps[1:], strict=True)

@@ -9,12 +9,11 @@ that one derivative of each serves all fits.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from analysis.aliases import Array
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.inputs import Input
-from analysis.fit.priors import Prior
 
 
 @dataclass(frozen=True)
@@ -50,16 +49,6 @@ class FirstOrderInput(Input):
     def belongs_to(self, item: FitShot) -> bool:
         """Tell whether it adds something to this shot."""
         return item.frame.place in self.added
-
-    def moved(self, item: FitShot, by: float) -> FitShot:
-        """Return a shot with so much of it taken off the record."""
-        if by == 0.0 or not self.belongs_to(item):
-            return item
-        place, speed = item.frame.place, item.speed_prior
-        window = replace(item.window, signal=item.window.signal - by * self.added[place])
-        if speed is not None:
-            speed = Prior(speed.mean + by * self.faster[place], speed.u)
-        return replace(item, window=window, speed_prior=speed)
 
     def signal(self, item: FitShot) -> Array | None:
         """Return what it adds to a shot's record per unit."""

@@ -54,7 +54,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     first, last = diagnosis.steps[0], diagnosis.steps[-1]
     before = as_fit_result(first.problem, first.fitted)
     after = before if last is first else as_fit_result(last.problem, last.fitted)
-    # the search takes masses, heights and the like as exact; what is stated of moduli does not
+    # masses, heights and the like are exactly as stated here, and uncertain in what is stated below
     free_before = _with_free_inputs(before, first)
     free_after = free_before if after is before else _with_free_inputs(after, last)
     base, stated = _block(free_before), _block(free_after)

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import pytest
 
-from analysis.campaign import Campaign
 from analysis.diagnosis.basis.proposals import proposals
 from analysis.diagnosis.candidate import refit
 from analysis.diagnosis.linearised import linearise
@@ -25,9 +24,9 @@ EFFECTS = {
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
-def test_a_start_explains_nearly_all_that_was_promised(tmp_path: Path, effect: str) -> None:
+def test_a_start_explains_most_of_what_was_promised(tmp_path: Path, effect: str) -> None:
     """Before any step, where a size alone leaves the contact too stiff; a few steps end the fit."""
-    campaign: Campaign = small_campaign(tmp_path, effect, **EFFECTS[effect])
+    campaign = small_campaign(tmp_path, effect, **EFFECTS[effect])
     problem = build(campaign, model_named("kv2"))
     base = joint.fit(problem, prepare(problem))
     tried = [p for p in proposals(problem)[0] if p.effect_id == effect]

@@ -76,8 +76,8 @@ def test_no_effect_explains_what_a_stated_height_explains(
     assert gain(*stated) > 10 * max(gain(problem, free), 1.0)
 
 
-def test_exact_numbers_ask_for_nothing(stated: tuple[JointProblem, joint.Fitted]) -> None:
-    """What already has inputs, or a fit that went nowhere, is left alone."""
+def test_no_number_is_freed_twice(stated: tuple[JointProblem, joint.Fitted]) -> None:
+    """A problem whose numbers are uncertain already is left alone."""
     wide = with_stated_numbers(*stated)
     assert wide is not None
     assert with_stated_numbers(wide[0], stated[1]) is None
