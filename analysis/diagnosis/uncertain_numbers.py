@@ -10,9 +10,11 @@ from __future__ import annotations
 import dataclasses
 
 from analysis.diagnosis.candidate import Refit
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forward_selection import Selection, Step, make_step
 from analysis.diagnosis.progress import unwatched
 from analysis.fit import joint
+from analysis.fit.freed_inputs import SETTLING_STEPS
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_to_first_order import as_stated, fitted_with_stated_numbers
 
@@ -20,11 +22,12 @@ from analysis.fit.stated_to_first_order import as_stated, fitted_with_stated_num
 def with_uncertain_numbers(selection: Selection) -> Selection:
     """Return a selection whose last model leaves stated numbers free within their uncertainty.
 
-    Itself where all of them are exact, or the model is so far from the shots that no such number
-    brings it near.
+    Itself where all of them are exact, or the model is far from the shots: what an error of a
+    number would change is then asked at a place where nothing is right.
     """
     last = selection.last
-    if joint.is_hopeless(last.problem, last.fitted.cost):
+    samples = sum(shot.white.size for shot in last.linearised.shots)
+    if last.linearised.chi2 > CRITERIA.search.far_squares_per_sample * samples:
         return selection
     free = fitted_with_stated_numbers(last.problem, last.fitted)
     if free is None:
@@ -66,6 +69,13 @@ def _exact(problem: JointProblem, fitted: joint.Fitted) -> tuple[JointProblem, j
     if not problem.inputs or not fitted.blocks:
         return problem, fitted
     exact, theta = as_stated(problem, fitted.theta)
-    found = joint.fit(unwatched(exact), fitted.nuisances, theta=theta, damping=joint.LEAST_DAMPING)
+    # a document fits it once more, to its end
+    found = joint.fit(
+        unwatched(exact),
+        fitted.nuisances,
+        theta=theta,
+        damping=joint.LEAST_DAMPING,
+        max_iterations=SETTLING_STEPS,
+    )
     exact = dataclasses.replace(exact, checkpoint=problem.checkpoint)
     return exact, found
