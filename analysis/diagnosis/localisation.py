@@ -10,9 +10,10 @@ that size, with n pairs, its likelihood is
 
 .. math:: L_k \propto l_k^{-n/2}, \qquad p_s \propto \max_k M_{ks} L_k ,
 
-where M is how usual a change of kind k is for the slot s: a share written by hand, none where the
-slot cannot do it. What two slots do alike (a memoryless curve: the crystal or the converter) stands
-under both, and where no family explains much all slots are as likely. Nothing here was trained.
+where M is how usual a change of kind k is for the slot s, by the family of its columns and by the
+shots that share its coefficients: shares written by hand, none where the slot cannot do it. What
+two slots do alike (a memoryless curve: the crystal or the converter) stands under both, and where
+no family explains much all slots are as likely. Nothing here was trained.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ SHARES: dict[str, tuple[float, float, float, float, float]] = {
     "stiffness": (0.0,    1.0,    0.0,     0.0,   0.0),
     "contact":   (0.0,    1.0,    0.0,     0.0,   0.0),  # a force over indentation and rate
     "loss":      (0.0,    1.0,    0.0,     0.0,   0.0),
-    "pitch":     (0.0,    0.0,    1.0,     0.8,   0.0),  # what rides on the crystal, or itself
+    "pitch":     (0.0,    0.0,    0.9,     0.9,   0.0),  # what rides on the crystal, or itself
     "cell":      (0.0,    0.0,    0.8,     0.8,   0.0),  # pitch and gain together
     "mode":      (0.0,    0.0,    0.9,     0.9,   0.0),
     "ringing":   (0.0,    0.0,    0.8,     0.9,   0.0),
@@ -84,7 +85,19 @@ SHARES: dict[str, tuple[float, float, float, float, float]] = {
     "warmth":    (0.0,    0.0,    0.0,     0.8,   1.0),
     "blow":      (0.7,    0.0,    1.0,     0.0,   0.0),  # something lands, or the sphere does
 }  # fmt: skip
-"""M, by family, in the order of `SLOTS`; ``locked`` follows anything, and is nobody's."""
+"""The family's factor of M, in the order of `SLOTS`; ``locked`` fits anything: it is no slot's."""
+
+SHARES_BY_SCOPE: dict[str, tuple[float, float, float, float, float]] = {
+    # release contact mounting sensor electronics
+    "rig":     (1.0, 1.0, 0.8, 1.0, 1.0),
+    "shot":    (1.0, 1.0, 0.8, 1.0, 1.0),
+    "surface": (0.5, 1.0, 1.0, 0.5, 0.3),
+    "sphere":  (1.0, 1.0, 0.5, 0.5, 0.3),
+    "pair":    (0.5, 1.0, 0.5, 0.5, 0.3),
+}  # fmt: skip
+"""The scope's factor of M; 1 for the others. A mount differs from coupon to coupon. The crystal and
+what follows it do not know what is hit: they differ with the materials only by way of the signal's
+size and length."""
 
 FAMILIES = (
     "response", "static", "dynamic", "locked", "contact", "loss", "cell", "speed", "gain", "pitch",
@@ -178,7 +191,7 @@ def locate(step: Step, progress: Progress) -> Located:
     discrepancy = _explains_most(linearised, gains)
     before = heldout_or_none(whole, step.fitted)
     by_columns = best_discrepancy(step, linearised, gains, before, progress)
-    known = gains | _heldout_gain(step, by_columns, before, predicted=set(gains))
+    known = gains | _heldout_gain(step, by_columns, before, predicted=gains)
     by_slot = gains_by_slot(known)
     odds = slot_probabilities(step.linearised, known)
     progress(MethodStep.VERDICT.told("is it better than a mean of the other hits?"), 0.99)
@@ -230,7 +243,11 @@ def probabilities(gains: Mapping[Part, float], structure: float, pairs: int) -> 
 
     A family that explains more than the structure has seen all of it.
     """
-    known = [(SHARES[family], gain) for (family, _), gain in gains.items() if family in SHARES]
+    known = [
+        (np.multiply(SHARES[family], SHARES_BY_SCOPE.get(scope, 1.0)), gain)
+        for (family, scope), gain in gains.items()
+        if family in SHARES
+    ]
     if not known:
         return dict.fromkeys(SLOTS, 1.0 / len(SLOTS))
     shares, explained = (np.array(column) for column in zip(*known, strict=True))
@@ -262,21 +279,26 @@ def _explains_most(linearised: Linearised, gains: Mapping[Part, float]) -> Expla
 
 
 def _heldout_gain(
-    step: Step, learned: Learned | None, before: float | None, predicted: set[Part]
+    step: Step, learned: Learned | None, before: float | None, predicted: Mapping[Part, float]
 ) -> dict[Part, float]:
-    """Return what a learned family explains of held-out shots, in units of the noise, where known.
+    """Return what a learned family explains, where known: the share of held-out shots' structure.
 
-    Of several families learned together only the first that no first order predicted has it.
+    That share is taken of the whole structure. On shots left out a model without the family errs by
+    more than on those that it was fitted to: their squares are no measure of what the family
+    explains beside those that were only tested. Of several families learned together only the first
+    that no first order predicted has it.
     """
     if learned is None or not before or not learned.heldout_rms:
         return {}
     part = learned.parts[0]
     if part in predicted and len(learned.parts) > 1:
         return {}
-    shots = step.linearised.shots
-    count = sum(s.residual.size for s in shots)
-    level = float(np.mean([s.item.noise.rms for s in shots]))
-    return {part: count * (before**2 - learned.heldout_rms**2) / level**2}
+    noise = float(np.mean([shot.item.noise.rms for shot in step.linearised.shots]))
+    if before <= noise:
+        return {}
+    share = (before**2 - learned.heldout_rms**2) / (before**2 - noise**2)
+    structure = max(structured_squares(step.linearised), *predicted.values(), 1.0)
+    return {part: min(share, 1.0) * structure}
 
 
 def formula(linearised: Linearised, discrepancy: Explained) -> list[tuple[str, float]]:

@@ -111,6 +111,12 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
     return None
 
 
+def count_as_noise(step: Step) -> int:
+    """Return the number of shots of which the model leaves no more than noise."""
+    left = zip(step.problem.shots, step.fitted.blocks, strict=False)  # no blocks: nothing fitted
+    return sum(block.cost <= _most_noise(item) for item, block in left)
+
+
 def _set_aside(step: Step, rest: Step, kept: list[int]) -> Rest | None:
     """Return the rest with why the others do not belong; None where an effect may be the reason."""
     left_out = sorted(set(range(len(step.problem.shots))) - set(kept))

@@ -24,7 +24,7 @@ from analysis.diagnosis.model_free import Shown, left_by_model, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.diagnosis.noise_check import Background, check_noise
-from analysis.diagnosis.odd_shots import SetAside, without_odd_shots
+from analysis.diagnosis.odd_shots import SetAside, count_as_noise, without_odd_shots
 from analysis.diagnosis.progress import (
     BudgetSpentError,
     MethodStep,
@@ -293,8 +293,11 @@ def _obeyed_base(
     """Return the selection and its usual place under the ringing base that the records obey.
 
     The default's, unless another leads by more than chance, where the noise is as wide as what that
-    leaves: whatever else acts, closed rigs and the paper's were 5e5 squares apart and more.
+    leaves: whatever else acts, closed rigs and the paper's were 5e5 squares apart and more. What
+    leaves noise of most shots is obeyed by all, and the others have another reason.
     """
+    if 2 * count_as_noise(selection.last) > len(selection.last.problem.shots):
+        return selection, usual
     for name in RINGING_BASES[1:]:
         problem = _stated(campaign, name)
         fitted = joint.fit(problem, prepare(problem), max_iterations=FIRST_LOOK)

@@ -59,10 +59,18 @@ def test_where_nothing_explains_much_no_slot_is_likely():
 
 def test_what_explains_alike_is_as_likely_and_one_pair_is_one_piece_of_evidence():
     """Shares of 59, 60 and 63 % of one pair's squares are no reason to choose."""
-    alike = {("contact", "rig"): 0.59e4, ("droop", "rig"): 0.60e4, ("seat", "rig"): 0.63e4}
+    alike = {("contact", "rig"): 0.59e4, ("droop", "rig"): 0.60e4, ("seat", "surface"): 0.63e4}
     few, many = (probabilities(alike, 1e4, pairs) for pairs in (1, 9))
     assert few["contact"] / few["mounting"] == pytest.approx((0.39 / 0.43) ** 0.5, rel=0.01)
     assert many["contact"] / many["mounting"] == pytest.approx((0.39 / 0.43) ** 4.5, rel=0.01)
+
+
+def test_what_differs_from_coupon_to_coupon_is_rather_the_mount():
+    """The crystal does not know what lies on it, but may ring otherwise in every shot."""
+    by_coupon = probabilities({("pitch", "surface"): 9e4}, 9e4, 9)
+    by_shot = probabilities({("pitch", "shot"): 9e4}, 9e4, 9)
+    assert by_coupon["mounting"] > by_coupon["sensor"]
+    assert by_shot["sensor"] > by_shot["mounting"]
 
 
 def test_many_pairs_make_one_slot_sure_and_overflow_nothing():

@@ -77,7 +77,7 @@ def _sampled(problem: JointProblem, fitted: joint.Fitted) -> tuple[float, float]
         return -0.5 * (cost - fitted.cost) if math.isfinite(cost) else -1e300
 
     sampler = dynesty.NestedSampler(
-        log_likelihood, lambda unit: unit, centre.size, nlive=LIVE_POINTS,
+        log_likelihood, lambda unit: unit, centre.size, nlive=LIVE_POINTS, sample="rslice",
         rstate=np.random.default_rng(11),
     )  # fmt: skip
     sampler.run_nested(print_progress=False, dlogz=0.05)
