@@ -57,7 +57,7 @@ class Mistake:
     restated: Campaign
     """The campaign as it would be stated without the mistake."""
     cost: float = math.inf
-    """The squares that are left once it is fitted, its numbers paid."""
+    """The squares that are left once it is fitted, stated numbers uncertain and its own paid."""
 
     @property
     def in_time(self) -> bool:
@@ -90,7 +90,7 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     The one that leaves the fewest squares is tested first. If its residual is not noise, neither is
     one with more squares.
     """
-    tried: list[tuple[float, Mistake, JointProblem, joint.Fitted]] = []
+    tried: list[tuple[Mistake, JointProblem, joint.Fitted]] = []
     structure = step.score_test.beyond_labels
     if structure is None:
         structure = step.score_test.left
@@ -99,26 +99,24 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
         progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
         problem, fitted = fit_base(likely.restated)
         paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
-        one = dataclasses.replace(likely, cost=fitted.cost + paid)
-        tried.append((paid + cost_with_free_inputs(problem, fitted), one, problem, fitted))
+        cost = cost_with_free_inputs(problem, fitted) + paid
+        tried.append((dataclasses.replace(likely, cost=cost), problem, fitted))
     found: list[tuple[Mistake, Step]] = []
     enough = math.inf
-    for left, one, problem, fitted in sorted(tried, key=lambda way: way[0]):
-        if left > enough:
+    for one, problem, fitted in sorted(tried, key=lambda way: way[0].cost):
+        if one.cost > enough:
             break
         again = make_step(problem, fitted)
         if again.impossible:
             continue
         if again.score_test.structured:
             break
-        enough = min(enough, left + CRITERIA.stepwise.confusable_within)
+        enough = min(enough, one.cost + CRITERIA.stepwise.confusable_within)
         found.append((one, again))
     if not found:
         return None
-    found.sort(key=lambda pair: pair[0].cost)
     best, again = found[0]
-    within = best.cost + CRITERIA.stepwise.confusable_within
-    return Named(best, tuple(m for m, _ in found[1:] if m.cost < within), again)
+    return Named(best, tuple(one for one, _ in found[1:]), again)
 
 
 def _labels(step: Step) -> list[Mistake]:
@@ -206,18 +204,33 @@ class _Known:
         at = (one.kind, one.owner)
         return self.fitted.theta.size + own.index(at) if at in own else None
 
-    def fall(self, cross: Array, own: float, load: float, but: int | None = None) -> float:
-        """Return by how much the squares fall with one more number.
+    def fall(self, cross: Array, own: float, load: float) -> float:
+        """Return by how much the squares fall with one more number, whose row is ``cross``."""
+        left, pull = self._eliminated(cross, own, load, None)
+        return pull**2 / left if left > LEAST_SEEN * own else 0.0
 
-        ``cross`` is its row, ``but`` a known number that says the same and is left out.
+    def fall_without_statement(
+        self, row: int, own: float, load: float, *, prior: float, away: float = 0.0, but: int
+    ) -> float:
+        """Return by how much the squares fall where what is stated of a number is left out.
+
+        ``own`` and ``load`` are without that, of precision ``prior`` and as far ``away``; ``but``
+        is the known number that says the same.
         """
+        left, pull = self._eliminated(self.matrix[row], own, load, but)
+        if not left > LEAST_SEEN * own:
+            return 0.0
+        with_it = prior * away**2 - (pull - prior * away) ** 2 / (left + prior)
+        return pull**2 / left + with_it
+
+    def _eliminated(
+        self, cross: Array, own: float, load: float, but: int | None
+    ) -> tuple[float, float]:
+        """Return the information and the score of one more number beside all known but one."""
         kept = np.array([j for j in range(self.size) if j != but])
         against = np.column_stack([cross[kept], self.vector[kept]])
         back = np.linalg.lstsq(self.matrix[np.ix_(kept, kept)], against, rcond=None)[0]
-        left = own - float(cross[kept] @ back[:, 0])
-        if not left > LEAST_SEEN * own:
-            return 0.0
-        return float(load - cross[kept] @ back[:, 1]) ** 2 / left
+        return own - float(cross[kept] @ back[:, 0]), load - float(cross[kept] @ back[:, 1])
 
     def value(self, one: Input) -> tuple[float, float] | None:
         """Return the coordinate at which a number fits best, and its standard uncertainty."""
@@ -252,7 +265,12 @@ def _doubted(problem: JointProblem) -> Iterator[Input]:
 
 def _numbers(known: _Known) -> Iterator[Promise]:
     for j, one in enumerate(known.doubted, start=known.size):
-        fall = known.fall(known.matrix[j], known.matrix[j, j], known.vector[j], known.place_of(one))
+        at, own, load = known.place_of(one), float(known.matrix[j, j]), float(known.vector[j])
+        if at is None:  # it is taken as exact
+            fall = known.fall(known.matrix[j], own, load)
+        else:
+            prior = float(known.matrix[at, at]) - own
+            fall = known.fall_without_statement(j, own, load, prior=prior, but=at)
         yield fall - CRITERIA.comparison.price_of_number, partial(_number, known, one)
 
 
@@ -311,7 +329,7 @@ def _moduli(known: _Known) -> Iterator[Promise]:
             prior = float(problem.prior_precision[j, j])
             away = float(known.fitted.theta[j] - problem.prior_mean[j])
             own, load = known.matrix[j, j] - prior, known.vector[j] + prior * away
-            fall = known.fall(known.matrix[j], own, load, j)
+            fall = known.fall_without_statement(j, own, load, prior=prior, away=away, but=j)
             yield fall - CRITERIA.comparison.price_of_number, partial(_modulus, known, side, name)
 
 

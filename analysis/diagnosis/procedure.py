@@ -211,24 +211,28 @@ def _mistaken(
 ) -> Diagnosis | None:
     """Return the verdict that a mistake of the record explains all, None where an effect may.
 
+    A mistake that was not compared with all effects, as the time was over, is one of a family.
     ``free`` is the selection with stated numbers uncertain, on which effects are compared.
     """
     name = selection.last.problem.model.base
     named = named_mistake(selection.last, lambda restated: _restated(restated, name, told), told)
     if named is None:
         return None
-    as_good = []
+    as_good, compared = [], True
     in_time = named.best.in_time and _repeated_in_time(selection.last.problem)
-    if not (in_time or named.best.is_discrete):
-        try_effects(free.last, usual, told)
-    for one in useful(free.last)[:1]:
-        effect = free.on(one)
-        ahead = named.best.cost - (effect.last.fitted.cost + one.gain - one.score())
-        if effect.adequate and ahead > CRITERIA.comparison.least_lead:
-            return None
-        if effect.adequate and ahead > -CRITERIA.comparison.least_lead:
-            as_good.append(one.effect_id)
-    verdict = "family" if as_good or named.near else "identified"
+    try:
+        if not (in_time or named.best.is_discrete):
+            try_effects(free.last, usual, told)
+        for one in useful(free.last)[:1]:
+            effect = free.on(one)
+            ahead = named.best.cost - (effect.last.fitted.cost + one.gain - one.score())
+            if effect.adequate and ahead > CRITERIA.comparison.least_lead:
+                return None
+            if effect.adequate and ahead > -CRITERIA.comparison.least_lead:
+                as_good.append(one.effect_id)
+    except BudgetSpentError:
+        compared = False
+    verdict = "identified" if compared and not as_good and not named.near else "family"
     return Diagnosis(
         verdict,
         [*with_numbers_as_stated(free, selection).steps, named.step],

@@ -17,6 +17,7 @@ from analysis.diagnosis.document import residual, wording
 from analysis.diagnosis.document.moduli_stated import (
     STRUCTURE_LEFT,
     family_members,
+    is_noise_without_statements,
     widen_over_family,
     withhold_sought,
 )
@@ -59,9 +60,11 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     free_after = free_before if after is before else _with_free_inputs(after, last)
     base, stated = _block(free_before), _block(free_after)
     located = diagnosis.located
+    explained = not diagnosis.leaves_noise and is_noise_without_statements(free_after)
     if not diagnosis.leaves_noise:
-        withhold_sought(base, free_before)
-        withhold_sought(stated, free_after)
+        of_base = explained if after is before else is_noise_without_statements(free_before)
+        withhold_sought(base, free_before, explained=of_base)
+        withhold_sought(stated, free_after, explained=explained)
     elif diagnosis.rivals:
         widen_over_family(stated, family_members(diagnosis, free_after))
     if diagnosis.open_names:
@@ -79,7 +82,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         wording.verdict_sentence(diagnosis, before, after),
         *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
         *_on_moduli(stated, free_after),
-        *_provisos(free_after),
+        *_provisos(free_after, blames=diagnosis.leaves_noise or explained),
     ]
     accepted = diagnosis.chosen and diagnosis.leaves_noise and not free_after.out_of_range
     document: Json = {
@@ -215,14 +218,13 @@ def _on_moduli(block: Json, result: FitResult) -> list[str]:
     return said
 
 
-def _provisos(result: FitResult) -> list[str]:
+def _provisos(result: FitResult, *, blames: bool) -> list[str]:
     """Return what must be said beside a verdict: impossible numbers, contradicted statements.
 
     A model that misses something bends every number, so it contradicts statements that are right:
     nobody is sent to check a label unless noise is left, or would be without the statement.
     """
-    blames = bool(result.shots) and (result.misfit <= 1 or result.explained_by_a_statement)
-    said = result.contradictions() if blames else []
+    said = result.contradictions() if result.shots and blames else []
     return [advice(result.out_of_range), *said] if result.out_of_range else said
 
 

@@ -125,6 +125,17 @@ def base_sentences(diagnosis: Diagnosis) -> list[str]:
     ]
 
 
+def _mistake_sentence(diagnosis: Diagnosis, noise: str) -> str:
+    found, *near = (one.sentence for one in diagnosis.mistakes)
+    said = f"A mistake, not an effect: {found}; without it only noise is left ({noise})."
+    rivals = [*near, *diagnosis.effects_as_good]
+    if rivals:
+        said += f" These data cannot distinguish it from: {'; '.join(rivals)}."
+    elif diagnosis.verdict == "family":
+        said += " The time was over before it was compared with every effect."
+    return said
+
+
 def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
     """Return the verdict in one sentence, with a description of what has no name.
 
@@ -137,11 +148,7 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     noise = f"the noise is {floor} {unit}"
     structured = diagnosis.steps[-1].score_test.structured
     if diagnosis.mistakes:
-        found, *near = (one.sentence for one in diagnosis.mistakes)
-        said = f"A mistake, not an effect: {found}; without it only noise is left ({floor} {unit})."
-        rivals = [*near, *diagnosis.effects_as_good]
-        if rivals:
-            said += f" These data cannot distinguish it from: {'; '.join(rivals)}."
+        said = _mistake_sentence(diagnosis, f"{floor} {unit}")
     elif diagnosis.verdict == "adequate":
         said = f"The model {before.model} explains the data: its residual is {_noise_left(before)}."
     elif diagnosis.verdict == "identified":

@@ -16,7 +16,7 @@ from analysis.diagnosis import mistakes
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.mistakes import Mistake, named_mistake
 from analysis.diagnosis.procedure import _base, _restated
-from analysis.diagnosis.progress import Watch
+from analysis.diagnosis.progress import MethodStep, TimeBudget, Watch
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.drops import draw_drops
 from drivers.simulated.effects import make_effect
@@ -163,6 +163,43 @@ def test_a_stated_modulus_that_is_wrong_is_told_with_what_fits(clean: Campaign) 
     value, u, _ = found.parameters["youngs_modulus_Pa"]
     assert u is not None
     assert abs(value - true.value) < 3.0 * math.hypot(u, true.u)
+
+
+def test_a_statement_promises_what_leaving_it_out_brings() -> None:
+    """As the minima of the squares with the statement and without it have it."""
+    rng = np.random.default_rng(5)
+    size, at, prior, away = 6, 2, 40.0, 0.3
+    slopes = rng.normal(size=(30, size))
+    matrix, vector = slopes.T @ slopes + np.eye(size), rng.normal(size=size)
+    stated_matrix, stated_vector = matrix.copy(), vector.copy()
+    stated_matrix[at, at] += prior
+    stated_vector[at] -= prior * away
+    known = mistakes._Known(None, None, (), (), stated_matrix, stated_vector, [])  # type: ignore[arg-type]
+    said = known.fall_without_statement(
+        at, matrix[at, at], vector[at], prior=prior, away=away, but=at
+    )
+    without = vector @ np.linalg.solve(matrix, vector)
+    with_it = stated_vector @ np.linalg.solve(stated_matrix, stated_vector) - prior * away**2
+    assert said == pytest.approx(without - with_it)
+
+
+def test_a_mistake_found_when_the_time_is_over_is_kept(clean: Campaign) -> None:
+    """It leaves noise; what it was not compared with leaves the verdict a family."""
+    clock = iter([0.0])
+    over = False
+
+    def now() -> float:
+        return next(clock, 1e9 if over else 0.0)
+
+    def progress(text: str, share: float) -> None:
+        nonlocal over
+        del share
+        over = over or text.startswith(MethodStep.CANDIDATES.told(""))
+
+    found = diagnose(with_mass(clean, 1.04), progress=progress, budget=TimeBudget(60.0, now))
+    assert found["verdict"] == "family"
+    assert [one["id"] for one in found["effects"]] == ["wrong_mass"]
+    assert "The time was over before it was compared with every effect." in found["sentence"]
 
 
 def test_an_effect_is_no_mistake(tmp_path: Path) -> None:

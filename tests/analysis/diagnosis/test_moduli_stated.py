@@ -19,6 +19,7 @@ from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.document.diagnosis_json import _block, _provisos, diagnosis_json
 from analysis.diagnosis.document.moduli_stated import (
     family_members,
+    is_noise_without_statements,
     widen_over_family,
     withhold_sought,
 )
@@ -151,7 +152,7 @@ def test_a_member_of_little_evidence_moves_the_value_little(leaky: Diagnosis) ->
 def _withheld(result: FitResult) -> dict[str, Any]:
     """Return the specimen's modulus of a fit that leaves structure."""
     block = _block(result)
-    withhold_sought(block, result)
+    withhold_sought(block, result, explained=is_noise_without_statements(result))
     specimen: dict[str, Any] = block["moduli"]["specimen"]
     return specimen
 
@@ -210,7 +211,7 @@ def test_where_nobody_asked_on_what_a_modulus_rests_it_is_withheld(contradicted:
 
 def test_the_sentence_says_who_it_is_and_what_stays(contradicted: FitResult) -> None:
     """The culprit, what the shots say of it, that noise is left without it, and what stays."""
-    said = " ".join(_provisos(contradicted))
+    said = " ".join(_provisos(contradicted, blames=is_noise_without_statements(contradicted)))
     assert "of polycarbonate is" in said
     assert "u from what the shots and all other statements say" in said
     assert "Without it the model leaves only noise." in said
