@@ -31,6 +31,11 @@ from analysis.plots.style import (
 
 MOST_COLUMNS = 3
 _STYLES = ("-", (0, (4, 1.4)), (0, (1.2, 1.2)), (0, (6, 1.2, 1.2, 1.2)))
+_BOTH: tuple[dict[str, Any], ...] = (
+    {"color": BEFORE, "ls": (0, (4, 1.4)), "lw": 1.0},
+    {"color": AFTER, "ls": "-", "lw": 1.0},
+)
+"""How the residuals before and after a repair are drawn."""
 _GREYS = ("#202124", "#5a7fb0", "#b3491f", "#8a8f98")
 
 
@@ -146,23 +151,19 @@ def plot_diagnosis(document: Json) -> Figure:
         parts = np.asarray(figure.subfigures(2, 1, height_ratios=[1.45 * rows + 0.7, 2.3]))
         upper, lower = parts
         panels = upper.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        looks: tuple[Any, ...] = (
-            {"color": BEFORE, "ls": (0, (4, 1.4)), "lw": 1.0},
-            {"color": AFTER, "ls": "-", "lw": 1.0},
-        )
         for axes, pair in zip(panels.flat, pairs, strict=False):
             height = _worst_height(before["stacks"], pair)
             _frame(axes, before["stacks"], document["noise_rms_V"], unit, span)
             axes.set_title(named_pair(pair), loc="left", fontsize=7.5)
             axes.annotate(height_words(height), (0.98, 0.04), xycoords="axes fraction", ha="right",
                           fontsize=7)  # fmt: skip
-            for seen, look in zip((before, after), looks, strict=True):
+            for seen, look in zip((before, after), _BOTH, strict=True):
                 for curve in _curves(seen.get("stacks"), pair, height):
                     axes.plot(*_line(seen["stacks"], curve, unit, span), **look)
         _finish(panels, len(pairs), unit)
         handles = [
             Line2D([], [], label=f"{name} leaves", **look)
-            for name, look in zip(names, looks, strict=False)
+            for name, look in zip(names, _BOTH, strict=False)
         ]
         upper.legend(handles=handles, loc="outside upper right", ncols=2)
         upper.suptitle(
@@ -171,6 +172,33 @@ def plot_diagnosis(document: Json) -> Figure:
         )  # fmt: skip
         _spectra(lower.subplots(), before, after, names, unit)
         return figure
+
+
+def draw_largest_residual(axes: Axes, document: Json) -> None:
+    """Draw what both models leave of the pair and height that the base model misses most.
+
+    Parameters
+    ----------
+    axes : matplotlib.axes.Axes
+        Filled: dashed before, solid after, mean over repetitions.
+    document : dict
+        ``impactd-diagnosis/1`` with ``residual.before.stacks``.
+    """
+    before, after = document["residual"]["before"], document["residual"]["after"] or {}
+    unit = shown(set(document["campaign"].get("quantities") or ["voltage"]))
+    span = span_us(before["stacks"])
+    worst = max(before["stacks"]["by_pair_and_height"], key=_mean_square)
+    pair, height = worst["pair"], worst["drop_height_m"]
+    _frame(axes, before["stacks"], document["noise_rms_V"], unit, span)
+    for side, found, look in zip(("before", "after"), (before, after), _BOTH, strict=True):
+        for curve in _curves(found.get("stacks"), pair, height):
+            label = f"{document[side]['model']} leaves"
+            axes.plot(*_line(found["stacks"], curve, unit, span), label=label, **look)
+    where = ", ".join(part for part in (named_pair(pair), height_words(height)) if part)
+    axes.set_title(f"{where}   (grey: contact; hatched: noise of one sample)", loc="left")
+    axes.set_xlabel("time after touch-down / µs")
+    axes.set_ylabel(f"residual / {unit.residual}")
+    axes.legend(loc="upper right")
 
 
 def _grid(count: int) -> tuple[int, int]:
@@ -223,9 +251,13 @@ def _values(curve: Json) -> Any:
     return np.array([np.nan if v is None else v for v in curve["mean"]])
 
 
+def _mean_square(curve: Json) -> float:
+    return float(np.nanmean(_values(curve) ** 2))
+
+
 def _worst_height(stacks: Json, pair: str) -> float | None:
     curves = [c for c in stacks["by_pair_and_height"] if c["pair"] == pair]
-    worst = max(curves, key=lambda c: float(np.nanmean(_values(c) ** 2)))
+    worst = max(curves, key=_mean_square)
     height: float | None = worst["drop_height_m"]
     return height
 

@@ -185,6 +185,10 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
     report: Annotated[
         Path | None, typer.Option("--report", metavar="OUT.html", help="Write the report here.")
     ] = None,
+    pdf: Annotated[
+        Path | None,
+        typer.Option("--pdf", metavar="OUT.pdf", help="Write the result on one page for the file."),
+    ] = None,
     csv_out: Csv = None,
     url: Url = None,
 ) -> None:
@@ -204,6 +208,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
             json_out=json_out,
             csv_out=csv_out,
             report=report,
+            pdf=pdf,
             url=url,
         )
     elif len(given) == 1:
@@ -214,6 +219,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
             json_out=json_out,
             csv_out=csv_out,
             report=report,
+            pdf=pdf,
         )
     else:
         raise typer.BadParameter("give one campaign file, or only shot numbers")

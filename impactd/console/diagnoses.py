@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import textwrap
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +38,7 @@ def offline(
     json_out: Path | None,
     csv_out: Path | None = None,
     report: Path | None,
+    pdf: Path | None = None,
 ) -> None:
     """Diagnose a campaign folder in this process.
 
@@ -52,8 +54,11 @@ def offline(
         Where ``impactd-diagnosis/1`` goes; ``-`` prints it instead of the tables.
     csv_out : Path or None
         Where the numbers go for a spreadsheet.
+    report, pdf : Path or None
+        Where the page goes, and the sheet for the file.
     """
     from impactd.diagnosis.run import diagnose
+    from impactd.storage.campaign_digest import campaign_files
     from impactd.storage.campaign_folder import read_campaign
 
     campaign = read_campaign(path, calibrated=False)
@@ -65,7 +70,10 @@ def offline(
         write_report(report, document)
     if csv_out is not None:
         write_csv(csv_out, document)
-    _deliver(document, json_out, report)
+    if pdf is not None:
+        folder = path if path.is_dir() else path.parent
+        _write_pdf(pdf, document, folder.resolve().name, campaign_files(path))
+    _deliver(document, json_out, report, pdf)
 
 
 def by_the_daemon(
@@ -76,6 +84,7 @@ def by_the_daemon(
     json_out: Path | None,
     csv_out: Path | None = None,
     report: Path | None,
+    pdf: Path | None = None,
     url: str | None,
 ) -> None:
     """Have the daemon diagnose stored shots.
@@ -92,6 +101,8 @@ def by_the_daemon(
         Where the result goes; ``-`` prints it.
     csv_out : Path or None
         Where the numbers go for a spreadsheet.
+    report, pdf : Path or None
+        Where the page goes, and the sheet for the file.
 
     Raises
     ------
@@ -114,7 +125,18 @@ def by_the_daemon(
             client.download(f"{at}/report.html", report)
     if csv_out is not None:
         write_csv(csv_out, made["result"])
-    _deliver(made["result"], json_out, report, number=made["id"])
+    if pdf is not None:
+        result = made["result"]
+        names = [f"{number:06d}.h5" for number in result["shot_numbers"]]
+        files = dict(zip(names, result["file_sha256"], strict=True))
+        _write_pdf(pdf, result, f"Diagnosis {made['id']}", files)
+    _deliver(made["result"], json_out, report, pdf, number=made["id"])
+
+
+def _write_pdf(file: Path, document: dict[str, Any], name: str, files: dict[str, str]) -> None:
+    from impactd.diagnosis.result_sheet import Source, write_result_sheet
+
+    write_result_sheet(file, document, Source(name, files), datetime.now(UTC))
 
 
 def _watch(client: Connection, at: str, number: int) -> dict[str, Any]:
@@ -141,6 +163,7 @@ def _deliver(
     document: dict[str, Any],
     json_out: Path | None,
     report: Path | None,
+    pdf: Path | None,
     *,
     number: int | None = None,
 ) -> None:
@@ -151,8 +174,9 @@ def _deliver(
         text = json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False)
         json_out.write_text(text + "\n", encoding="utf-8")
     print(summary(document, number=number))
-    if report is not None:
-        print(f"\nReport: {report}")
+    for what, file in (("Report", report), ("PDF", pdf)):
+        if file is not None:
+            print(f"\n{what}: {file}")
 
 
 def summary(document: dict[str, Any], *, number: int | None = None) -> str:

@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import base64
-import html
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from impactd import __version__
-from impactd.demo.judgement import truth_line
-from impactd.demo.outcome import CLOSED, Outcome, Row
-from impactd.demo.page import PAGE
-from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
+from impactd.demo import words
+from impactd.demo.outcome import CLOSED, Outcome
+from impactd.demo.sealed_effects import compared_effects
 from impactd.diagnosis.repair import MEAN_WAVEFORM
-from impactd.reports.numbers import measured
-
-_KNOWN = ' <span class="soft">(known before)</span>'
+from impactd.reports.templating import render
 
 
 def write_report(file: Path, outcome: Outcome, pictures: Mapping[str, Path]) -> None:
@@ -30,99 +27,34 @@ def write_report(file: Path, outcome: Outcome, pictures: Mapping[str, Path]) -> 
     pictures : mapping
         PNG files by name: ``trace``, ``moduli``.
     """
-    effects = outcome.truth.get("effects") or []
-    sealed = [truth_line(effect) for effect in effects] or ["Nothing: the base model is complete."]
-    judgement, found = outcome.judgement, outcome.diagnosis
-    page = PAGE.substitute(
-        drops=found["campaign"]["shots"],
-        seed=outcome.seed,
-        verdict=html.escape(found["verdict"].upper()),
-        sentence=html.escape(found["sentence"]),
-        word=html.escape(judgement.word),
-        mark="right" if judgement.right else "wrong",
-        judgement=html.escape(judgement.sentence),
-        ladder=_ladder(outcome),
-        noise=f"{1e3 * found['noise_rms_V']:.3g}",
-        seen="".join(
-            f"<li>{html.escape(line)}</li>" for line in found["residual"]["before"]["said"]
-        ),
-        active=_active(outcome),
-        pairs=_table("pair", outcome.pairs, outcome),
-        materials=_table("material", outcome.materials, outcome),
-        moduli_png=_inline(pictures["moduli"]),
-        trace_png=_inline(pictures["trace"]),
-        calibration=outcome.calibration["number"],
-        calibration_drops=len(outcome.calibration["drops"]),
+    page = render(
+        "demo.html",
+        outcome=outcome,
+        effects=compared_effects(outcome.truth, outcome.diagnosis["effects"]),
         sensor=_sensor(outcome),
-        sealed="".join(f"<li>{html.escape(line)}</li>" for line in sealed),
-        software=html.escape(f"impactd {__version__}"),
+        pictures={name: _inline(picture) for name, picture in pictures.items()},
+        words=words,
+        software=f"impactd {__version__}",
+        MEAN_WAVEFORM=MEAN_WAVEFORM,
     )
     file.write_text(page, encoding="utf-8")
 
 
-def _ladder(outcome: Outcome) -> str:
-    truth_pa = outcome.specimen_truth_pa
-    rows = []
-    for rung in outcome.rungs:
-        held, found = rung.heldout_rms_v, rung.specimen
-        holds, stated = outcome.held(rung.key)
-        cells = (
-            html.escape(rung.name),
-            "-" if held is None else f"{1e3 * held:.4g}",
-            gigapascals(found),
-            f"{truth_pa / 1e9:.3f}",
-            off_by(found, truth_pa),
-            inside(found, truth_pa),
-            f"{holds} of {stated}" if stated else "-",
-        )
-        rows.append(
-            f'<tr class="{rung.key}">' + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>"
-        )
-    mean = outcome.mean_waveform_rms_v
-    if mean is not None:
-        empty = "<td>-</td>" * 5
-        rows.append(f"<tr><td>{MEAN_WAVEFORM}</td><td>{1e3 * mean:.4g}</td>{empty}</tr>")
-    head = (
-        "<tr><th>model</th><th>error on held-out drops / mV</th>"
-        "<th>specimen E/(1-ν²) ± U (95 %) / GPa</th><th>truth / GPa</th><th>off by</th>"
-        "<th>in its 95 %?</th><th>pairs whose 95 % hold the truth</th></tr>"
-    )
-    return f"<table><thead>{head}</thead><tbody>{''.join(rows)}</tbody></table>"
+@dataclass(frozen=True)
+class _Sensor:
+    """The load cell's numbers: as calibrated, as found from all drops, and the truth.
+
+    Attributes
+    ----------
+    rows : list of tuple
+        Name, a measurand or None for each column, truth, whether the last one holds it.
+    """
+
+    columns: list[str]
+    rows: list[tuple[str, list[Any], float, str]]
 
 
-def _active(outcome: Outcome) -> str:
-    if outcome.model is None:
-        return "No model was made active: later fits still use the closed KV."
-    return (
-        f"<code>{html.escape(outcome.model)}</code> was made the active model: later fits use it, "
-        "earlier results keep theirs."
-    )
-
-
-def _table(what: str, rows: list[Row], outcome: Outcome) -> str:
-    body = []
-    last = outcome.last.key
-    for row in rows:
-        cells = [
-            html.escape(row.name) + (_KNOWN if row.known else ""),
-            str(row.shots),
-            *(gigapascals(row.estimates[rung.key]) for rung in outcome.rungs),
-            true_gigapascals(row),
-            inside(row.estimates[last], row.truth_pa),
-        ]
-        body.append("<tr>" + "".join(f"<td>{cell}</td>" for cell in cells) + "</tr>")
-    rungs = "".join(
-        f'<th class="{rung.key}">{html.escape(rung.name)}</th>' for rung in outcome.rungs
-    )
-    return (
-        f"<table><thead><tr><th>{what}</th><th>drops</th>{rungs}"
-        f'<th>truth</th><th class="{last}">inside its 95 %?</th></tr>'
-        f"</thead><tbody>{''.join(body)}</tbody></table>"
-    )
-
-
-def _sensor(outcome: Outcome) -> str:
-    """Return the cell's numbers: as calibrated, as found from all drops, and the truth."""
+def _sensor(outcome: Outcome) -> _Sensor:
     result = outcome.calibration.get("result") or {}
     columns = {
         f"calibration under {CLOSED}": {
@@ -135,21 +67,12 @@ def _sensor(outcome: Outcome) -> str:
         for rung in outcome.rungs
         if rung.key in ("kv2", "after") and rung.block.get("parameters")
     }
-    truth = _true_sensor(outcome.truth.get("sensor", {}))
     rows = []
-    for name, true_value in truth.items():
+    for name, true_value in _true_sensor(outcome.truth.get("sensor", {})).items():
         stated = [_of_sensor(found, name) for found in columns.values()]
-        cells = [measured(found, sign="±") for found in stated]
-        if any(cell != "-" for cell in cells):
-            told = "".join(
-                f"<td>{cell}</td>"
-                for cell in (*cells, f"{true_value:.5g}", _holds(stated[-1], true_value))
-            )
-            rows.append(f"<tr><td>{html.escape(name)}</td>{told}</tr>")
-    head = "".join(
-        f"<th>{html.escape(name)}</th>" for name in ("number", *columns, "truth", "in its 95 %?")
-    )
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{''.join(rows)}</tbody></table>"
+        if any(found and found.get("value") is not None for found in stated):
+            rows.append((name, stated, true_value, _holds(stated[-1], true_value)))
+    return _Sensor(list(columns), rows)
 
 
 def _of_sensor(parameters: dict[str, Any], name: str) -> Any:

@@ -6,65 +6,22 @@ the recordings.
 
 from __future__ import annotations
 
-import html
 from pathlib import Path
-from string import Template
 
+from analysis.diagnosis.document.wording import FAMILIES
 from analysis.plots.span import span_us
 from impactd.aliases import Json
-from impactd.diagnosis import budgets, closure_figures, figures, sections, trail
-from impactd.diagnosis.set_aside import set_aside
-from impactd.diagnosis.style import STYLE
+from impactd.diagnosis import closure_figures, figures
+from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
+from impactd.diagnosis.set_aside import set_aside, shot_words
 from impactd.diagnosis.unit import Unit, unit_of
+from impactd.effect_list import effect_list
+from impactd.reports.rejected import rejected_words
+from impactd.reports.templating import render
 
 ORDER_MATTERS = 0.01
 """p value of a drift from which the order of the shots is shown."""
-
-_PAGE = Template("""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>impactd diagnosis: $verdict</title>
-<style>$style</style>
-</head>
-<body>
-<h1>Does the model explain these impacts?</h1>
-<p class="soft">$campaign</p>
-<p class="verdict $verdict"><b>$verdict</b> $sentence</p>
-$headline
-$set_aside
-$found
-<h2>The error before and after</h2>
-<p class="soft">Held out: the error on shots to which the shared parameters were not fitted. If
-the model is complete, it equals the noise before the trigger. The mean of the other hits needs no
-model: only size, shift, stretch and offset of each hit are fitted.</p>
-<div class="wide">$quality</div>
-<h2>What was seen</h2>
-$seen
-$residual_before
-$phases
-$in_time
-$spectra
-<h2>Which slot</h2>
-$slots
-<h2>Steps of the search</h2>
-$trail
-$closure
-<h2>Moduli before and after</h2>
-$moduli
-$budgets
-<h2>What remains</h2>
-$remains
-$residual_after
-<h2>What to drop next</h2>
-<p>$next_drop</p>
-<h2>Conditions</h2>
-$conditions
-<p class="soft">$software. This page was made from the diagnosis' JSON alone.</p>
-</body>
-</html>
-""")
+OWNERS = {"rig": "one set for all shots", "shot": "numbers of its own in every shot"}
 
 
 def write_report(file: Path, document: Json) -> None:
@@ -86,130 +43,87 @@ def page(document: Json) -> str:
     document : dict
         ``impactd-diagnosis/1``.
     """
-    before, after = document["residual"]["before"], document["residual"]["after"]
-    noise, unit = document["noise_rms_V"], unit_of(document)
-    repaired = None if after is None or not after.get("stacks") else after
-    span = span_us(before["stacks"]) if before.get("stacks") else (0.0, 0.0)
-    return _PAGE.substitute(
-        style=STYLE,
-        verdict=html.escape(document["verdict"]),
-        sentence=html.escape(document["sentence"]),
-        campaign=html.escape(sections.campaign(document)),
-        headline=sections.headline(document),
-        set_aside=_set_aside(document, unit),
-        found=sections.found(document),
-        quality=sections.quality(document),
-        seen=sections.seen(document),
-        residual_before=_stack(
-            before,
-            noise,
-            f"Residual of {document['before']['model']}, stacked over repetitions",
-            unit,
-            span,
-        ),
-        phases=sections.phases(document),
-        in_time=_in_time(before, document["closure"], unit),
-        spectra=_picture(
-            figures.spectra(before["spectrum"], repaired["spectrum"] if repaired else None, unit)
-            if before.get("spectrum")
-            else None,
-            "Power density of the residual and of the noise before the trigger",
-        ),
-        slots=trail.slots(document),
-        trail=trail.trail(document),
-        closure=trail.closure(document)
-        + _learned(document["closure"], unit)
-        + trail.coefficients(document),
-        moduli=_picture(
-            figures.moduli(document["before"]["moduli"], document["after"]["moduli"])
-            if document["effects"]
-            else None,
-            "Plane-strain moduli before and after, with 95 % intervals",
-        )
-        + sections.moduli(document),
-        budgets=_budgets(document),
-        remains=trail.remains(document),
-        residual_after=_stack(
-            repaired,
-            noise,
-            f"Residual of {document['after']['model']}, stacked over repetitions",
-            unit,
-            span,
-        )
-        if repaired
-        else "",
-        next_drop=sections.next_drop(document),
-        conditions=sections.conditions(document),
-        software=html.escape(document["software"]),
+    unit, odd = unit_of(document), set_aside(document)
+    drawn = [one for one in odd if one.get("curves")]
+    coefficients = (document["closure"] or {}).get("coefficients", {})
+    moduli = document["after"].get("moduli", {})
+    return render(
+        "diagnosis.html",
+        document=document,
+        campaign=campaign(document),
+        unit=unit,
+        repaired=is_repaired(document),
+        odd_shots=[f"S{shot_words(one)[1:]}. {one['because']}" for one in odd],
+        undrawn_shots=len(drawn) - figures.MOST_SET_ASIDE,
+        library={one["id"]: one for one in effect_list()},
+        stated=[name for name, one in moduli.items() if one["status"] == "fitted"],
+        largest_coefficients=sorted(coefficients.items(), key=lambda item: -abs(item[1])),
+        conditions=_conditions(document, unit),
+        pictures=_pictures(document, unit, drawn),
+        FAMILIES=FAMILIES,
+        MEAN_WAVEFORM=MEAN_WAVEFORM,
+        OWNERS=OWNERS,
     )
 
 
-def _set_aside(document: Json, unit: Unit) -> str:
-    """Return which shots do not belong, each with its record and what the model makes of it."""
-    drawn = [one for one in set_aside(document) if one.get("curves")]
-    more = len(drawn) - figures.MOST_SET_ASIDE
-    return sections.set_aside_shots(document) + _picture(
-        figures.set_aside_shots(drawn, document["noise_rms_V"], unit),
-        "The record, and the model's best fit with the label as stated. Below: the residual; "
-        "grey: one standard deviation of a sample's noise."
-        + (f" {more} more are not drawn." if more > 0 else ""),
-    )
+def campaign(document: Json) -> str:
+    """Return what the campaign consists of."""
+    seen = document["campaign"]
+    heights = ", ".join(f"{h * 1e3:.1f}" for h in seen["drop_heights_m"])
+    spheres, surfaces = _named(seen["spheres"], "sphere"), _named(seen["surfaces"], "surface")
+    said = f"{seen['shots']} shots of {spheres} on {surfaces}"
+    said += f", from {heights} mm" if heights else ""
+    count = len(set_aside(document))
+    return f"{said}; {count} more set aside" if count else said
 
 
-def _budgets(document: Json) -> str:
-    """Return what the uncertainty of every modulus that was found is made of."""
-    block = document["after"]
-    stated = [name for name, one in block["moduli"].items() if one["status"] == "fitted"]
-    made = budgets.section(block.get("budget"), stated)
-    return f"<h2>Uncertainty budgets</h2>{made}" if made else ""
+def _named(names: list[str | None], what: str) -> str:
+    """Return names as a list; recordings made elsewhere may have none, which JSON calls None."""
+    known = [name if name and name != "None" else f"an unnamed {what}" for name in names]
+    return ", ".join(known or [f"an unnamed {what}"])
 
 
-def _in_time(seen: Json, closure: Json | None, unit: Unit) -> str:
-    """Return the residual early and late in the campaign where its order matters."""
-    p_value = (seen.get("order") or {}).get("p_value")
+def _conditions(document: Json, unit: Unit) -> list[str]:
+    """Return the assumptions, the rejected shots and the noise."""
+    noise = document["noise_rms_V"] * unit.factor
+    return [
+        *document["assumptions"],
+        *(rejected_words(one) for one in document["rejected"]),
+        f"Noise before the trigger: {noise:.4g} {unit.label} rms.",
+    ]
+
+
+def _pictures(document: Json, unit: Unit, odd_shots: list[Json]) -> dict[str, str | None]:
+    """Return every picture of the page as a data URI; None where there is nothing to draw."""
+    before, after = document["residual"]["before"], document["residual"]["after"] or {}
+    closure = document["closure"] or {}
+    stacks, noise = before.get("stacks"), document["noise_rms_V"]
+    repaired = after if after.get("stacks") else {}
+    span = span_us(stacks) if stacks else (0.0, 0.0)
+
+    def residual(side: str, found: Json) -> str | None:
+        """Return a model's residual, stacked over repetitions."""
+        if not found.get("stacks"):
+            return None
+        title = f"Residual of {document[side]['model']}, stacked over repetitions"
+        return figures.stacked(found["stacks"], noise, title, unit, span)
+
+    p_value = (before.get("order") or {}).get("p_value")
     drifts = p_value is not None and p_value < ORDER_MATTERS
-    if not seen.get("stacks") or not (drifts or (closure and closure["scope"] == "order")):
-        return ""
-    return _picture(
-        figures.in_time(seen["stacks"], unit),
-        "The residual changes in the course of the campaign: its mean over early and late shots.",
-    )
-
-
-def _learned(closure: Json | None, unit: Unit) -> str:
-    if closure is None:
-        return ""
-    drawn = _picture(
-        closure_figures.course(closure["coefficients"]), ("The discrepancy over time.")
-    )
-    if "curves" not in closure:
-        return drawn
-    curves = closure["curves"]
-    return (
-        drawn
-        + _picture(
-            closure_figures.closure(curves, unit),
-            "For each owner (for each pair, if every shot has its own numbers) the shot to which "
-            "the discrepancy adds most: its residual, and the residual with the discrepancy.",
-        )
-        + _picture(
-            closure_figures.force(curves), "The learned force, as a share of the elastic one."
-        )
-    )
-
-
-def _stack(seen: Json, noise_rms: float, title: str, unit: Unit, span: tuple[float, float]) -> str:
-    if not seen.get("stacks"):
-        return ""
-    return _picture(
-        figures.stacked(seen["stacks"], noise_rms, title, unit, span),
-        "Mean over repetitions. Grey: the contact; hatched: one standard deviation of a sample's "
-        "noise.",
-    )
-
-
-def _picture(source: str | None, caption: str) -> str:
-    if source is None:
-        return ""
-    said = html.escape(caption)
-    return f'<figure><img alt="{said}" src="{source}"><figcaption>{said}</figcaption></figure>'
+    curves = closure.get("curves")
+    moduli = [document[side]["moduli"] for side in ("before", "after")]
+    return {
+        "set_aside": figures.set_aside_shots(odd_shots, noise, unit),
+        "residual_before": residual("before", before),
+        "residual_after": residual("after", repaired),
+        "in_time": figures.in_time(stacks, unit)
+        if stacks and (drifts or closure.get("scope") == "order")
+        else None,
+        "spectra": figures.spectra(before["spectrum"], repaired.get("spectrum"), unit)
+        if before.get("spectrum")
+        else None,
+        "course": closure_figures.course(closure.get("coefficients", {})),
+        "closure": closure_figures.closure(curves, unit) if curves else None,
+        "force": closure_figures.force(curves) if curves else None,
+        "moduli": figures.moduli(*moduli) if document["effects"] else None,
+    }

@@ -4,39 +4,11 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Sequence
 from pathlib import Path
-from string import Template
 
 from impactd.aliases import Json
-from impactd.diagnosis import budgets
-from impactd.diagnosis.markup import bullets
-from impactd.diagnosis.style import STYLE
-
-_PAGE = Template("""<!doctype html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>impactd uncertainty budget</title>
-<style>$style</style>
-</head>
-<body>
-<h1>Uncertainty budget of each modulus</h1>
-<p class="soft">$about</p>
-$budgets
-<h2>How to read it</h2>
-<p class="soft">u is a standard uncertainty; ± is the expanded one, U = 1.96 u
-(95 %). A contribution is the relative uncertainty of
-the modulus that the input alone would leave; the squares of all contributions add up to u squared,
-and a share is that square over the whole (JCGM 100, 5.1). The sensitivity is the change of ln E for
-a change of the input's logarithm, or of the input if a unit follows it.</p>
-$conditions
-<p class="soft">$software. This page was made from the budget's JSON alone.</p>
-</body>
-</html>
-""")
+from impactd.reports.templating import MODULI, render
 
 
 def write_budget_report(file: Path, document: Json, names: Sequence[str]) -> None:
@@ -48,29 +20,14 @@ def write_budget_report(file: Path, document: Json, names: Sequence[str]) -> Non
         Ends in ``.html`` or ``.pdf``.
     document : dict
         ``impactd-budget/1`` of a campaign or of an archive.
+    names : sequence of str
+        Materials, by its keys.
     """
     if file.suffix.lower() == ".pdf":
         _write_pdf(file, document, names)
     else:
-        file.write_text(page(document, names), encoding="utf-8")
-
-
-def page(document: Json, names: Sequence[str]) -> str:
-    """Return the page.
-
-    Parameters
-    ----------
-    document : dict
-        ``impactd-budget/1``.
-    """
-    notes = [*(document.get("assumptions") or []), *(document.get("warnings") or [])]
-    return _PAGE.substitute(
-        style=STYLE,
-        about=html.escape(about(document)),
-        budgets=budgets.section(document, names),
-        conditions=bullets(notes),
-        software=html.escape(document["software"]),
-    )
+        page = render("budget.html", document=document, names=names, about=about(document))
+        file.write_text(page, encoding="utf-8")
 
 
 def about(document: Json) -> str:
@@ -90,5 +47,5 @@ def _write_pdf(file: Path, document: Json, names: Sequence[str]) -> None:
     with styled(), PdfPages(file, metadata={"CreationDate": None}) as sheets:
         for name in names:
             for key, one in document["moduli"][name].items():
-                title = f"{budgets.NAMES[key]} of {name}"
+                title = f"{MODULI[key]} of {name}"
                 sheets.savefig(plot_budget(title, one, note=about(document)))

@@ -1,23 +1,26 @@
-"""The page "The paper, computed": ``page_template.md`` filled with claims and tables."""
+"""The page "The paper, computed": the template ``paper.md`` filled with claims and tables."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib import resources
 
 from impactd.aliases import Json
-from impactd.paper.claim import FAILS, HOLDS, Claim
+from impactd.paper.claim import Claim
 from impactd.paper.compute import PaperResult
-from impactd.paper.printed_rows import ROW_HEADINGS, TABLES, PrintedRow, row_texts
+from impactd.paper.printed_rows import ROW_HEADINGS, row_texts
 from impactd.paper.trace_page import CLOSED_HEADINGS, closed_rows
+from impactd.paper.turn import TO_BE_FOUND
 from impactd.paper.turn_page import (
     LADDER_HEADINGS,
     ladder_rows,
     moduli_headings,
     moduli_rows,
-    section,
+    short_of_one,
+    worst_error,
 )
+from impactd.reports.templating import render
 
+Table = tuple[Sequence[str], list[list[str]]]
 _SHORT = ("steel", "aluminium")
 _UNITS = {
     "crystal_mass_kg": ("M / g", 1e3),
@@ -30,32 +33,9 @@ _UNITS = {
 }
 
 
-def markdown_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table."""
-    lines = [headings, ["---"] * len(headings), *rows]
-    return "\n".join("| " + " | ".join(_shown(cell) for cell in line) + " |" for line in lines)
-
-
-def _shown(cell: str) -> str:
-    return "**does not** hold" if cell == FAILS else cell.replace("|", "\\|")
-
-
 def claims_table(claims: Sequence[Claim]) -> str:
     """Return all claims as a Markdown table."""
-    return markdown_table(
-        ("where", "claim", "claimed", "ours", "", "remark"),
-        [
-            [
-                c.where,
-                c.says,
-                c.claimed,
-                c.ours,
-                c.verdict,
-                c.note,
-            ]
-            for c in claims
-        ],
-    )
+    return render("claims.md", claims=claims)
 
 
 def plus_minus(pair: Sequence[float] | None, scale: float = 1.0, digits: int = 3) -> str:
@@ -153,14 +133,17 @@ def spread_rows(found: Json) -> list[list[str]]:
     ]
 
 
-def _held(printed: Sequence[PrintedRow]) -> dict[str, int]:
-    """Return how many rows of Tables 4 and 5 there are, and how many hold."""
-    counts = {}
-    for table in TABLES:
-        verdicts = [row.verdict for row in printed if row.table == table]
-        counts[f"all_{table[5]}"] = len(verdicts)
-        counts[f"held_{table[5]}"] = verdicts.count(HOLDS)
-    return counts
+def valley_rows(fits: Sequence[Json]) -> list[list[str]]:
+    """Return where the fits of one pair began and ended."""
+    moduli = ("start_sphere_Pa", "start_surface_Pa", "sphere_Pa", "surface_Pa")
+    return [
+        [
+            *(gigapascals(fit[key]) for key in moduli),
+            f"{fit['reduced_modulus_Pa'] / 1e9:.5f}",
+            f"{fit['excess_chi2']:.2g}",
+        ]
+        for fit in fits
+    ]
 
 
 def page(result: PaperResult, command: str) -> str:
@@ -172,58 +155,48 @@ def page(result: PaperResult, command: str) -> str:
         Markdown; the pictures stand in ``pictures/`` beside it.
     """
     found = result.to_json()
-    valley = found["valley"]
-    steel = next(e for e in found["tables_4_5"] if (e["sphere"], e["surface"]) == _SHORT)
-    fits = [
-        [
-            gigapascals(f["start_sphere_Pa"]),
-            gigapascals(f["start_surface_Pa"]),
-            gigapascals(f["sphere_Pa"]),
-            gigapascals(f["surface_Pa"]),
-            f"{f['reduced_modulus_Pa'] / 1e9:.5f}",
-            f"{f['excess_chi2']:.2g}",
-        ]
-        for f in valley["fits"]
-    ]
-    clean, leaky = result.turns
-    template = resources.files("impactd.paper").joinpath("page_template.md")
-    return template.read_text(encoding="utf-8").format(
+    return render(
+        "paper.md",
+        result=result,
+        found=found,
         command=command,
-        claims=claims_table(result.claims),
-        rigs=found["rigs"],
-        table3=markdown_table(
+        tables=_tables(result, found),
+        steel=next(e for e in found["tables_4_5"] if (e["sphere"], e["surface"]) == _SHORT),
+        sought=TO_BE_FOUND,
+        short_of_one=short_of_one,
+        worst_error=worst_error,
+    )
+
+
+def _tables(result: PaperResult, found: Json) -> dict[str, Table]:
+    """Return headings and rows of each table by its name in the template."""
+    clean, leaky = result.turns
+    spread = found["paper_spread_of_materials"]["table5_kv"]
+    return {
+        "table3": (
             ("quantity", "paper", "rigs as drawn", "calibrated", "rms error of the calibrations"),
             table_3_rows(found["table3"]),
         ),
-        pairs=markdown_table(PAIR_HEADINGS, pair_rows(found["tables_4_5"])),
-        correlation=found["hsd_over_kv_correlation"],
-        table_claims=claims_table(result.table_claims()),
-        **_held(result.printed),
-        rows_4=markdown_table(ROW_HEADINGS, row_texts(result.printed, "table4_hsd")),
-        rows_5=markdown_table(ROW_HEADINGS, row_texts(result.printed, "table5_kv")),
-        closed=markdown_table(CLOSED_HEADINGS, closed_rows(found["closed_model"])),
-        fits=markdown_table(
-            ("start E_p", "start E_s", "end E_p", "end E_s", "end E*", "excess chi2"), fits
+        "pairs": (PAIR_HEADINGS, pair_rows(found["tables_4_5"])),
+        "rows_4": (ROW_HEADINGS, row_texts(result.printed, "table4_hsd")),
+        "rows_5": (ROW_HEADINGS, row_texts(result.printed, "table5_kv")),
+        "closed": (CLOSED_HEADINGS, closed_rows(found["closed_model"])),
+        "clean_ladder": (LADDER_HEADINGS, ladder_rows(clean)),
+        "clean_moduli": (
+            moduli_headings(clean, with_paper=True),
+            moduli_rows(clean, with_paper=True),
         ),
-        steel_onset=steel["ratio"]["hsd_onset"][0],
-        steel_free=steel["ratio"]["hsd_aligned"][0],
-        steel_us=steel["contact_time_s"] * 1e6,
-        **section(result.turns),
-        clean_ladder=markdown_table(LADDER_HEADINGS, ladder_rows(clean)),
-        clean_moduli=markdown_table(
-            moduli_headings(clean, with_paper=True), moduli_rows(clean, with_paper=True)
+        "leaky_ladder": (LADDER_HEADINGS[:4], [row[:4] for row in ladder_rows(leaky)]),
+        "leaky_moduli": (
+            moduli_headings(leaky, with_paper=False),
+            moduli_rows(leaky, with_paper=False),
         ),
-        leaky_ladder=markdown_table(LADDER_HEADINGS[:4], [row[:4] for row in ladder_rows(leaky)]),
-        leaky_moduli=markdown_table(
-            moduli_headings(leaky, with_paper=False), moduli_rows(leaky, with_paper=False)
+        "fits": (
+            ("start E_p", "start E_s", "end E_p", "end E_s", "end E*", "excess chi2"),
+            valley_rows(found["valley"]["fits"]),
         ),
-        fisher=valley["correlation_ln_moduli"],
-        eigen=abs(valley["fisher_eigenvalue_ratio"]),
-        u_star=100 * valley["u_ln_reduced_modulus"],
-        along=abs(valley["excess_chi2_sphere_doubled_along"]),
-        across=valley["excess_chi2_sphere_doubled_across"],
-        spread=markdown_table(
+        "spread": (
             ("material", "E from its pairs / GPa", "std between pairs", "median std stated"),
-            spread_rows(found["paper_spread_of_materials"]["table5_kv"]),
+            spread_rows(spread),
         ),
-    )
+    }

@@ -1,9 +1,8 @@
-"""The section "The paper as one turn of the loop", from what the turns found."""
+"""The tables of the section "The paper as one diagnosis", from what the turns found."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 from impactd.aliases import Json
 from impactd.paper.source import paper_moduli, tables
@@ -88,42 +87,6 @@ def worst_error(turn: Turn, rung: Rung) -> float:
         if _is_sought(name) and found is not None:
             errors.append(abs(float(found["value"]) / true - 1.0))
     return max(errors, default=math.nan)
-
-
-def section(turns: Sequence[Turn]) -> Json:
-    """Return what the page's template wants to know of the two turns.
-
-    Parameters
-    ----------
-    turns : sequence of Turn
-        With nothing undeclared, then with the coupler.
-
-    Returns
-    -------
-    dict
-        Texts and numbers by name.
-    """
-    clean, leaky = turns
-    kv, repaired = leaky.rungs[-2], leaky.rungs[-1]
-    return {
-        "turn_drops": clean.shots,
-        "turn_sought": " and ".join(TO_BE_FOUND),
-        "clean_verdict": clean.verdict,
-        "clean_sentence": clean.sentence,
-        "clean_found": " then ".join(f"`{name}`" for name in clean.found) or "nothing",
-        "clean_r2_before": short_of_one(clean.rungs[0].r2),
-        "clean_r2_after": short_of_one(clean.rungs[-1].r2),
-        "clean_off_before": 100 * worst_error(clean, clean.rungs[0]),
-        "clean_off_after": 100 * worst_error(clean, clean.rungs[-1]),
-        "leaky_verdict": leaky.verdict,
-        "leaky_sentence": leaky.sentence,
-        "leaky_found": " then ".join(f"`{name}`" for name in leaky.found) or "nothing",
-        "leaky_kv_r2": short_of_one(kv.r2),
-        "leaky_kv_over_noise": kv.heldout_rms_v / leaky.noise_rms_v,
-        "leaky_after_over_noise": repaired.heldout_rms_v / leaky.noise_rms_v,
-        "leaky_off_kv": 100 * worst_error(leaky, kv),
-        "leaky_off_after": 100 * worst_error(leaky, repaired),
-    }
 
 
 def _is_sought(name: str) -> bool:

@@ -97,6 +97,21 @@ def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
     assert "$" not in page
 
 
+def test_the_page_says_that_nothing_was_sealed(
+    outcome_of: Make, diagnosis_of: Make, tmp_path: Path
+) -> None:
+    """Without an effect there is no table of effects; the verdict is judged all the same."""
+    outcome = outcome_of(diagnosis_of("adequate", sentence="a < b"))
+    picture = tmp_path / "moduli.png"
+    draw_moduli(picture, outcome)
+    write_report(tmp_path / "report.html", outcome, {"moduli": picture, "trace": picture})
+    page = (tmp_path / "report.html").read_text()
+    assert "Nothing: the base model is complete." in page
+    assert "<b>RIGHT</b>" in page
+    assert "a &lt; b" in page
+    assert ">sealed<" not in page
+
+
 @pytest.mark.parametrize(
     ("value_pa", "u_pa", "text"),
     [

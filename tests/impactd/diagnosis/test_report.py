@@ -9,6 +9,7 @@ from html.parser import HTMLParser
 import pytest
 
 from impactd.diagnosis.report import page, write_report
+from impactd.reports.numbers import measured
 
 VOID = {"meta", "img", "br", "link"}
 
@@ -67,6 +68,32 @@ def test_the_page_tells_the_whole_story(document):
         *(line["id"] for line in document["candidates"]),
     ):
         assert said in text
+
+
+def test_the_answer_and_the_modulus_come_first(document):
+    """Verdict, then the modulus with its unit, then the errors."""
+    text = " ".join(read(page(document)).text)
+    modulus = measured(
+        document["after"]["moduli"]["specimen"]["youngs_modulus_Pa"], scale=1e-9, sign="±"
+    )
+    places = [
+        text.index(said) for said in (document["sentence"], f"{modulus} GPa", "error on held-out")
+    ]
+    assert places == sorted(places)
+
+
+def test_pictures_of_pure_noise_are_folded(document):
+    """The residual after a whole repair; all of them where nothing was missing."""
+    folded = "<details><summary>The residual of "
+    assert f"{folded}{document['after']['model']}, which is noise" in page(document)
+    partial = copy.deepcopy(document)
+    partial["remaining"]["structured"] = True
+    assert folded not in page(partial)
+    adequate = copy.deepcopy(document)
+    adequate.update(verdict="adequate", effects=[], slots={}, slot=None, after=document["before"])
+    adequate["residual"]["after"] = None
+    inside = page(adequate).partition("<details><summary>The residual is noise")[2]
+    assert "Power density" in inside.partition("</details>")[0]
 
 
 def test_the_mean_of_the_other_hits_stands_beside_before_and_after(document):
@@ -133,7 +160,7 @@ def test_other_verdicts_have_a_page_too(document):
     adequate = copy.deepcopy(document)
     adequate.update(verdict="adequate", effects=[], slots={}, slot=None, after=document["before"])
     adequate["residual"]["after"] = None
-    read(page(adequate))
+    assert "+0.00 %" not in " ".join(read(page(adequate)).text)
 
 
 def test_a_withheld_modulus_is_among_the_figures_that_matter(document):
