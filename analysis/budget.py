@@ -146,7 +146,7 @@ def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) ->
     squares against the covariance, against ``uncertainties`` and against sampling in
     ``tests/analysis/test_budget.py``.
     """
-    if not fitted.blocks:
+    if fitted.failed:
         return []
     campaign = problem.campaign
     logs = dict(zip(problem.names, fitted.theta.tolist(), strict=True))

@@ -73,7 +73,7 @@ def undetermined(problem: JointProblem, fitted: Fitted) -> list[Undetermined]:
     """
     if problem.by_pair:
         return []
-    found = _without_reference(problem, fitted) if fitted.blocks else []
+    found = [] if fitted.failed else _without_reference(problem, fitted)
     return [*found, *_in_reduced_units(problem)]
 
 

@@ -156,7 +156,7 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
     fitted = joint.fit(problem, nuisances, theta=problem.start, max_iterations=MOST_STEPS)
-    return make_step(problem, fitted) if fitted.blocks else None
+    return None if fitted.failed else make_step(problem, fitted)
 
 
 def _is_effect(name: str, model: ImpactModel) -> bool:

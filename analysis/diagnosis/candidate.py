@@ -219,7 +219,7 @@ def _moved_with_size(
     wanted, none = theta[at], theta.copy()
     none[at] = 0.0
     base = joint.fit(problem, nuisances, theta=none, max_iterations=0)
-    if not base.blocks:
+    if base.failed:
         return theta, nuisances
     matrix, vector, parts = joint.normal_equations(problem, base)
     rest = [j for j in range(theta.size) if j not in at]
@@ -253,7 +253,7 @@ def _drawn_near(
     held.prior_mean[at] = theta[at]
     held.prior_precision[at, at] = HELD**-2
     near = joint.fit(held, nuisances, theta=theta, max_iterations=max_iterations)
-    return (near.theta, near.nuisances) if near.blocks else (theta, nuisances)
+    return (theta, nuisances) if near.failed else (near.theta, near.nuisances)
 
 
 def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
@@ -269,7 +269,7 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
         found,
         gain=base.cost - result.cost if math.isfinite(result.cost) else -math.inf,
         parameters=len(found.problem.names) - len(problem.names) + own,
-        at_bound=not result.blocks
+        at_bound=result.failed
         or left_its_range(found.problem, result, found.effect)
         or (
             found.effect.basis is None
@@ -285,7 +285,7 @@ def _price(found: Refit, base: joint.Fitted) -> Price:
 
     Such a fit is at no minimum, for the model holds its base, and Laplace's volume is not defined.
     """
-    if not (found.fitted.blocks and found.fitted.cost <= base.cost):
+    if found.fitted.failed or not found.fitted.cost <= base.cost:
         return NOTHING
     return price_of_effect(found.problem, found.fitted, base, found.effect)
 
@@ -307,7 +307,7 @@ def refit_elsewhere(
     shot most like it did; anchors are the nuisances without the effect unless given, for where the
     effect changes everything these are none.
     """
-    if not found.fitted.blocks:
+    if found.fitted.failed:
         return found
     wide = dataclasses.replace(found.problem, shots=problem.shots)
     nuisances = np.zeros((len(many), found.fitted.nuisances.shape[1]))
@@ -357,7 +357,7 @@ def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> 
         found.problem, found.fitted.nuisances, theta=found.fitted.theta,
         max_iterations=max_iterations,
     )  # fmt: skip
-    bad = not result.blocks or left_its_range(found.problem, result, found.effect)
+    bad = result.failed or left_its_range(found.problem, result, found.effect)
     further = dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
     return dataclasses.replace(further, price=_price(further, base))
 
@@ -438,7 +438,7 @@ def fitted_below_one(
     followed them hold each of them back alone. ``fitted`` itself where no shot gains energy, or
     none fares better elsewhere.
     """
-    if not fitted.blocks:
+    if fitted.failed:
         return fitted
     gaining = np.flatnonzero(fitted.nuisances[:, LOSS] > 0.0)
     some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
@@ -459,4 +459,4 @@ def fitted_below_one(
     if np.array_equal(nuisances, fitted.nuisances):
         return fitted
     again = joint.fit(problem, nuisances, theta=fitted.theta, max_iterations=max_iterations)
-    return again if again.blocks and again.cost < fitted.cost else fitted
+    return again if not again.failed and again.cost < fitted.cost else fitted

@@ -117,7 +117,7 @@ def sizes_of(found: Refit, kind: str) -> Sizes | None:
     logarithm counts by its value, which is neutral at zero.
     """
     at, problem, fitted = size_of(found.effect), found.problem, found.fitted
-    if at is None or not fitted.blocks or found.effect.parameters[at].scope == "shot":
+    if at is None or fitted.failed or found.effect.parameters[at].scope == "shot":
         return None
     row = problem.model.places[found.effect.id][at]
     own = problem.effect_keys(row)

@@ -22,7 +22,7 @@ def heldout_or_none(problem: JointProblem, fitted: Fitted) -> float | None:
     None where a fold leaves the model without a solution, as at the edge of what can be evaluated,
     and where the time is over.
     """
-    if not fitted.blocks:
+    if fitted.failed:
         return None
     try:
         return heldout_rms(problem, fitted)
@@ -37,7 +37,7 @@ def as_fit_result(problem: JointProblem, fitted: Fitted, *, heldout: bool = True
     residual exceeds the noise all the same.
     """
     name = problem.model.name
-    if not fitted.blocks:
+    if fitted.failed:
         return FitResult(name, outcome_of(problem, fitted), problem, fitted, (), 1.0, None)
     # a document rests on these numbers, whatever the time; held-out shots can be spared
     own = unwatched(dataclasses.replace(problem, start=fitted.theta, shots=list(problem.shots)))

@@ -79,7 +79,7 @@ def _squares(problem: JointProblem, campaign: Campaign, places: Sequence[int]) -
     nuisances = prepare(part)
     rough = joint.ROUGH_TOLERANCE
     fitted = joint.fit(part, nuisances, max_iterations=STEPS, tolerance=rough)
-    return fitted.cost / sum(item.data for item in part.shots) if fitted.blocks else math.inf
+    return math.inf if fitted.failed else fitted.cost / sum(item.data for item in part.shots)
 
 
 SIDES = ("sphere", "surface")

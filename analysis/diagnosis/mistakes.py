@@ -173,7 +173,7 @@ class _Known:
     def at(cls, step: Step) -> _Known | None:
         """Return it at a fitted model; None where that cannot be linearised."""
         problem, fitted = step.problem, step.fitted
-        if problem.inputs or problem.by_pair or not fitted.blocks:
+        if problem.inputs or problem.by_pair or fitted.failed:
             return None
         stated = numbers_of_shots(problem)
         known = widened_by(problem, stated, problem.prior_precision)
@@ -238,7 +238,7 @@ class _Known:
         found = self.refitted(
             widened_by(self.problem, (*others, one), self.problem.prior_precision)
         )
-        if not found.blocks:
+        if found.failed:
             return None
         return float(found.theta[-1]), math.sqrt(float(found.covariance[-1, -1]))
 
@@ -347,7 +347,7 @@ def _modulus(known: _Known, side: str, name: str) -> Mistake | None:
         stated = campaign.surfaces[name].youngs_modulus_pa
         coupon = dataclasses.replace(campaign.surfaces[name], youngs_modulus_pa=None)
         campaign = dataclasses.replace(campaign, surfaces={**campaign.surfaces, name: coupon})
-    if not found.blocks or stated is None:
+    if found.failed or stated is None:
         return None
     value = stated.value * math.exp(float(found.theta[j] - problem.prior_mean[j]))
     u = value * math.sqrt(float(found.covariance[j, j]))

@@ -145,7 +145,7 @@ class Shown:
 
 def _of_rows(fitted: joint.Fitted, rows: NDArray[np.int_]) -> joint.Fitted:
     """Return what a fit says of some of its shots."""
-    blocks = [fitted.blocks[row] for row in rows] if fitted.blocks else []
+    blocks = [] if fitted.failed else [fitted.blocks[row] for row in rows]
     cost = sum(block.cost for block in blocks) if blocks else math.inf
     nuisances = fitted.nuisances[rows]
     return dataclasses.replace(fitted, nuisances=nuisances, blocks=blocks, cost=cost)

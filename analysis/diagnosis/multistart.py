@@ -189,7 +189,7 @@ def _without_slopes(
 
 def _sizes_of(earlier: Refit, form: Effect) -> tuple[float, ...] | None:
     """Return the coordinates that a form's numbers had; None where these were others, or no fit."""
-    if earlier.at_bound or not earlier.fitted.blocks:
+    if earlier.at_bound or earlier.fitted.failed:
         return None
     found = []
     for parameter in form.parameters:
@@ -312,7 +312,7 @@ def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
     cut = dataclasses.replace(problem, shots=shots)
     nuisances = settle(cut, begin.theta, begin.nuisances, kept=KNOWN_BEFORE)
     found = joint.fit(cut, nuisances, theta=begin.theta)
-    return found if found.blocks else begin
+    return begin if found.failed else found
 
 
 def ends_the_signal(effect: Effect) -> bool:

@@ -40,7 +40,7 @@ def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
     With the covariance widened where it must be.
     """
     model = problem.model
-    if not model.effects or not fitted.blocks:
+    if not model.effects or fitted.failed:
         return None
     effects = []
     for effect in model.effects:

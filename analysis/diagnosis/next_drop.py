@@ -83,7 +83,7 @@ def propose(
     rivals after the drop was simulated and both were fitted again, in
     ``tests/analysis/diagnosis/test_next_drop.py``.
     """
-    able = [rival for rival in rivals if rival.fitted.blocks]
+    able = [rival for rival in rivals if not rival.fitted.failed]
     if not able:
         return None
     drops = list(_possible_drops(able[0].problem, heights_m))

@@ -94,7 +94,7 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
         if near is None:
             return None
         part = near
-    while part.fitted.blocks and len(part.kept) >= whole - most:
+    while not part.fitted.failed and len(part.kept) >= whole - most:
         falls, chance = _own_falls(part.problem, part.fitted)
         worst, to_go = int(np.argmax(falls)), most - (whole - len(part.kept))
         odd = chance[worst] * falls.size < CRITERIA.structure.false_alarm_rate
@@ -151,7 +151,7 @@ def _trimmed(step: Step, usual: Array, most: int) -> _Part | None:
         begin = dataclasses.replace(step.fitted, theta=whole.start)
         part = _fitted_to(step, some, usual[some], begin)
         for _ in range(CONCENTRATIONS):
-            if not part.fitted.blocks:
+            if part.fitted.failed:
                 break
             nuisances = usual.copy()
             nuisances[part.kept] = part.fitted.nuisances

@@ -292,7 +292,7 @@ def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
         theta = begin.theta[kept]
         nuisances = settle(part, theta, begin.nuisances[others])
         fitted = joint.fit(part, nuisances, theta=theta, max_iterations=FIRST_STEPS)
-        if fitted.blocks:
+        if not fitted.failed:
             left = excess(part, fitted)
             found.append(WithoutMaterial(only, places, others, part, fitted, left))
     by_left, by_share = (sorted(found, key=key) for key in (_left, _left_by_share))
@@ -371,7 +371,7 @@ def split_by_material(
             continue
         larger, begin = _on_all(present, rest, first)
         fitted = joint.fit(larger, begin.nuisances, theta=begin.theta)
-        if not fitted.blocks:
+        if fitted.failed:
             continue
         taken = dataclasses.replace(first, problem=larger, fitted=fitted, on_all_shots=True)
         taken = refitted(taken, present.problem, present.fitted)

@@ -307,7 +307,7 @@ def _obeyed_base(
         fitted = joint.fit(problem, prepare(problem), max_iterations=FIRST_LOOK)
         samples = sum(shot.white.size for shot in selection.last.linearised.shots)
         least = CRITERIA.comparison.least_lead * max(1.0, fitted.cost / samples)
-        if fitted.blocks and selection.last.fitted.cost - fitted.cost > least:
+        if not fitted.failed and selection.last.fitted.cost - fitted.cost > least:
             selection, usual = _base(campaign, name, told)
     return selection, usual
 
@@ -357,7 +357,7 @@ def _crystal(
         fitted = joint.fit(problem, nuisances)
         count = len(problem.names) - len(step.problem.names)
         gain = step.fitted.cost - fitted.cost
-        bad = not fitted.blocks or bool(out_of_range(problem, fitted))
+        bad = fitted.failed or bool(out_of_range(problem, fitted))
         price = Price(CRITERIA.comparison.price_of_number * count)
         refit = Refit(
             effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price
@@ -451,7 +451,7 @@ def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[S
     for one in shown_by_records(last.problem.shots, left):
         # to its end, whatever the time: it is all that can be said where a search found nothing
         found = one.on_top_of(unwatched(selection.last.problem), selection.last.fitted, usual)
-        if found.fitted.blocks and (found.gain > 0.0 or one.in_noise):
+        if not found.fitted.failed and (found.gain > 0.0 or one.in_noise):
             step = make_step(found.problem, found.fitted)
             selection = Selection([*selection.steps, step], [*selection.chosen, found])
             shown.append(one)

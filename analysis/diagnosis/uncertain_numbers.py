@@ -66,7 +66,7 @@ def exact_refit(found: Refit) -> Refit:
 
 
 def _exact(problem: JointProblem, fitted: joint.Fitted) -> tuple[JointProblem, joint.Fitted]:
-    if not problem.inputs or not fitted.blocks:
+    if not problem.inputs or fitted.failed:
         return problem, fitted
     exact, theta = as_stated(problem, fitted.theta)
     # a document fits it once more, to its end

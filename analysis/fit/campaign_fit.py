@@ -73,7 +73,7 @@ def solve(
     fitted = joint.fit(problem, nuisances, progress=progress)
     scale = 1.0
     for _ in range(MISFIT_ROUNDS):
-        if not fitted.blocks:
+        if fitted.failed:
             break
         ratio = _chi2_per_dof(problem, fitted)
         if scale == 1.0 and ratio <= MISFIT_ABOVE:
@@ -212,7 +212,7 @@ def fit_campaign(
     nuisances = prepare(problem)
     fitted, scale = solve(problem, nuisances, progress)
     outcome = outcome_of(problem, fitted)
-    if not fitted.blocks:
+    if fitted.failed:
         return FitResult(model, outcome, problem, fitted, (), 1.0, None)
     held = heldout_rms(problem, fitted) if heldout else None
     if progress is not None:

@@ -125,7 +125,7 @@ def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
     statement and what everything else says has the variance of both; where shots take nothing off
     a statement's own they cannot contradict it.
     """
-    if not fitted.blocks:
+    if fitted.failed:
         return []
     theta = fitted.theta
     information: Array = np.asarray(np.linalg.inv(fitted.covariance))
@@ -203,7 +203,7 @@ def fit_without(
     first = joint.fit(wide, fitted.nuisances, theta=fitted.theta, max_iterations=FIRST_STEPS)
     if first.converged:
         return wide, first
-    if not first.blocks or joint.is_hopeless(wide, first.cost, widened=widened):
+    if first.failed or joint.is_hopeless(wide, first.cost, widened=widened):
         return None
     second = joint.fit(
         wide, first.nuisances, theta=first.theta, blocks=first.blocks,

@@ -110,7 +110,7 @@ def with_free_inputs(
         solution.
     """
     inputs = numbers_of_shots(problem)
-    if not inputs or problem.inputs or not fitted.blocks:
+    if not inputs or problem.inputs or fitted.failed:
         return None
     wide = widened_by(problem, inputs, problem.prior_precision)
     more = wide.start[len(problem.names) :]
@@ -122,7 +122,7 @@ def with_free_inputs(
         damping=joint.LEAST_DAMPING,
         tolerance=joint.ROUGH_TOLERANCE,
     )
-    return (wide, freed) if freed.blocks else None
+    return None if freed.failed else (wide, freed)
 
 
 def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
@@ -227,7 +227,7 @@ def inputs_freed(result: FitResult) -> FitResult:
         Itself where no such number has an uncertainty, or the fit has no solution.
     """
     problem = with_inputs(result.problem)
-    if problem is result.problem or not result.fitted.blocks:
+    if problem is result.problem or result.fitted.failed:
         return result
     more = problem.start[len(result.problem.names) :]
     theta = np.concatenate([result.fitted.theta, more])
@@ -238,7 +238,7 @@ def inputs_freed(result: FitResult) -> FitResult:
         damping=joint.LEAST_DAMPING,
         tolerance=joint.STEP_TOLERANCE if result.misfit == 1.0 else joint.ROUGH_TOLERANCE,
     )
-    if not fitted.blocks:
+    if fitted.failed:
         return result
     shots = collect(problem, fitted, scale=result.misfit)
     outcome = outcome_of(problem, fitted)

@@ -82,6 +82,11 @@ class Fitted:
     iterations: int
     converged: bool
 
+    @property
+    def failed(self) -> bool:
+        """Whether the model could not be evaluated: no blocks, and an infinite cost."""
+        return not self.blocks
+
 
 @dataclass(frozen=True)
 class _Schur:

@@ -99,7 +99,7 @@ def out_of_range(problem: JointProblem, fitted: Fitted) -> list[OutOfRange]:
     list of OutOfRange
         Of cell, materials, effects, in this order.
     """
-    if not fitted.blocks:
+    if fitted.failed:
         return []
     found = [*_of_cell(problem, fitted), *_of_materials(problem, fitted)]
     for effect in problem.model.effects:

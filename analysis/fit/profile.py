@@ -90,7 +90,7 @@ def cost_held_at(
     start = steps.along(problem, fitted.theta, fitted.covariance[:, j] / u**2 * size)
     start[j] = x
     found = joint.fit(_pinned(problem, j, x, u), fitted.nuisances, theta=start)
-    if not found.blocks:
+    if found.failed:
         return math.inf, found
     d = found.theta - problem.prior_mean
     return float(d @ problem.prior_precision @ d) + sum(b.cost for b in found.blocks), found

@@ -65,7 +65,7 @@ def outcome_of(problem: JointProblem, fitted: Fitted) -> Outcome:
     Outcome
         What is out of its physical range counts before what has not converged.
     """
-    if not fitted.blocks:
+    if fitted.failed:
         return Outcome(
             "not_evaluable",
             "The model cannot be evaluated at any start near these records; check masses, radii, "

@@ -178,7 +178,7 @@ def _beside_known_effects(
     precision[known, known] = HELD**-2
     held = replace(problem, prior_precision=precision)
     found = joint.fit(held, nuisances, max_iterations=STEPS_BESIDE)
-    if not found.blocks:
+    if found.failed:
         return nuisances
     problem.start = found.theta
     return found.nuisances

@@ -119,7 +119,7 @@ def choose_start(
     stated = joint.fit(problem, nuisances, max_iterations=TRIAL_STEPS)
     seen = joint.fit(problem, nuisances, theta=other, max_iterations=TRIAL_STEPS)
     best = seen if seen.cost < stated.cost else stated
-    if best.blocks:
+    if not best.failed:
         problem.start = best.theta
         return best.nuisances
     return nuisances

@@ -35,7 +35,7 @@ def with_stated_numbers(problem: JointProblem, fitted: Fitted) -> tuple[JointPro
         Where to start; None where every number is exact, or a derivative cannot be taken.
     """
     known = numbers_of_shots(problem)
-    if not known or problem.inputs or not fitted.blocks:
+    if not known or problem.inputs or fitted.failed:
         return None
     wide = widened_by(problem, known, problem.prior_precision)
     theta = np.concatenate([fitted.theta, [one.stated for one in known]])
@@ -74,7 +74,7 @@ def fitted_with_stated_numbers(
     if wide is None:
         return None
     found = fit(wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING)
-    return (wide[0], found) if found.blocks else None
+    return None if found.failed else (wide[0], found)
 
 
 def _slopes(

@@ -102,7 +102,7 @@ class _OfEffect:
 def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
     """Return what the laws of a fitted model may be wrong by, None where it has no law."""
     effects = [e for e in problem.model.effects if e.basis is None]
-    if not effects or not fitted.blocks:
+    if not effects or fitted.failed:
         return None
     by_shot = [
         _of_shot(problem, item, fitted.theta, nuisance, effects)

@@ -335,7 +335,7 @@ def learn_force(
         for j in range(found.theta.size, theta.size):
             wide.prior_precision[j, j] = FORCE_WIDTH**-2
         found = joint.fit(wide, nuisances, theta=theta, max_iterations=FORCE_STEPS)
-        if not found.blocks:
+        if found.failed:
             return None
     residual = []
     for item, nuisance in zip(wide.shots, found.nuisances, strict=True):

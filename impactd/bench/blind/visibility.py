@@ -119,7 +119,7 @@ def _cost(twin: Campaign, campaign: Campaign, model: str, *, uncertain: bool = F
         for s in problem.shots
     ]
     fitted = joint.fit(problem, prepare(problem))
-    if not fitted.blocks:
+    if fitted.failed:
         raise AnalysisError("The base model cannot be evaluated on these records.")
     if not uncertain:
         return fitted.cost
