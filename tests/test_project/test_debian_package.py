@@ -1,8 +1,4 @@
-"""The Debian package: built, installed in a clean Debian, used, upgraded and removed again.
-
-It needs root, debootstrap and, for the first run, the network. The Debian is kept in
-``/var/tmp/impactd-deb`` (or ``$IMPACTD_DEB_TREE``) for the next run.
-"""
+"""The Debian package: built, installed in a clean Debian, used, upgraded and removed again."""
 
 from __future__ import annotations
 
@@ -14,9 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from .debian_tree import debian_tree
+
 ROOT = Path(__file__).parents[2]
 DEBIAN = ROOT / "systemd" / "debian"
-KEPT = Path(os.environ.get("IMPACTD_DEB_TREE", "/var/tmp/impactd-deb"))
 RECORDER = '#!/bin/sh\necho "$*" >>/systemctl.log\n'
 
 
@@ -55,23 +52,7 @@ class Machine:
 @pytest.fixture
 def machine(tmp_path: Path) -> Machine:
     """Return a fresh copy of a minimal Debian with what the package depends on."""
-    if os.geteuid() != 0:
-        pytest.skip("needs root, for chroot")
-    if not (KEPT / "complete").exists():
-        if shutil.which("debootstrap") is None:
-            pytest.skip("needs debootstrap (Debian: apt install debootstrap)")
-        shutil.rmtree(KEPT, ignore_errors=True)
-        include = "--include=python3,libusb-1.0-0,adduser"
-        made = subprocess.run(
-            ["debootstrap", "--variant=minbase", include, "bookworm", KEPT / "tree"],
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        if made.returncode:
-            pytest.skip(f"debootstrap failed: {made.stdout[-200:]}")
-        (KEPT / "complete").touch()
-    subprocess.run(["cp", "-a", KEPT / "tree", tmp_path / "tree"], check=True)
+    subprocess.run(["cp", "-a", debian_tree(), tmp_path / "tree"], check=True)
     return Machine(tmp_path / "tree")
 
 

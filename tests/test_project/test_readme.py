@@ -62,6 +62,7 @@ def test_makefile_lists_what_readme_names() -> None:
         "impactd/README.md",
         "config/README.md",
         "impactd/certificates/README.md",
+        "systemd/container/README.md",
         *GUIDES,
     ],
 )
