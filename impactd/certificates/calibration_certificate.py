@@ -9,7 +9,7 @@ from __future__ import annotations
 import base64
 import json
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -85,6 +85,21 @@ class Signatory:
     cell_model: str
 
 
+@dataclass(frozen=True)
+class RecordedDrop:
+    """What the shot file of a drop says of its conditions.
+
+    Attributes
+    ----------
+    environment : Environment or None
+    cell_serial_number : str or None
+        Of the cell that the settings named then.
+    """
+
+    environment: Environment | None
+    cell_serial_number: str | None
+
+
 def signatory(
     settings: Settings, *, identifier: str, issued: str, responsible: str | None, role: str | None
 ) -> Signatory:
@@ -129,17 +144,17 @@ _FROM_SETTINGS = (
 def certificate_of(
     calibration: Calibration,
     signed_by: Signatory,
-    cell: SensorSection,
-    environments: Iterable[Environment | None] = (),
+    settings: Settings,
+    drops: Sequence[RecordedDrop] = (),
 ) -> bytes:
     """Return the XML of a certificate.
 
     Parameters
     ----------
-    cell : SensorSection
-        The settings' load cell: the item that was calibrated.
-    environments : iterable of Environment or None
-        Of each drop; the certificate states a temperature if every drop has one.
+    settings : Settings
+        Name the load cell: the item that was calibrated.
+    drops : sequence of RecordedDrop
+        Those of the calibration; a temperature is stated if every drop has one.
 
     Returns
     -------
@@ -149,23 +164,37 @@ def certificate_of(
     Raises
     ------
     CertificateError
-        If the calibration gave no result that could be stated.
+        If the calibration gave no result that could be stated, or is of another cell.
     """
     result = _usable(calibration)
+    _check_cell(calibration, settings.sensor, drops)
     ET.register_namespace("xsi", _SCHEMA_INSTANCE)
     root = ET.Element(f"{{{DCC}}}digitalCalibrationCertificate", schemaVersion=SCHEMA_VERSION)
     root.set(f"{{{_SCHEMA_INSTANCE}}}schemaLocation", f"{DCC} {DCC}/v{SCHEMA_VERSION}/dcc.xsd")
-    _administrative(root, calibration, signed_by, cell)
+    _administrative(root, calibration, signed_by, settings)
     measured = child(child(root, "dcc:measurementResults"), "dcc:measurementResult")
     worded(measured, "dcc:name", "Calibration of a load cell for impacts")
     _method(measured, calibration)
     _software(child(measured, "dcc:usedSoftware"))
     _references(measured, calibration)
-    _conditions(measured, list(environments))
+    _conditions(measured, [one.environment for one in drops])
     _results(measured, calibration, result)
     ET.indent(root)
     text: bytes = ET.tostring(root, encoding="UTF-8", xml_declaration=True)
     return text
+
+
+def _check_cell(
+    calibration: Calibration, cell: SensorSection, drops: Sequence[RecordedDrop]
+) -> None:
+    """Refuse a calibration of a cell that has been exchanged since; weights name no cell."""
+    then = {one.cell_serial_number for one in drops} - {None, cell.serial_number}
+    if then:
+        raise CertificateError(
+            f"Calibration {calibration.number} is of the cell {', '.join(sorted(map(str, then)))}, "
+            f"and the settings name the cell {cell.serial_number}.",
+            "Name a calibration of this cell, or use the settings of that time (--config).",
+        )
 
 
 def _usable(calibration: Calibration) -> Json:
@@ -184,7 +213,7 @@ def _usable(calibration: Calibration) -> Json:
 
 
 def _administrative(
-    root: ET.Element, calibration: Calibration, signed_by: Signatory, cell: SensorSection
+    root: ET.Element, calibration: Calibration, signed_by: Signatory, settings: Settings
 ) -> None:
     made = child(root, "dcc:administrativeData")
     _software(child(made, "dcc:dccSoftware"))
@@ -204,7 +233,7 @@ def _administrative(
     serial = child(child(item, "dcc:identifications"), "dcc:identification")
     serial.set("refType", "basic_serialNumber")
     child(serial, "dcc:issuer", "manufacturer")
-    child(serial, "dcc:value", cell.serial_number)
+    child(serial, "dcc:value", settings.sensor.serial_number)
     worded(serial, "dcc:name", "Serial number")
     contact(child(made, "dcc:calibrationLaboratory"), "dcc:contact", signed_by.laboratory)
     person = child(child(made, "dcc:respPersons"), "dcc:respPerson")
@@ -212,10 +241,16 @@ def _administrative(
     child(person, "dcc:role", signed_by.role)
     child(person, "dcc:mainSigner", "true")
     contact(made, "dcc:customer", signed_by.customer)
-    _statement(child(made, "dcc:statements"))
+    statements = child(made, "dcc:statements")
+    _uncertainty(statements)
+    if settings.simulated:
+        simulated = child(statements, "dcc:statement")
+        worded(simulated, "dcc:name", "Simulated")
+        words = "The rig is simulated: this is an example, and the certificate of no cell."
+        worded(simulated, "dcc:declaration", words)
 
 
-def _statement(statements: ET.Element) -> None:
+def _uncertainty(statements: ET.Element) -> None:
     statement = child(statements, "dcc:statement")
     worded(statement, "dcc:name", "Measurement uncertainty")
     child(statement, "dcc:norm", "JCGM 100:2008")

@@ -6,9 +6,9 @@ import json
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from impactd.certificates.calibration_certificate import certificate_of, signatory
+from impactd.certificates.calibration_certificate import RecordedDrop, certificate_of, signatory
 from impactd.certificates.cell_certificate import CellCertificate, read_cell_certificate
 from impactd.console.failure import Failure
 from impactd.console.options import open_archive, settings_of
@@ -18,9 +18,6 @@ from impactd.storage.campaign_folder import read_campaign
 from impactd.storage.json_fields import read_json
 from impactd.storage.publish import publish
 from impactd.storage.timestamp import utc_now
-
-if TYPE_CHECKING:
-    from analysis.campaign import Environment
 
 _CAMPAIGN_KEYS = {
     "compliance_m_per_v": "compliance_m_per_V",
@@ -74,7 +71,7 @@ def write(
         if calibration is None:
             raise Failure("there is no calibration yet; run `impactd calibrate --wait`.")
         content = certificate_of(
-            calibration, signed_by, settings.sensor, _environments(archive, calibration)
+            calibration, signed_by, settings, list(_drops(archive, calibration))
         )
     publish(out, content)
     if as_json:
@@ -83,12 +80,14 @@ def write(
         print(f"{out}: certificate {identifier} of calibration {calibration.number}.")
 
 
-def _environments(archive: Archive, calibration: Calibration) -> Iterator[Environment | None]:
-    for drop in calibration.drops:
+def _drops(archive: Archive, calibration: Calibration) -> Iterator[RecordedDrop]:
+    for number in calibration.drops:
         try:
-            yield archive.shot(drop).environment
+            metadata = archive.read_shot(number).metadata
         except NotFoundError:  # a drop that failed and was repeated has no shot
             continue
+        cell = metadata.configuration.get("sensor") or {}
+        yield RecordedDrop(metadata.environment, cell.get("serial_number"))
 
 
 def read(

@@ -14,8 +14,15 @@ import pytest
 
 from analysis import sensor_from_json
 from analysis.campaign import Environment, Quantity
-from impactd.certificates.calibration_certificate import certificate_of, signatory
+from analysis.static_calibration import Reading
+from impactd.calibration.weights import Weighing, calibrate_with_weights
+from impactd.certificates.calibration_certificate import (
+    RecordedDrop,
+    certificate_of,
+    signatory,
+)
 from impactd.certificates.elements import NAMESPACES
+from impactd.certificates.errors import CertificateError
 from impactd.settings.settings import load_settings
 from impactd.storage.archive import Archive
 
@@ -145,24 +152,66 @@ def test_a_calibration_without_a_result_has_no_certificate(rig, run, tmp_path):
     )
 
 
-def test_the_temperature_is_stated_if_every_drop_has_one(rig):
-    """Least and most of the readings; one drop without a reading, and none is stated."""
+def test_weights_have_a_certificate_if_they_gave_a_gain(rig, run, tmp_path):
+    """The gain alone, by another method; a cell that had discharged gave none, and gets none."""
+    settings = load_settings(rig.config, data=rig.data)
+    readings = tuple(Reading(mass, mass * 9.80665 / 2.0, 1e-4) for mass in (0.0, 0.2, 0.5, 1.0))
+    with Archive.open(rig.data, reserve_bytes=0) as archive:
+        good, bad = (
+            calibrate_with_weights(
+                archive, settings, Weighing(readings, 2.0, tau_s), slot=None, owner="ab"
+            )
+            for tau_s in (1e6, 0.5)
+        )
+    out = tmp_path / "weights.xml"
+    words = ("certificate", "write", "--identifier", "5", "--out", out, *rig.words())
+    assert "gave no gain" in refused(run(*words, bad.number))
+    assert run(*words, good.number).exit_code == 0
+    made = ET.parse(out).getroot()
+    assert faults(made) == []
+    (value,) = made.iterfind(".//dcc:result//si:value", NAMESPACES)
+    assert float(value.text) == pytest.approx(2.0)
+    assert made.findtext(".//dcc:usedMethod//dcc:content", None, NAMESPACES) == "Known weights"
+
+
+@pytest.fixture
+def write(rig):
+    """Return a function that writes the rig's certificate, its drops having been as given."""
     settings = load_settings(rig.config, data=rig.data)
     today = datetime.now(UTC).date().isoformat()
     signed = signatory(settings, identifier="4", issued=today, responsible=None, role=None)
     with Archive.open(rig.data, reserve_bytes=0) as archive:
         calibration = archive.calibrations.get(1)
-    read = [Environment(Quantity(value, 0.5)) for value in (21.0, 23.5, 22.0)]
-    made = ET.fromstring(certificate_of(calibration, signed, settings.sensor, read))
+    return lambda *drops: ET.fromstring(certificate_of(calibration, signed, settings, drops))
+
+
+def test_the_temperature_is_stated_if_every_drop_has_one(write):
+    """Least and most of the readings; if one drop has none, how many have."""
+    read = [
+        RecordedDrop(Environment(Quantity(value, 0.5)), "simulated") for value in (21.0, 23.5, 22.0)
+    ]
+    made = write(*read)
     condition = made.find(".//dcc:influenceCondition", NAMESPACES)
     values = [one.text for one in condition.iterfind(".//si:value", NAMESPACES)]
     assert values == ["21", "23.5"]
     assert faults(made) == []
-    made = ET.fromstring(certificate_of(calibration, signed, settings.sensor, [*read, None]))
+    made = write(*read, RecordedDrop(None, "simulated"))
     condition = made.find(".//dcc:influenceCondition", NAMESPACES)
     assert condition.find(".//si:value", NAMESPACES) is None
     said = condition.findtext(".//dcc:text/dcc:content", None, NAMESPACES)
     assert said == "It was recorded at 3 of 4 drops."
+
+
+def test_a_calibration_of_another_cell_is_refused(write):
+    """The settings give the serial number, so the drops must have been made with that cell."""
+    with pytest.raises(CertificateError, match=r"of the cell SN 1, and the settings .* simulated"):
+        write(RecordedDrop(None, "simulated"), RecordedDrop(None, "SN 1"))
+
+
+def test_a_simulated_cell_is_called_one(write):
+    """Nobody takes the example for the certificate of a cell."""
+    said = [one.text for one in write().iterfind(".//dcc:statement//dcc:content", NAMESPACES)]
+    assert any("simulated" in one for one in said)
 
 
 def test_addresses_stay_out_of_recordings(rig):
