@@ -22,9 +22,10 @@ WORKERS ?= 2
 FAULT_WORKERS ?= 4
 LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
+DEB ?= dist
 
 .PHONY: help demo serve bench check test test-faults test-slow test-system test-integrations soak lint types contracts docstrings \
-  units audit lock sbom clean
+  units audit lock sbom deb clean
 
 help:  ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/make \1\t\2/p' $(MAKEFILE_LIST) | expand -t 18
@@ -103,6 +104,9 @@ lock: $(TOOLS)  ## systemd/requirements.txt anew: what an installation gets, wit
 sbom: $(TOOLS)  ## the bill of materials of the locked packages (CycloneDX): impactd.cdx.json
 	@$(BIN)/python -W ignore -m cyclonedx_py requirements --pyproject pyproject.toml --mc-type application \
 	  --output-reproducible --output-format JSON --output-file $(SBOM) $(LOCK)
+
+deb: | $(BIN)/python  ## the Debian package of this Python's minor version: dist/impactd_VERSION_ARCHITECTURE.deb
+	@systemd/debian/build $(DEB) $(BIN)/python
 
 clean:  ## remove the virtual environment and every cache
 	@rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

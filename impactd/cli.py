@@ -20,6 +20,7 @@ from impactd.console import (
     archive_commands,
     backup_commands,
     bridge_commands,
+    certificate_commands,
     daemon_commands,
     material_commands,
     new_command,
@@ -71,6 +72,7 @@ paper_command.add_to(app)
 schema_command.add_to(app)
 app.add_typer(token_commands.app, name="token")
 app.add_typer(bridge_commands.app, name="bridge")
+app.add_typer(certificate_commands.app, name="certificate")
 
 
 def main() -> None:

@@ -3,6 +3,8 @@
 Every number is the one that page and terminal show: of the latest fit that speaks for the shot.
 """
 
+# ruff: noqa: PLC0415 - the package of the extra `parquet` is needed here and nowhere else
+
 from __future__ import annotations
 
 import gzip
@@ -36,6 +38,14 @@ COLUMNS = (
     "because",
     "sha256",
 )
+_UNITS = {
+    "drop_height_m": "m",
+    "peak": "V",
+    "reduced_modulus_Pa": "Pa",
+    "u_Pa": "Pa",
+    "expanded_95_Pa": "Pa",
+}
+_COUNTED = ("shot", "calibration")
 _ABOUT = {
     "reduced_modulus_Pa": "E* of the pair, of the latest fit that speaks for the shot",
     "u_Pa": "its standard uncertainty (k = 1)",
@@ -119,6 +129,46 @@ def as_json(archive: Archive, selection: Selection) -> str:
         "shots": [row_of(archive, shot) for shot in selection.shots],
     }
     return json.dumps(found, ensure_ascii=False, allow_nan=False, indent=1) + "\n"
+
+
+class NoParquetError(Exception):
+    """The package that writes Parquet is not installed."""
+
+
+def as_parquet(archive: Archive, selection: Selection) -> bytes:
+    """Return the selection as Parquet, units and meanings with the columns.
+
+    Raises
+    ------
+    NoParquetError
+        Without the extra ``parquet``.
+    """
+    try:
+        import pyarrow
+        import pyarrow.parquet
+    except ImportError as error:
+        raise NoParquetError from error
+
+    def field(name: str) -> Any:
+        """Return a column's name, type, unit and meaning."""
+        kind = pyarrow.string()
+        if name in _UNITS:
+            kind = pyarrow.float64()
+        elif name in _COUNTED:
+            kind = pyarrow.int64()
+        told = {"unit": _UNITS.get(name), "description": _ABOUT.get(name)}
+        return pyarrow.field(
+            name, kind, metadata={key: value for key, value in told.items() if value is not None}
+        )
+
+    head = {"format": FORMAT, **{key: str(value) for key, value in _head(selection).items()}}
+    table = pyarrow.Table.from_pylist(
+        [row_of(archive, shot) for shot in selection.shots],
+        schema=pyarrow.schema([field(name) for name in COLUMNS], metadata=head),
+    )
+    sink = io.BytesIO()
+    pyarrow.parquet.write_table(table, sink)
+    return sink.getvalue()
 
 
 def as_zip(archive: Archive, selection: Selection) -> Iterator[bytes]:

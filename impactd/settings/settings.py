@@ -17,6 +17,7 @@ from typing import Any
 
 from pydantic import Field, ValidationError, model_validator
 
+from impactd.settings.certificate import CertificateSection
 from impactd.settings.errors import SettingsError, SettingsFinding, explain
 from impactd.settings.instrument import (
     DigitizerSection,
@@ -70,6 +71,7 @@ class Settings(Section):
     calibration: CalibrationSection = Field(default_factory=CalibrationSection)
     materials: MaterialsSection = Field(default_factory=MaterialsSection)
     environment: EnvironmentSection | None = None
+    certificate: CertificateSection | None = None
     simulation: SimulationSection | None = None
 
     @property
@@ -80,9 +82,10 @@ class Settings(Section):
     def snapshot(self) -> dict[str, Any]:
         """Return what a shot file keeps of the settings: JSON-ready, without secrets.
 
-        The simulation's section stays out: it would tell the analysis what it is to find out.
+        The simulation's section stays out: it would tell the analysis what it is to find out. So
+        does the certificate's: names and addresses do not belong in recordings.
         """
-        kept = self.model_dump(mode="json", exclude={"simulation"})
+        kept = self.model_dump(mode="json", exclude={"simulation", "certificate"})
         kept["simulated"] = self.simulated
         if self.environment is not None and self.environment.command is not None:
             # The program alone: its arguments may hold a password of the sensor.

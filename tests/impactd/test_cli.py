@@ -45,6 +45,7 @@ def failed(result: subprocess.CompletedProcess[str]) -> str:
 def test_every_command_explains_itself_without_loading_anything_heavy():
     """`--help` answers from names and options alone: no numpy, no web framework is imported."""
     commands = ["", *COMMANDS, "token create", "token list", "token revoke"]
+    commands += ["certificate write", "certificate read"]
     code = (
         "import sys; from impactd.cli import app\n"
         "for command in sys.argv[1:]:\n"

@@ -55,13 +55,22 @@ def test_makefile_lists_what_readme_names() -> None:
 
 
 @pytest.mark.parametrize(
-    "document", ["README.md", "systemd/README.md", "impactd/README.md", "config/README.md", *GUIDES]
+    "document",
+    [
+        "README.md",
+        "systemd/README.md",
+        "impactd/README.md",
+        "config/README.md",
+        "impactd/certificates/README.md",
+        "systemd/container/README.md",
+        *GUIDES,
+    ],
 )
 def test_each_command_and_option_exists(document: str) -> None:
     """Each `impactd` command in a document's blocks has a help page that names its options."""
     blocks = re.findall(r"```(?:sh)?\n(.*?)```", (ROOT / document).read_text(), flags=re.S)
     for line in "\n".join(blocks).splitlines():
-        found = re.search(r"(?:^|\$\(|/bin/)impactd ((?:token )?[a-z-]+)(.*)", line)
+        found = re.search(r"(?:^|\$\(|/bin/)impactd ((?:(?:token|certificate) )?[a-z-]+)(.*)", line)
         if not found or line.lstrip().startswith("#"):
             continue
         words, rest = found[1].split(), found[2]

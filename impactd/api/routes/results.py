@@ -118,7 +118,7 @@ def chart(  # noqa: PLR0917 - the framework fills them by name
 @router.get("/export", response_class=Response)
 def export(  # noqa: PLR0917 - the framework fills them by name
     daemon: TheDaemon,
-    format: Annotated[Literal["csv", "csv.gz", "json", "hdf5"], Query()] = "csv",
+    format: Annotated[Literal["csv", "csv.gz", "json", "parquet", "hdf5"], Query()] = "csv",
     shots: Annotated[
         str | None, Query(min_length=1, max_length=4000, description="For example 3, 5, 8-19.")
     ] = None,
@@ -127,7 +127,7 @@ def export(  # noqa: PLR0917 - the framework fills them by name
     since: Moment = None,
     until: Moment = None,
 ) -> Response:
-    """Download a selection: numbers as CSV or JSON, or a zip of the shots' files with that CSV."""
+    """Download a selection: numbers as CSV, JSON or Parquet, or a zip of files with the CSV."""
     by = {
         "sphere": sphere,
         "surface": surface,
@@ -148,6 +148,12 @@ def export(  # noqa: PLR0917 - the framework fills them by name
             media_type="application/zip",
             headers=_attached(f"{name}.zip"),
         )
+    if format == "parquet":
+        return Response(
+            _parquet(daemon, chosen),
+            media_type="application/vnd.apache.parquet",
+            headers=_attached(f"{name}.parquet"),
+        )
     made, media_type = {
         "csv": (selection.as_csv, "text/csv; charset=utf-8"),
         "csv.gz": (selection.as_gzip, "application/gzip"),
@@ -156,6 +162,17 @@ def export(  # noqa: PLR0917 - the framework fills them by name
     return Response(
         made(daemon.archive, chosen), media_type=media_type, headers=_attached(f"{name}.{format}")
     )
+
+
+def _parquet(daemon: Daemon, chosen: selection.Selection) -> bytes:
+    try:
+        return selection.as_parquet(daemon.archive, chosen)
+    except selection.NoParquetError as error:
+        raise ProblemError(
+            "invalid",
+            "The daemon cannot write Parquet: its extra `parquet` is not installed.",
+            remedy="Take the CSV, or install impactd[parquet] where the daemon runs.",
+        ) from error
 
 
 def _attached(name: str) -> dict[str, str]:

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
-import pytest
+import json
 
+import pytest
+from typer.testing import CliRunner
+
+from impactd.cli import app
 from impactd.console.calibration_chart import history, history_table
 from impactd.data_lock import read_holder
+from impactd.settings.settings import find_config
 
 from .conftest import until
 
@@ -39,6 +44,38 @@ def test_a_calibration_runs_its_plan_and_becomes_the_current_one(rig, calibratio
     assert current["number"] == calibration["number"]
     assert current["valid_until_utc"] > current["finished_utc"]
     assert rig.reader.get("/v1/calibrations").json()["items"][0] == calibration
+
+
+CERTIFICATE = """
+[certificate]
+laboratory = { name = "Impact Laboratory", city = "Braunschweig", country_code = "DE" }
+customer = { name = "Impact Laboratory", city = "Braunschweig", country_code = "DE" }
+responsible = "A. Person"
+role = "head of the laboratory"
+performance_location = "laboratory"
+cell_manufacturer = "Cell Works"
+cell_model = "LC 201"
+"""
+
+
+def test_a_calibration_of_drops_becomes_a_certificate(rig, calibration, tmp_path):
+    """Beside the running daemon; the drops must be of the cell that the settings name."""
+    text = find_config("simulated.toml").read_text("utf-8") + CERTIFICATE
+    (tmp_path / "materials.toml").write_bytes(find_config("materials.toml").read_bytes())
+    config = tmp_path / "impactd.toml"
+    words = ["certificate", "write", str(calibration["number"]), "--identifier", "1"]
+    words += ["--data", str(rig.daemon.archive.directory), "--config", str(config)]
+
+    config.write_text(text.replace('serial_number = "simulated"', 'serial_number = "SN 2"'))
+    refused = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "no.xml")])
+    assert "is of the cell simulated" in str(refused.exception)
+
+    config.write_text(text)
+    made = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "yes.xml")])
+    assert made.exit_code == 0, made.output
+    read = CliRunner().invoke(app, ["certificate", "read", str(tmp_path / "yes.xml"), "--json"])
+    gain = calibration["result"]["hsd"]["gain_N_per_V"]
+    assert json.loads(read.output)["values"]["hsd_n_per_v"]["u"] == pytest.approx(gain["u"], 1e-3)
 
 
 def test_a_slot_never_runs_twice(rig, calibration):

@@ -8,7 +8,10 @@ import hashlib
 import io
 import json
 import math
+import sys
 import zipfile
+
+import pyarrow.parquet
 
 
 def test_a_pair_has_mean_scatter_and_chart(rig, shot):
@@ -56,6 +59,30 @@ def test_a_selection_leaves_with_the_numbers_of_the_page(rig, shot):
     assert gzip.decompress(packed.content).decode() == text
     said = json.loads(rig.reader.get(at, params={"shots": str(number), "format": "json"}).text)
     assert said["shots"][0]["reduced_modulus_Pa"] == modulus["value"]
+
+
+def test_parquet_holds_the_numbers_of_the_csv(rig, shot):
+    """Typed columns with their units, the same values; a reader needs nothing of impactd."""
+    at, shots = "/v1/results/export", {"shots": str(shot["number"])}
+    text = rig.reader.get(at, params=shots).text
+    (row,) = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
+    answer = rig.reader.get(at, params={**shots, "format": "parquet"})
+    assert answer.headers["content-type"] == "application/vnd.apache.parquet"
+    table = pyarrow.parquet.read_table(io.BytesIO(answer.content))
+    (found,) = table.to_pylist()
+    assert {name: "" if value is None else str(value) for name, value in found.items()} == row
+    assert found["shot"] == shot["number"]
+    assert table.schema.field("reduced_modulus_Pa").metadata[b"unit"] == b"Pa"
+    assert table.schema.metadata[b"software"].startswith(b"impactd ")
+
+
+def test_without_the_extra_parquet_is_refused(rig, shot, monkeypatch):
+    """One sentence says which extra is missing, and what can be had without it."""
+    monkeypatch.setitem(sys.modules, "pyarrow.parquet", None)
+    at = {"shots": str(shot["number"]), "format": "parquet"}
+    answer = rig.reader.get("/v1/results/export", params=at)
+    assert answer.status_code == 422
+    assert "impactd[parquet]" in answer.json()["remedy"]
 
 
 def test_a_zip_holds_the_files_as_they_were_stored(rig, shot):

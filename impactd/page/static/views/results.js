@@ -10,7 +10,7 @@ import { choice, field } from "../parts/fields.js";
 import { modulusCard, once } from "../parts/modulus_card.js";
 
 const ORDER = ["fitted", "reference", "withheld"];
-const FORMATS = [["csv", "Numbers as CSV"], ["csv.gz", "Numbers as CSV, packed (gzip)"], ["json", "Numbers as JSON"], ["hdf5", "Records as NeXus HDF5, in a zip"]];
+const FORMATS = [["csv", "Numbers as CSV"], ["csv.gz", "Numbers as CSV, packed (gzip)"], ["json", "Numbers as JSON"], ["parquet", "Numbers as Parquet"], ["hdf5", "Records as NeXus HDF5, in a zip"]];
 
 export async function showResults(place, { signal }) {
   const since = field("From", { type: "date" });

@@ -1,0 +1,1 @@
+"""Digital calibration certificates (DCC): of a calibration out, of a load cell in."""
