@@ -63,6 +63,7 @@ def test_the_official_schema(certificate):
     schema.assertValid(etree.parse(str(certificate)))
 
 
+@pytest.mark.integration
 def test_the_ptb_s_rules_find_no_error(certificate):
     """The DCC's Schematron, as the PTB's dcclib ships it, has no error to report."""
     validation = pytest.importorskip("dcclib.validation")
@@ -89,6 +90,7 @@ def pydcc(monkeypatch):
     return module.DCC
 
 
+@pytest.mark.integration
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 def test_pydcc_reads_the_values_back(certificate, rig, pydcc):
     """A reader that knows nothing of impactd gets every value, unit and uncertainty with k = 2."""
