@@ -8,6 +8,8 @@ from typing import Any
 K_95 = 1.96
 """Coverage factor of 95 % of a normal distribution (JCGM 100, G.3.4), where JSON tells none. It is
 `analysis.fit.measurand.NORMAL95`, which would load numpy before a number can be printed."""
+MOST_DECIMALS = 9
+"""As many as the page writes; smaller and larger numbers have a power of ten."""
 
 
 def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:
@@ -46,6 +48,9 @@ def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:
         upper = "any" if high is None else f"{high * scale:.2g}"
         return f"{value:.2g} (95 %: {low * scale:.2g} .. {upper})"
     digits = max(0, 1 - math.floor(math.log10(expanded)))
-    if digits > 6 or abs(value) >= 1e7:
-        return f"{value:.6g} {sign} {expanded:.2g}"
+    if digits > MOST_DECIMALS or max(abs(value), expanded) >= 1e7:
+        power = math.floor(math.log10(max(abs(value), expanded)))
+        places = max(0, power + 1 - math.floor(math.log10(expanded)))
+        both = (f"{one / 10**power:.{places}f}" for one in (value, expanded))
+        return f"({f' {sign} '.join(both)})e{power:+03d}"
     return f"{value:.{digits}f} {sign} {expanded:.{digits}f}"
