@@ -55,8 +55,8 @@ bench: $(TOOLS)  ## every benchmark, each as a ratio measured in the same run
 	@$(BIN)/impactd bench $(ARGS)
 
 docs: $(TOOLS)  ## the manual as a site, warnings as errors: impactd/guides/site, served at /guides
-	@$(BIN)/sphinx-build --quiet --fail-on-warning --keep-going --conf-dir impactd/guides --doctree-dir $(VENV)/.docs \
-	  . impactd/guides/site $(ARGS)
+	@$(BIN)/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going \
+	  --conf-dir impactd/guides --doctree-dir $(VENV)/.docs . impactd/guides/site $(ARGS)
 	@echo "impactd/guides/site/impactd/guides/README.html; a running daemon serves it at /guides"
 
 lint: $(TOOLS)

@@ -48,6 +48,7 @@ html_math_renderer = "mathml"
 
 html_theme = "furo"
 html_title = "impactd: the manual"
+html_favicon = "../page/static/css/icon.svg"
 html_static_path = ["static"]
 html_css_files = ["colours.css"]
 templates_path = ["theme"]

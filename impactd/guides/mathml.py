@@ -15,6 +15,10 @@ from sphinx.util import logging
 from sphinx.writers.html5 import HTML5Translator
 
 _log = logging.getLogger(__name__)
+_DIGIT_FRACTION = re.compile(r"(\\[td]?frac)\s*(\d)\s*(\d)")
+"""TeX reads one digit for each argument, docutils all digits for the first."""
+_MISREAD = re.compile(r"\\[td]?frac\s*[^{\sa-z]\S*|\\sqrt\s*\d\d+|[\^_]\s*\d\d+")
+"""Where docutils would take more digits for one argument than TeX does, without a word."""
 
 
 def _inline(writer: HTML5Translator, node: nodes.math) -> None:
@@ -28,12 +32,20 @@ def _display(writer: HTML5Translator, node: nodes.math_block) -> None:
 
 
 def _mathml(node: nodes.Element, *, as_block: bool) -> str:
-    text = re.sub(r"\\dots\b", r"\\ldots", node.astext())  # the one command docutils lacks
     try:
-        return str(tex2mathml(text, as_block=as_block))
+        return mathml_of(node.astext(), as_block=as_block)
     except MathError as error:
-        _log.warning("an equation cannot be drawn: %s: %s", text, error, location=node)
+        _log.warning("an equation cannot be drawn: %s: %s", node.astext(), error, location=node)
         return ""
+
+
+def mathml_of(tex: str, *, as_block: bool) -> str:
+    """Return MathML, or raise `MathError` where docutils cannot read the equation or misreads it."""
+    text = _DIGIT_FRACTION.sub(r"\1{\2}{\3}", tex).replace(r"\dots", r"\ldots")
+    misread = _MISREAD.search(text)
+    if misread:
+        raise MathError(f"put braces around the arguments at {misread[0]!r}")
+    return str(tex2mathml(text, as_block=as_block))
 
 
 def setup(app: Sphinx) -> dict[str, bool]:

@@ -13,8 +13,10 @@ from types import ModuleType
 from urllib.parse import unquote, urlparse
 
 import pytest
+from docutils.utils.math import MathError
 
 from impactd.guides.files import DOWNLOADS, FIRST
+from impactd.guides.mathml import mathml_of
 
 ROOT = Path(__file__).parents[2]
 GUIDES = ROOT / "impactd" / "guides"
@@ -147,6 +149,27 @@ def test_equations_are_in_the_page(pages: dict[str, Page]) -> None:
     assert pages["impactd/guides/theory.html"].equations > 20
     assert pages["impactd/guides/equations.html"].equations > 40
     assert pages["analysis/diagnosis/METHOD.html"].equations > 20
+
+
+@pytest.mark.parametrize(
+    ("tex", "drawn"),
+    [
+        (r"\tfrac43 R", "<mn>4</mn> <mn>3</mn>"),
+        (r"\frac{1}{16}", "<mn>1</mn> <mn>16</mn>"),
+        (r"a_1 \dots a_9", "<mi>…</mi>"),
+        (r"x^{12}", "<mn>12</mn>"),
+    ],
+)
+def test_an_equation_is_drawn_as_tex_reads_it(tex: str, drawn: str) -> None:
+    """One digit is one argument; what docutils lacks has another name."""
+    assert drawn in " ".join(mathml_of(tex, as_block=False).split())
+
+
+@pytest.mark.parametrize("tex", [r"x^12", r"\sqrt24", r"\frac1{x}", r"\unheardof"])
+def test_an_equation_that_would_be_misread_is_refused(tex: str) -> None:
+    """A warning fails the build; a wrong equation would not."""
+    with pytest.raises(MathError):
+        mathml_of(tex, as_block=True)
 
 
 def test_every_effect_states_its_equations(site: Path) -> None:

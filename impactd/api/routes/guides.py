@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Request, Response
+from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import RedirectResponse
 
 from impactd.api.problems import ProblemError
+from impactd.api.routes import page
 from impactd.api.routes.diagnoses import REPORT_POLICY
-from impactd.api.routes.page import POLICY, answer_file
 from impactd.guides.files import DOWNLOADS, FIRST, guide_files
 from impactd.page.files import PageFile
+
+POLICY = page.POLICY.replace("form-action 'none'", "form-action 'self'")
+"""As of the technician's page, and the field of the search may be sent to the manual."""
 
 # Pages for people: the description of the API leaves them out.
 router = APIRouter(prefix="/guides", include_in_schema=False)
@@ -22,7 +25,13 @@ def first_page() -> Response:
     return RedirectResponse(f"/guides/{FIRST}")
 
 
-@router.get("/{name:path}")
+def _sent_by_pages(
+    v: str = "", q: str = "", check_keywords: str = "", area: str = "", highlight: str = ""
+) -> None:
+    """Name the query parameters of the site's own links and search; its scripts read them."""
+
+
+@router.get("/{name:path}", dependencies=[Depends(_sent_by_pages)])
 def guide_file(name: str, request: Request) -> Response:
     """Return one of the manual's files."""
     if not name:
@@ -32,7 +41,8 @@ def guide_file(name: str, request: Request) -> Response:
         raise ProblemError(
             "not-found", f"The manual has no file {name!r}.", remedy="Begin at /guides."
         )
-    return answer_file(found, request, REPORT_POLICY if name.startswith(DOWNLOADS) else POLICY)
+    policy = REPORT_POLICY if name.startswith(DOWNLOADS) else POLICY
+    return page.answer_file(found, request, policy)
 
 
 def _files() -> dict[str, PageFile]:

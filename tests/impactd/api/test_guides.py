@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from impactd.api.routes.diagnoses import REPORT_POLICY
-from impactd.api.routes.page import POLICY
+from impactd.api.routes.guides import POLICY
 from impactd.guides import files
 
 PICTURE = b"\x89PNG\r\n\x1a\n"
@@ -35,7 +35,7 @@ def site(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("address", ["/guides", "/guides/"])
 def test_guides_leads_to_the_first_page(rig, site, address):
-    """Without a token, under the same policy as the technician's page."""
+    """Without a token, under a policy that allows nothing inline and no other host."""
     asked = rig.anybody.get(address)
     assert asked.status_code == 307
     page = rig.anybody.get(asked.headers["location"])
@@ -43,6 +43,8 @@ def test_guides_leads_to_the_first_page(rig, site, address):
     assert page.headers["content-type"] == "text/html; charset=utf-8"
     assert page.headers["content-security-policy"] == POLICY
     assert "The manual" in page.text
+    assert "unsafe" not in POLICY
+    assert "http" not in POLICY
 
 
 @pytest.mark.parametrize(
@@ -92,6 +94,12 @@ def test_without_a_built_manual_the_answer_says_how_to_build_it(rig, monkeypatch
     files._files.cache_clear()
     assert rig.anybody.get("/guides/page.html").text == "built"
     files._files.cache_clear()
+
+
+@pytest.mark.parametrize("query", ["v=7f41d439", "q=noise&check_keywords=yes&area=default"])
+def test_the_queries_of_its_own_pages_are_known(rig, site, query):
+    """Links to scripts carry a checksum; the search carries its words."""
+    assert rig.anybody.get(f"/guides/searchindex.js?{query}").status_code == 200
 
 
 def test_only_get_is_known(rig, site):
