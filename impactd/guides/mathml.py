@@ -40,7 +40,7 @@ def _mathml(node: nodes.Element, *, as_block: bool) -> str:
 
 
 def mathml_of(tex: str, *, as_block: bool) -> str:
-    """Return MathML, or raise `MathError` where docutils cannot read the equation or misreads it."""
+    """Return MathML, or raise `MathError` where docutils cannot read an equation or misreads it."""
     text = _DIGIT_FRACTION.sub(r"\1{\2}{\3}", tex).replace(r"\dots", r"\ldots")
     misread = _MISREAD.search(text)
     if misread:
