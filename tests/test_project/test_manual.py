@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import shutil
 import subprocess
 import sys
+import threading
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -13,13 +17,19 @@ from types import ModuleType
 from urllib.parse import unquote, urlparse
 
 import pytest
+import uvicorn
 from docutils.utils.math import MathError
+from fastapi import Depends, FastAPI
 
+from impactd.api.known_query import refuse_unknown_query
+from impactd.api.routes import guides
+from impactd.guides import files
 from impactd.guides.files import DOWNLOADS, FIRST
 from impactd.guides.mathml import mathml_of
 
 ROOT = Path(__file__).parents[2]
 GUIDES = ROOT / "impactd" / "guides"
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 FETCHED = {
     "script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "use": "href",
 }  # fmt: skip
@@ -149,6 +159,51 @@ def test_equations_are_in_the_page(pages: dict[str, Page]) -> None:
     assert pages["impactd/guides/theory.html"].equations > 20
     assert pages["impactd/guides/equations.html"].equations > 40
     assert pages["analysis/diagnosis/METHOD.html"].equations > 20
+
+
+@pytest.fixture
+def address(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
+    """The site behind the daemon's own routes, with its policy."""
+    monkeypatch.setattr(files, "SITE", site)
+    files._files.cache_clear()
+    app = FastAPI(dependencies=[Depends(refuse_unknown_query)])
+    app.include_router(guides.router)
+    server = uvicorn.Server(uvicorn.Config(app, port=0, log_config=None, lifespan="off"))
+    thread = threading.Thread(target=server.run)
+    thread.start()
+    try:
+        while not server.started:
+            time.sleep(0.02)
+        yield f"http://127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join()
+        files._files.cache_clear()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium; on Debian: apt install chromium")
+def test_a_browser_shows_and_searches_the_manual_without_complaint(address: str) -> None:
+    """Nothing is refused by the policy, nobody else is asked, and the search finds a page."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+    complaints: list[str] = []
+    asked: set[str] = set()
+    with playwright.sync_playwright() as engine:
+        # Chromium refuses its own sandbox to root, who runs the tests in a container.
+        options = ["--no-sandbox"] if os.geteuid() == 0 else []
+        browser = engine.chromium.launch(executable_path=CHROMIUM, args=options)
+        tab = browser.new_page()
+        tab.on("console", lambda message: complaints.append(message.text))
+        tab.on("pageerror", lambda error: complaints.append(str(error)))
+        tab.on("request", lambda request: asked.add(request.url.split("/")[2]))
+        tab.goto(f"{address}/guides")
+        tab.get_by_role("link", name="Theory of operation").first.click()
+        tab.get_by_role("heading", name="Theory of operation").wait_for()
+        tab.get_by_placeholder("Search").first.fill("Schur")
+        tab.get_by_placeholder("Search").first.press("Enter")
+        tab.locator("ul.search a", has_text="0007").first.wait_for()
+        browser.close()
+    assert complaints == []
+    assert asked == {address.removeprefix("http://")}
 
 
 @pytest.mark.parametrize(
