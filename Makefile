@@ -24,7 +24,7 @@ LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
 DEB ?= dist
 
-.PHONY: help demo serve bench check test test-faults test-slow test-system test-integrations soak lint types contracts docstrings \
+.PHONY: help demo serve bench docs check test test-faults test-slow test-system test-integrations soak lint types contracts docstrings \
   units audit lock sbom deb clean
 
 help:  ## list the targets
@@ -54,6 +54,11 @@ serve: $(RUNTIME)  ## the daemon on the simulated rig, http://127.0.0.1:8642
 
 bench: $(TOOLS)  ## every benchmark, each as a ratio measured in the same run
 	@$(BIN)/impactd bench $(ARGS)
+
+docs: $(TOOLS)  ## the manual as a site, warnings as errors: impactd/guides/site, served at /guides
+	@$(BIN)/sphinx-build --quiet --fresh-env --write-all --fail-on-warning --keep-going \
+	  --conf-dir impactd/guides --doctree-dir $(VENV)/.docs . impactd/guides/site $(ARGS)
+	@echo "impactd/guides/site/impactd/guides/README.html; a running daemon serves it at /guides"
 
 lint: $(TOOLS)
 	@$(BIN)/ruff check --quiet .
@@ -109,4 +114,4 @@ deb: | $(BIN)/python  ## the Debian package of this Python's minor version: dist
 	@systemd/debian/build $(DEB) $(BIN)/python
 
 clean:  ## remove the virtual environment and every cache
-	@rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis
+	@rm -rf $(VENV) impactd/guides/site .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

@@ -2,7 +2,7 @@ r"""Sensor nonlinearity: sensitivity that changes with load.
 
 .. math:: V \to V + b V^2
 
-Source: first term past the linear one of any smooth characteristic. Validity: |b V| well below 1.
+Source: first term past the linear one of any smooth characteristic. Validity: abs(b V) far below 1.
 Validation: closed form in the tests.
 
 Scope: the rig's, there is one cell. b is per unit of the recorded signal, 1/V for voltages.

@@ -31,6 +31,7 @@ from impactd.api.routes import (
     effects,
     events,
     fits,
+    guides,
     health,
     log,
     materials,
@@ -70,6 +71,7 @@ _ROUTERS = (
     session.router,
     health.router,
     page.router,
+    guides.router,
 )
 _DESCRIPTION = """\
 Runs a sphere-drop impact rig and turns each drop into an elastic modulus.

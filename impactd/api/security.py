@@ -104,9 +104,14 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/"): PUBLIC,
     ("GET", "/docs"): PUBLIC,
     ("GET", "/page/{folder}/{name}"): PUBLIC,
+    ("GET", "/guides"): PUBLIC,
+    ("GET", "/guides/{name:path}"): PUBLIC,
 }
 
-_PATTERNS = {path: re.compile(re.sub(r"\{\w+\}", "[^/]+", path)) for _, path in ROUTE_SCOPES}
+_PATTERNS = {
+    path: re.compile(re.sub(r"\{\w+\}", "[^/]+", path.replace("{name:path}", ".*")))
+    for _, path in ROUTE_SCOPES
+}
 
 
 def methods_of(path: str) -> list[str]:

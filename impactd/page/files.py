@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -47,21 +48,36 @@ def page_files() -> dict[str, PageFile]:
         Without the drawing library where the package ``plotly`` is not installed; the page then
         says so in place of its charts.
     """
-    found = {
-        path.relative_to(STATIC).as_posix(): path
-        for path in sorted(STATIC.rglob("*"))
-        if path.suffix in _MEDIA_TYPES
-    }
+    found = files_below(STATIC, _MEDIA_TYPES)
     plotly = _plotly()
     if plotly is not None:
-        found[PLOTLY_NAME] = plotly
-    return {name: _page_file(path) for name, path in found.items()}
+        found[PLOTLY_NAME] = _page_file(plotly, _MEDIA_TYPES[".js"])
+    return found
 
 
-def _page_file(path: Path) -> PageFile:
+def files_below(
+    folder: Path, media_types: Mapping[str, str], *, other: str | None = None
+) -> dict[str, PageFile]:
+    """Return the files of a folder and its folders by their path in it.
+
+    Parameters
+    ----------
+    media_types : mapping of str to str
+        By ending.
+    other : str, optional
+        The media type of every other ending; without it such files are left out.
+    """
+    return {
+        path.relative_to(folder).as_posix(): _page_file(path, kind)
+        for path in sorted(folder.rglob("*"))
+        if path.is_file() and (kind := media_types.get(path.suffix, other)) is not None
+    }
+
+
+def _page_file(path: Path, media_type: str) -> PageFile:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return PageFile(path, _MEDIA_TYPES[path.suffix], f'"{digest[:32]}"')
+    return PageFile(path, media_type, f'"{digest[:32]}"')
 
 
 def _plotly() -> Path | None:

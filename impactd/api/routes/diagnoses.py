@@ -20,9 +20,10 @@ from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisPage
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
 
-_PAGE_POLICY = (
+REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
 )
+"""A report is complete in itself: its styles and pictures are inside, and it has no script."""
 
 
 @router.post("", status_code=202)
@@ -111,7 +112,7 @@ def report(diagnosis_id: Number, daemon: TheDaemon) -> HTMLResponse:
     if job.result is None:
         raise ProblemError("not-found", f"Diagnosis {diagnosis_id} is {job.state}; no report yet.")
     return HTMLResponse(
-        job.result["report_html"], headers={"Content-Security-Policy": _PAGE_POLICY}
+        job.result["report_html"], headers={"Content-Security-Policy": REPORT_POLICY}
     )
 
 

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Request, Response
 from fastapi.responses import FileResponse, HTMLResponse
 
 from impactd.api.problems import ProblemError
-from impactd.page.files import page_files
+from impactd.page.files import PageFile, page_files
 
 router = APIRouter(tags=["page"])
 
@@ -50,11 +50,16 @@ def _answer(name: str, request: Request) -> Response:
     found = page_files().get(name)
     if found is None:
         raise ProblemError("not-found", f"The page has no file {name!r}.")
+    return answer_file(found, request, POLICY)
+
+
+def answer_file(found: PageFile, request: Request, policy: str) -> Response:
+    """Return a file, or 304 to whoever has it already."""
     headers = {
         "ETag": found.etag,
         # Asked again each time, answered by 304: an update of the daemon shows at once.
         "Cache-Control": "no-cache",
-        "Content-Security-Policy": POLICY,
+        "Content-Security-Policy": policy,
     }
     if found.etag in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)

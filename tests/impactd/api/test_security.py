@@ -38,7 +38,8 @@ def test_every_route_stands_in_the_table_and_nothing_else_does(rig):
         for path, operations in app.openapi()["paths"].items()
         for method in operations
     }
-    assert routes | {("GET", "/openapi.json")} == set(ROUTE_SCOPES)
+    undescribed = {"/openapi.json", "/guides", "/guides/{name:path}"}
+    assert routes | {("GET", path) for path in undescribed} == set(ROUTE_SCOPES)
 
 
 @pytest.mark.parametrize(
@@ -115,7 +116,9 @@ def test_public_and_loopback_routes_answer_without_a_token(rig):
     """Health, metrics and status can be watched from the same machine without a secret."""
     for (method, path), needed in ROUTE_SCOPES.items():
         if needed in (PUBLIC, LOOPBACK):
-            assert rig.anybody.request(method, _path(path)).status_code == 200, path
+            # the manual may not be built; tests/impactd/api/test_guides.py has one
+            usual = {307, 404} if path.startswith("/guides") else {200}
+            assert rig.anybody.request(method, _path(path)).status_code in usual, path
 
 
 @pytest.mark.parametrize(
