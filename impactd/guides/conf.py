@@ -36,7 +36,7 @@ exclude_patterns = [
     "impactd-*",
     "my-campaign",
     "impactd/guides/site",
-    "impactd/paper/page_template.md",  # half a page: `impactd paper` fills it in
+    "impactd/reports/templates",  # of pages: `impactd paper` and the reports fill them in
 ]
 
 myst_enable_extensions = ["dollarmath"]
