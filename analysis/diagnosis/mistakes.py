@@ -91,11 +91,7 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     one with more squares.
     """
     tried: list[tuple[Mistake, JointProblem, joint.Fitted]] = []
-    structure = step.score_test.beyond_labels
-    if structure is None:
-        structure = step.score_test.left
-    least = CRITERIA.structure.odd_part * structure
-    for likely in (*_likeliest(step, least), *_labels(step)):
+    for likely in (*_likeliest(step), *_labels(step)):
         progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
         problem, fitted = fit_base(likely.restated)
         paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
@@ -131,11 +127,15 @@ def _labels(step: Step) -> list[Mistake]:
 
 
 @np.errstate(over="ignore", invalid="ignore")  # far from the records a motion may run away
-def _likeliest(step: Step, least: float) -> list[Mistake]:
-    """Return the mistakes that promise at least so many squares, each with its number, in order."""
+def _likeliest(step: Step) -> list[Mistake]:
+    """Return the mistakes that promise most of what stated uncertainties leave, in order.
+
+    Both are told by the same linearisation: far from the records it promises too little of both.
+    """
     known = _Known.at(step)
     if known is None:
         return []
+    least = CRITERIA.structure.odd_part * max(step.score_test.left - known.fall_of_known, 0.0)
     ways = [*_numbers(known), *_moduli(known), *_changes(known)]
     ways.sort(key=lambda way: -way[0])
     found: list[Mistake] = []
@@ -197,6 +197,12 @@ class _Known:
     def size(self) -> int:
         """Return how many numbers are known: globals and stated ones."""
         return self.vector.size - len(self.doubted)
+
+    @property
+    def fall_of_known(self) -> float:
+        """Return by how much the squares fall where stated numbers move within their statements."""
+        matrix, vector = self.matrix[: self.size, : self.size], self.vector[: self.size]
+        return float(vector @ np.linalg.lstsq(matrix, vector, rcond=None)[0])
 
     def place_of(self, one: Input) -> int | None:
         """Return where a doubted number is among the stated ones."""
@@ -428,9 +434,10 @@ def _amplified(known: _Known, since: float | None) -> tuple[float, float, Campai
 
     def as_at_first(shot: Shot) -> Shot:
         by = math.exp(found[0] * weights.get(id(shot), 0.0))
-        return dataclasses.replace(
-            shot, signal=shot.code_zero + by * (shot.signal - shot.code_zero)
-        )
+        signal = shot.code_zero + by * (shot.signal - shot.code_zero)
+        # a full scale is known by the step: it is as many volts less
+        quantum = None if shot.quantum is None else by * shot.quantum
+        return dataclasses.replace(shot, signal=signal, quantum=quantum)
 
     shots = tuple(as_at_first(shot) for shot in problem.campaign.shots)
     return -found[0], found[1], dataclasses.replace(problem.campaign, shots=shots)

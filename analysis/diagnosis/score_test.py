@@ -80,9 +80,6 @@ class ScoreTest:
     surplus: float = 0.0
     """Whitened squares beyond the noise's own, where these are too many for noise. No family need
     have seen them."""
-    beyond_labels: float | None = None
-    """What is ``left`` where masses, radii and heights are free within what is stated of them; None
-    where nobody asked."""
 
     @property
     def structured(self) -> bool:
@@ -126,12 +123,10 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
         return linearised, found  # every number is exact
     won = fitted.cost - free[1].cost
     if free[1].converged and found.is_more_than(won):
-        return linearised, dataclasses.replace(found, beyond_labels=found.left - won)
+        return linearised, found
     again = linearise(*free, inexact=discrepancy(*free))
     freed = run_score_test(again)
-    if freed.structured:
-        return linearised, dataclasses.replace(found, beyond_labels=freed.left)
-    return again, freed
+    return (linearised, found) if freed.structured else (again, freed)
 
 
 def run_score_test(linearised: Linearised) -> ScoreTest:

@@ -60,9 +60,11 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     free_after = free_before if after is before else _with_free_inputs(after, last)
     base, stated = _block(free_before), _block(free_after)
     located = diagnosis.located
-    explained = not diagnosis.leaves_noise and is_noise_without_statements(free_after)
+    explained = False
     if not diagnosis.leaves_noise:
-        of_base = explained if after is before else is_noise_without_statements(free_before)
+        explained = of_base = is_noise_without_statements(last.problem, free_after)
+        if after is not before:
+            of_base = is_noise_without_statements(first.problem, free_before)
         withhold_sought(base, free_before, explained=of_base)
         withhold_sought(stated, free_after, explained=explained)
     elif diagnosis.rivals:

@@ -7,6 +7,7 @@ interval reaches to the ends of every one of theirs.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,8 +20,10 @@ from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.score_test import check_residual
-from analysis.fit.freed_inputs import inputs_freed
+from analysis.fit import joint
+from analysis.fit.freed_inputs import SETTLING_STEPS, inputs_freed
 from analysis.fit.measurand import NORMAL95, measurand
+from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
 
@@ -35,16 +38,27 @@ KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness", "stiffness_over_mass
 """What is known of a pair whatever its reduced modulus is."""
 
 
-def is_noise_without_statements(result: FitResult) -> bool:
+def is_noise_without_statements(stated: JointProblem, result: FitResult) -> bool:
     """Return whether nothing but noise is left without the statements that the shots contradict.
 
-    A sum of squares is a weak test: a height that was wrong by a quarter moved 54 shots' by less
-    than chance does, and another statement seemed to explain it.
+    ``stated`` is the problem with masses, heights and the like as they are stated. A sum of squares
+    is a weak test: a height that was wrong by a quarter moved that of 54 shots by less than chance
+    does, and another statement seemed to explain it. So the score test is asked where the shots put
+    all these numbers.
     """
     clear = result.without_conflicts
     if clear is None or not result.explained_by_a_statement:
         return False
-    return not check_residual(clear.problem, clear.fitted)[1].structured
+    wide, theta, own = clear.problem, clear.fitted.theta, len(stated.names)
+    moved = dataclasses.replace(
+        stated,
+        shots=[wide.item_at(item, theta) for item in stated.shots],
+        prior_mean=wide.prior_mean[:own],
+        prior_precision=wide.prior_precision[:own, :own],
+    )
+    nuisances = clear.fitted.nuisances
+    near = joint.fit(moved, nuisances, theta=theta[:own], max_iterations=SETTLING_STEPS)
+    return not near.failed and not check_residual(moved, near)[1].structured
 
 
 def withhold_sought(block: Json, result: FitResult, *, explained: bool) -> None:

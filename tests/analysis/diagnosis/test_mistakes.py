@@ -85,7 +85,7 @@ def amplified(whole: Campaign, factor: Callable[[int], float]) -> Campaign:
 
 def likeliest(whole: Campaign) -> Mistake:
     """Return what promises most."""
-    return mistakes._likeliest(base_of(whole), 0.0)[0]
+    return mistakes._likeliest(base_of(whole))[0]
 
 
 def test_a_wrong_mass_promises_most_and_its_value_is_right(clean: Campaign) -> None:
@@ -125,6 +125,7 @@ def test_a_gain_that_is_switched_is_found_at_its_shot(clean: Campaign) -> None:
     assert abs(factor - 0.95) < 4.0 * u + 1e-3
     again, first = found.restated.shots[-1], clean.shots[-1]
     assert max(abs(again.signal - first.signal)) < 0.01 * max(abs(first.signal))
+    assert again.quantum == pytest.approx(first.quantum / 0.95, rel=0.01)  # and with it the range
 
 
 def test_a_slow_drift_is_no_switch(clean: Campaign) -> None:
@@ -152,7 +153,7 @@ def test_a_coupon_that_is_exchanged_is_two_coupons(tmp_path: Path) -> None:
 
 def test_a_stated_modulus_that_is_wrong_is_told_with_what_fits(clean: Campaign) -> None:
     """It is to be found then; of two that contradict each other either may be the wrong one."""
-    known = mistakes._likeliest(base_of(with_modulus(clean, 1.4)), 0.0)
+    known = mistakes._likeliest(base_of(with_modulus(clean, 1.4)))
     assert known[0].id == "wrong_modulus"
     found = next(
         m for m in known if (m.id, m.kind, m.name) == ("wrong_modulus", "sphere", "acetal")
