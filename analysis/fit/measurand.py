@@ -22,8 +22,6 @@ def measurand(
 
     Parameters
     ----------
-    value, u : float
-        Best estimate and standard uncertainty, in ``unit``.
     unit : str
         In UCUM's spelling as far as it goes.
     log : bool
@@ -58,21 +56,14 @@ def measurand(
 def young_from_plane_strain(
     log_plane: float, u_log: float, prior: Quantity | None, ratio: Quantity
 ) -> tuple[float, float]:
-    r"""Return Young's modulus and its relative standard uncertainty from a fitted E'.
+    """Return Young's modulus and its relative standard uncertainty from a fitted E'.
 
     Parameters
     ----------
     log_plane, u_log : float
         ln E' with E' in Pa, and its standard uncertainty.
     prior : Quantity or None
-        Young's modulus as stated beforehand; None where it is to be found. [Pa]
-    ratio : Quantity
-        Poisson's ratio, which no normal impact can tell.
-
-    Returns
-    -------
-    tuple of float
-        E [Pa] and u(E)/E.
+        Young's modulus as stated beforehand; None if it is to be found. [Pa]
 
     Notes
     -----

@@ -60,10 +60,7 @@ class Outcome:
 def outcome_of(problem: JointProblem, fitted: Fitted) -> Outcome:
     """Return how a fit ended, in words.
 
-    Returns
-    -------
-    Outcome
-        What is out of its physical range counts before what has not converged.
+    A number out of its physical range counts before a fit that has not converged.
     """
     if fitted.failed:
         return Outcome(
