@@ -29,10 +29,7 @@ def library() -> dict[str, Effect]:
 def effect_named(name: str) -> Effect:
     """Return an effect by its id.
 
-    Parameters
-    ----------
-    name : str
-        E.g. ``coupler_highpass``, or a variant's, ``amplifier_lowpass:second_order``.
+    E.g. ``coupler_highpass``, or a variant, ``amplifier_lowpass:second_order``.
 
     Raises
     ------

@@ -40,23 +40,9 @@ def speed_in_air(
     air_density_kg_per_m3: float = AIR_DENSITY_KG_PER_M3,
     air_viscosity_pa_s: float = AIR_VISCOSITY_PA_S,
 ) -> float:
-    """Return the speed of a sphere after a fall from rest.
+    """Return the speed of a sphere after a fall through air from rest. [m/s]
 
-    Parameters
-    ----------
-    height_m : float
-        Height of fall, > 0. [m]
-    radius_m, mass_kg : float
-        Sphere. [m, kg]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    air_density_kg_per_m3, air_viscosity_pa_s : float
-        Of the air. [kg/m^3, Pa s]
-
-    Returns
-    -------
-    float
-        0 for a sphere lighter than the air it displaces. [m/s]
+    0 for a sphere lighter than the air it displaces.
 
     Notes
     -----
