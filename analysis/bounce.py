@@ -38,21 +38,14 @@ _EDGE = 0.05
 
 @dataclass(frozen=True)
 class Landing:
-    """One impact of a bouncing sphere.
-
-    Attributes
-    ----------
-    onset_index : int
-        First sample of the pulse above 5 % of its height.
-    height : float
-        Largest excursion from the level before it. [unit of the signal]
-    width_samples : int
-        Samples from onset until the pulse is below 5 % again.
-    """
+    """One impact of a bouncing sphere."""
 
     onset_index: int
+    """First sample of the pulse above 5 % of its height."""
     height: float
+    """Largest excursion from the level before it. [unit of the signal]"""
     width_samples: int
+    """Samples from onset until the pulse is below 5 % again."""
 
 
 def _block_ranges(signal: NDArray[np.float64], block: int) -> NDArray[np.float64]:
@@ -103,21 +96,10 @@ def _first_polarity(signal: NDArray[np.float64], trigger: int, reach: int) -> in
 def landings(
     signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int
 ) -> tuple[Landing, ...]:
-    """Return all impacts of a record, the triggering one first.
+    """Return all impacts of a record in order of time, the triggering one first.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The record, any unit, either polarity.
-    sample_rate_hz : float
-        [Hz]
-    trigger_index : int
-        Sample near the first touch.
-
-    Returns
-    -------
-    tuple of Landing
-        In order of time; empty when nothing happens at the trigger.
+    The record may have any unit and either polarity; ``trigger_index`` is a sample near the first
+    touch. Empty when nothing happens at the trigger.
 
     Notes
     -----
@@ -243,16 +225,9 @@ def restitution_from_rebound_height(
     Parameters
     ----------
     rebound_height_m : Quantity
-        Of the sphere's lowest point, > 0. [m]
-    drop_height_m : float
-        Likewise, > 0. [m]
+        Of the sphere's lowest point, > 0, as the drop height. [m]
     speed_repeatability : float
         Relative standard deviation of the impact speed. [1]
-
-    Returns
-    -------
-    Quantity
-        Ratio with standard uncertainty.
 
     Raises
     ------

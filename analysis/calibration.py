@@ -139,7 +139,7 @@ def _hsd_json(hsd: FitResult | None) -> Json | None:
 
 
 def _why_not(shot: Shot, campaign: Campaign) -> str | None:
-    """Return why a shot cannot calibrate, None where it can."""
+    """Return why a shot cannot calibrate, None if it can."""
     sphere = campaign.spheres.get(shot.sphere or "")
     surface = campaign.surfaces.get(shot.surface or "")
     found = []

@@ -37,24 +37,16 @@ UNKNOWN_POISSONS_RATIO = Quantity(0.35, 0.1)
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """The uncertainty of a stated number; the number itself is a separate field.
-
-    Attributes
-    ----------
-    u : float
-        Standard uncertainty, >= 0, in the unit of the number.
-    distribution : str
-        ``normal`` or ``rectangular``; a rectangle's half-width is sqrt(3) u.
-    degrees_of_freedom : float
-        Of ``u``; infinite where it is not an estimate from repetitions.
-    traceable_to : str or None
-        A certificate, a standard, an instrument.
-    """
+    """The uncertainty of a stated number; the number itself is a separate field."""
 
     u: float
+    """Standard uncertainty, >= 0, in the unit of the number."""
     distribution: str = "normal"
+    """``normal`` or ``rectangular``; a rectangle's half-width is sqrt(3) u."""
     degrees_of_freedom: float = math.inf
+    """Of ``u``; infinite where it is not an estimate from repetitions."""
     traceable_to: str | None = None
+    """A certificate, a standard, an instrument."""
 
 
 @dataclass(frozen=True)
@@ -207,19 +199,10 @@ class Shot:
 
 
 def shot_words(place: int, name: str) -> str:
-    """Return how people know a shot: ``shot 17 (a.npy)``, or its number in the archive alone.
+    """Return a shot's name within a sentence: ``shot 17 (a.npy)``, or its number in the archive.
 
-    Parameters
-    ----------
-    place : int
-        In the campaign, from 0.
-    name : str
-        Of the shot; the archive's begin with ``shot``, and a place beside them would mislead.
-
-    Returns
-    -------
-    str
-        For the middle of a sentence.
+    ``place`` counts from 0 in the campaign. The archive's names begin with ``shot``, and a place
+    beside them would mislead.
     """
     return name if name.startswith("shot ") else f"shot {place} ({name})"
 

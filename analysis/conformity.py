@@ -31,20 +31,13 @@ NAMES = {"youngs_modulus_Pa": "E", "plane_strain_modulus_Pa": "E/(1-nu^2)"}
 class Limits:
     """What was asked of a modulus, and how it is decided.
 
-    Attributes
-    ----------
-    lower_pa, upper_pa : float or None
-        Tolerance limits; at least one. [Pa]
-    rule : str
-        One of `RULES`.
-    guard_factor : float
-        Guard band over the expanded uncertainty (95 %): r of w = r U. 1 asks that the whole 95 %
-        interval conforms.
-
     Raises
     ------
     AnalysisError
         If no limit is given, one is no modulus, or they leave nothing between them.
+    > upper_pa = Tolerance limits, ``lower_pa`` and this; at least one. [Pa]
+    > rule
+    > guard_factor
     """
 
     lower_pa: float | None = None
@@ -83,17 +76,7 @@ def probability_between(estimate: float, u: float, lower: float, upper: float) -
 
     .. math:: p_c = \Phi\left(\frac{T_U - y}{u}\right) - \Phi\left(\frac{T_L - y}{u}\right)
 
-    Parameters
-    ----------
-    estimate, u : float
-        Best estimate and standard uncertainty, ``u`` >= 0.
-    lower, upper : float
-        Limits; infinite where there is none.
-
-    Returns
-    -------
-    float
-        [1]
+    A limit is infinite if there is none.
 
     Notes
     -----
@@ -109,11 +92,6 @@ def probability_between(estimate: float, u: float, lower: float, upper: float) -
 
 def judge(name: str, value_pa: float, relative_u: float, limits: Limits) -> Json:
     """Decide whether a modulus conforms.
-
-    Parameters
-    ----------
-    value_pa, relative_u : float
-        Best estimate [Pa] and standard uncertainty of its logarithm.
 
     Returns
     -------
@@ -203,12 +181,8 @@ def _chance(p: float) -> str:
 def decide(budget: Json, material: str, measurand: str, limits: Limits) -> None:
     """Write a decision into ``impactd-budget/1``, under ``conformity`` of one modulus.
 
-    Parameters
-    ----------
-    budget : dict
-        Of all moduli; changed in place.
-    measurand : str
-        ``youngs_modulus_Pa`` or ``plane_strain_modulus_Pa``.
+    ``budget``, of all moduli, is changed in place; ``measurand`` is ``youngs_modulus_Pa`` or
+    ``plane_strain_modulus_Pa``.
 
     Raises
     ------

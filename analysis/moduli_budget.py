@@ -37,15 +37,7 @@ _OF_RIG = {
 def network_budgets(adjustment: Adjustment) -> list[Budget]:
     """Return the budgets of all moduli that a network states.
 
-    Parameters
-    ----------
-    adjustment : Adjustment
-        Of `analysis.moduli.adjust_network`.
-
-    Returns
-    -------
-    list of Budget
-        In the order of the materials; withheld moduli have none.
+    In the order of the materials; withheld moduli have none.
 
     Notes
     -----

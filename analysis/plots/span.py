@@ -17,11 +17,6 @@ LOUD = 6.0
 def span_us(stacks: Json) -> tuple[float, float]:
     """Return from when to when a stacked residual is worth drawing.
 
-    Parameters
-    ----------
-    stacks : dict
-        ``residual.*.stacks`` of ``impactd-diagnosis/1``.
-
     Returns
     -------
     low, high : float

@@ -25,24 +25,13 @@ _NEWTON_STEPS = 8
 
 
 def require_a_fit(result: FitResult) -> None:
-    """Refuse a fit that has no solution: there is nothing to draw around.
-
-    Raises
-    ------
-    AnalysisError
-        With the fit's own words.
-    """
+    """Refuse a fit that has no solution with an AnalysisError in the fit's own words."""
     if result.outcome.status == "not_evaluable":
         raise AnalysisError(f"There is no posterior: {result.outcome.message}")
 
 
 class JointDensity:
     """The log posterior density of all parameters, with its gradient.
-
-    Parameters
-    ----------
-    result : FitResult
-        A fit.
 
     Attributes
     ----------
@@ -69,34 +58,13 @@ class JointDensity:
         return x[: self._globals], x[self._globals :].reshape(self._shape)
 
     def __call__(self, x: Array) -> float:
-        """Return the log density; minus infinity where the model has no trace.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            In the order of ``names``.
-
-        Returns
-        -------
-        float
-            Relative to the mode.
-        """
+        """Return the log density relative to the mode; minus infinity without a trace."""
         return -0.5 * (total_cost(self.problem, *self.split(x)) - self._cost)
 
     def with_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the log density and its gradient, as samplers with gradients take them.
 
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            In the order of ``names``.
-
-        Returns
-        -------
-        value : float
-            Minus infinity where the model has no trace; the gradient is then zero.
-        gradient : ndarray, shape (n,)
-            Its derivative.
+        The density is minus infinity where the model has no trace; the gradient is then zero.
         """
         theta, nuisances = self.split(x)
         away = theta - self.problem.prior_mean
@@ -116,15 +84,8 @@ class JointDensity:
 class GlobalDensity:
     r"""The log posterior density of the globals, each shot's own parameters integrated out.
 
-    Parameters
-    ----------
-    result : FitResult
-        A fit.
-
     Attributes
     ----------
-    names : list of str
-        As in ``impactd-fit/1``.
     mode, covariance : ndarray, shape (g,), (g, g)
         Of Laplace's approximation, which is what the fit states.
 
@@ -155,18 +116,7 @@ class GlobalDensity:
         self._at_mode = self(self.mode)
 
     def __call__(self, theta: Array) -> float:
-        """Return the log density; minus infinity where the model has no trace.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (g,)
-            In the order of ``names``.
-
-        Returns
-        -------
-        float
-            Relative to the mode.
-        """
+        """Return the log density relative to the mode; minus infinity without a trace."""
         away = theta - self.problem.prior_mean
         found = -0.5 * float(away @ self.problem.prior_precision @ away)
         moved = theta - self.mode

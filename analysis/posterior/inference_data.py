@@ -23,14 +23,7 @@ if TYPE_CHECKING:
 def inference_data(result: FitResult, draws: Draws, *, seed: int) -> arviz.InferenceData:
     """Return draws as ArviZ's InferenceData.
 
-    Parameters
-    ----------
-    result : FitResult
-        The fit.
-    draws : Draws
-        Of its globals.
-    seed : int
-        Of the draws of Poisson's ratios, which no shot sees.
+    ``seed`` is that of the draws of Poisson's ratios, which no shot shows.
 
     Returns
     -------
