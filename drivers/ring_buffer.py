@@ -13,11 +13,6 @@ class RingBuffer:
 
     Positions count from 0 at the start of the stream and never wrap; only the memory does.
 
-    Parameters
-    ----------
-    capacity_samples : int
-        Samples kept, > 0. [1]
-
     Raises
     ------
     ConfigurationError
@@ -60,17 +55,9 @@ class RingBuffer:
         self._written = 0
 
     def append(self, block: NDArray[np.uint16]) -> int:
-        """Append a block.
+        """Append a block and return the position of its first sample in the stream.
 
-        Parameters
-        ----------
-        block : ndarray of uint16, shape (n,)
-            Samples in order. Only the last `capacity_samples` of them can survive.
-
-        Returns
-        -------
-        int
-            Position of ``block[0]`` in the stream. [1]
+        Only its last `capacity_samples` samples can survive.
         """
         first = self._written
         capacity = self._memory.size
@@ -85,19 +72,7 @@ class RingBuffer:
         return first
 
     def copy(self, first: int, count: int) -> NDArray[np.uint16]:
-        """Return samples ``[first, first + count)``.
-
-        Parameters
-        ----------
-        first : int
-            Position of the first sample in the stream. [1]
-        count : int
-            How many. [1]
-
-        Returns
-        -------
-        ndarray of uint16, shape (count,)
-            A copy that later writing cannot change.
+        """Return a copy of samples ``[first, first + count)`` that later writing cannot change.
 
         Raises
         ------

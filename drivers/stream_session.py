@@ -1,6 +1,6 @@
 """One run at a time on a streaming board: collect, arm, wait, stop, from any thread.
 
-What every streaming digitizer of this house does the same way; a board adds its source of bytes
+This is the same for every streaming digitizer of this project; a board adds its source of bytes
 and its start and stop sequences.
 """
 
@@ -39,16 +39,12 @@ class StreamSession:
 
     Parameters
     ----------
-    ring : RingBuffer
-        Where samples go.
     sample_rate_hz : float
         For limits of time. [Hz]
-    transfer_bytes : int
-        Size of one read. [B]
     observe : callable, optional
         Sees each block inside the ring: ``(ring, first, count)``.
     make_pace : callable, optional
-        Makes what holds the count of a record's samples against the clock.
+        Makes what compares the count of a record's samples with the clock.
 
     Attributes
     ----------
@@ -81,7 +77,7 @@ class StreamSession:
 
     @property
     def broken(self) -> bool:
-        """Whether the last run ended in a way that calls for opening the board again."""
+        """Whether the last run ended in such a way that the board must be opened again."""
         run = self._run
         return self._broken or (run is not None and isinstance(run.error, _BREAKING))
 
@@ -90,17 +86,7 @@ class StreamSession:
     ) -> tuple[NDArray[np.uint16], tuple[int, ...]]:
         """Run until so many samples are there.
 
-        Parameters
-        ----------
-        source : BulkSource
-            Where bytes come from.
-        samples : int
-            How many. [1]
-
-        Returns
-        -------
-        tuple
-            Offset-binary codes, shape (samples,), and the status words.
+        Return offset-binary codes, shape (samples,), and the status words.
         """
         self._check_fits(samples)
         collector = Collector(samples)
@@ -119,17 +105,7 @@ class StreamSession:
         trigger: TriggerSettings,
         volts_per_code: float,
     ) -> None:
-        """Start a run that ends with one record, and wait until an impact would be seen.
-
-        Parameters
-        ----------
-        source : BulkSource
-            Where bytes come from.
-        trigger : TriggerSettings
-            When the record begins and how long it is.
-        volts_per_code : float
-            Size of a code. [V]
-        """
+        """Start a run that ends with one record, and wait until an impact would be seen."""
         capture = TriggeredCapture(trigger, volts_per_code)
         self._check_fits(max(trigger.record_samples, capture.fill_samples))
         run = self._start(source, board, capture, capture)
@@ -137,19 +113,7 @@ class StreamSession:
             self._await(run, lambda: capture.armed, capture.fill_samples)
 
     def wait_trigger(self, timeout_s: float, abort: threading.Event) -> int:
-        """Return the host clock at the trigger.
-
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-        abort : threading.Event
-            Ends the wait when set.
-
-        Returns
-        -------
-        int
-            Monotonic clock. [ns]
+        """Return the host's monotonic clock at the trigger; ``abort`` ends the wait when set. [ns]
 
         Raises
         ------
@@ -165,19 +129,9 @@ class StreamSession:
     def wait_capture(
         self, timeout_s: float, abort: threading.Event
     ) -> tuple[TriggeredCapture, tuple[int, ...]]:
-        """Wait for the trigger and the rest of the record.
+        """Return the complete capture and the status words.
 
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait for the trigger. [s]
-        abort : threading.Event
-            Ends the wait when set.
-
-        Returns
-        -------
-        tuple
-            The complete capture and the status words.
+        ``timeout_s`` is for the trigger; ``abort`` ends the wait when set.
 
         Raises
         ------

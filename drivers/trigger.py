@@ -86,17 +86,10 @@ class LevelTrigger:
         self._armed = False
 
     def search(self, block: NDArray[np.uint16]) -> int | None:
-        """Return where the trigger fires inside a block, if it does.
+        """Return the index of the first sample at or beyond the level, if the trigger fires in a
+        block.
 
-        Parameters
-        ----------
-        block : ndarray of uint16, shape (n,)
-            The samples that follow those of the last call.
-
-        Returns
-        -------
-        int or None
-            Index into `block` of the first sample at or beyond the level.
+        The block has the samples that follow those of the last call.
         """
         start = 0
         if not self._armed:

@@ -19,12 +19,6 @@ class SynchronousBulkSource:
 
     Parameters
     ----------
-    device : usb.core.Device
-        Opened and claimed device.
-    endpoint : int
-        Address of the bulk IN endpoint.
-    timeout_s : float, optional
-        Longest a read may block. [s]
     in_use : callable, optional
         Returns what a read is done within; it may refuse, e.g. once the board was given back.
 
@@ -52,13 +46,7 @@ class SynchronousBulkSource:
         """Do nothing: a synchronous read cannot be queued."""
 
     def read_into(self, buffer: array.array[int]) -> int:
-        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out.
-
-        Parameters
-        ----------
-        buffer : array of unsigned bytes
-            Its length is the most that is read.
-        """
+        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out."""
         with self._in_use(), translated(f"reading samples from endpoint {self._endpoint:#04x}"):
             try:
                 return int(self._device.read(self._endpoint, buffer, self._timeout_ms))

@@ -90,18 +90,14 @@ class SampleStream:
 
     Parameters
     ----------
-    source : BulkSource
-        Where the bytes come from.
     ring : RingBuffer
-        Where the samples go; cleared at the start.
-    consumer : BlockConsumer
-        Who decides when the run is over.
+        Cleared at the start.
     transfer_bytes : int
         Size of one read, a multiple of 512. [B]
     observe : callable, optional
         Sees each block inside the ring; for counting and live displays.
     pace : Pace, optional
-        Holds the count of samples against the clock.
+        Compares the count of samples with the clock.
     proved : bool, optional
         Whether the run goes on behind its last sample until a transfer proves that none was lost,
         as long as `drivers.pace` has patience.
@@ -166,13 +162,7 @@ class SampleStream:
         self._stop.set()
 
     def join(self, timeout_s: float) -> bool:
-        """Wait for the end of the run.
-
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-        """
+        """Wait for the end of the run, at most so long."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -185,21 +175,12 @@ class SampleStream:
     ) -> bool:
         """Wait until a condition holds.
 
+        It is checked after every change and every ``poll_s``. ``False`` means that time is up.
+
         Parameters
         ----------
-        condition : callable
-            Checked after every change and every `poll_s`.
-        timeout_s : float
-            Longest wait. [s]
-        abort : threading.Event, optional
-            Ends the wait when set.
         poll_s : float, optional
             Longest time until a set `abort` is seen. [s]
-
-        Returns
-        -------
-        bool
-            Whether the condition holds; ``False`` when time is up.
 
         Raises
         ------
@@ -236,7 +217,7 @@ class SampleStream:
             self._end()
 
     def _start(self) -> int:
-        """Start the converter, again where the host was interrupted: nothing is lost by it yet."""
+        """Start the converter, again if the host was interrupted: no sample counts yet."""
         for _ in range(_STARTS):
             status = self._board.start_acquiring()
             began_s = self._board.pacer_on_s

@@ -27,12 +27,7 @@ class WireLogError(Exception):
 
 
 class ReplayBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
-    """Answers from a log, transfer by transfer.
-
-    Parameters
-    ----------
-    path : Path
-        A log captured with its data.
+    """Answers from a log that was captured with its data, transfer by transfer.
 
     Raises
     ------

@@ -55,15 +55,7 @@ class Image:
 def read_image(path: Path | None, setting: str) -> Image:
     """Return the image a setting points to.
 
-    Parameters
-    ----------
-    setting : str
-        Name of the setting, for the message.
-
-    Returns
-    -------
-    Image
-        Never empty.
+    The image is never empty. ``setting`` is the setting's name, for the message.
 
     Raises
     ------
@@ -89,17 +81,7 @@ def read_image(path: Path | None, setting: str) -> Image:
 
 
 def parse_ram_records(image: Image) -> list[RamRecord]:
-    """Return what an FX2 image wants where.
-
-    Parameters
-    ----------
-    image : Image
-        In one of the three formats.
-
-    Returns
-    -------
-    list of RamRecord
-        In the order of the file.
+    """Return the bytes of an FX2 image and their addresses, in the order of the file.
 
     Raises
     ------
@@ -163,7 +145,7 @@ def _parse_iic(image: Image) -> list[RamRecord]:
 
 
 def load_fx2(link: Daq3500Link, image: Image) -> None:
-    """Load the USB chip's RAM and let it run, upon which it leaves the bus and comes back.
+    """Load the USB chip's RAM and start it; it then leaves the bus and comes back.
 
     Raises
     ------
@@ -185,12 +167,7 @@ def fpga_loaded(link: Daq3500Link) -> bool:
 
 
 def load_fpga(link: Daq3500Link, image: Image) -> None:
-    """Load the FPGA.
-
-    Parameters
-    ----------
-    image : Image
-        The FPGA's bit stream.
+    """Load the FPGA with its bit stream.
 
     Raises
     ------

@@ -24,13 +24,7 @@ _DRAIN_LIMIT_READS = 64
 
 
 class Daq3500Link:
-    """One opened board on the bus.
-
-    Parameters
-    ----------
-    device : usb.core.Device
-        The board, in either enumeration state.
-    """
+    """One opened board on the bus, in either enumeration state."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
@@ -71,7 +65,7 @@ class Daq3500Link:
 
     @contextmanager
     def in_use(self) -> Iterator[None]:
-        """Let the board be used, but not once it was given back.
+        """Let the board be used, but not after it was given back.
 
         pyusb would open and claim it again for whoever is late, behind the back of its next owner.
 
@@ -90,17 +84,9 @@ class Daq3500Link:
             yield
 
     def samples(self, timeout_s: float = READ_TIMEOUT_S) -> SynchronousBulkSource:
-        """Return the source of the sample endpoint.
+        """Return the source of the sample endpoint; it fails once the board was given back.
 
-        Parameters
-        ----------
-        timeout_s : float, optional
-            Longest a read may block. [s]
-
-        Returns
-        -------
-        SynchronousBulkSource
-            Useless once the board was given back.
+        A read blocks for ``timeout_s`` at most.
         """
         return SynchronousBulkSource(self.device, ENDPOINT_IN, timeout_s, in_use=self.in_use)
 
@@ -111,13 +97,6 @@ class Daq3500Link:
 
     def write(self, request: Request, data: bytes = b"", *, value: int = 0, index: int = 0) -> None:
         """Send a vendor request.
-
-        Parameters
-        ----------
-        data : bytes, optional
-            Its data stage.
-        value, index : int, optional
-            wValue and wIndex.
 
         Raises
         ------
@@ -131,19 +110,7 @@ class Daq3500Link:
             raise ProtocolError(f"Request {request:#04x} sent {sent} of {len(data)} bytes.")
 
     def read(self, request: Request, length: int, *, value: int = 0, index: int = 0) -> bytes:
-        """Return the answer to a vendor request.
-
-        Parameters
-        ----------
-        length : int
-            Bytes expected. [B]
-        value, index : int, optional
-            wValue and wIndex.
-
-        Returns
-        -------
-        bytes
-            Exactly `length` of them.
+        """Return exactly ``length`` bytes that answer a vendor request.
 
         Raises
         ------

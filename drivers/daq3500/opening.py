@@ -41,15 +41,7 @@ _POLL_S = 0.05
 
 @dataclass(frozen=True)
 class OpenedBoard:
-    """A board that answered, was loaded and tested.
-
-    Attributes
-    ----------
-    link : Daq3500Link
-        The way to it.
-    calibration : RangeCalibration
-        Of the configured range.
-    """
+    """A board that answered, was loaded and tested."""
 
     link: Daq3500Link
     identity: DigitizerIdentity
@@ -61,10 +53,6 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
 
     Parameters
     ----------
-    settings : Daq3500Settings
-        Which board and which files.
-    backend : usb.backend.IBackend or None
-        ``None`` for libusb 1.0.
     clear_halt : bool, optional
         Whether the last run broke, so that the endpoint may be stalled.
 

@@ -10,12 +10,7 @@ from drivers.errors import OverrunError, RecordError
 def check_status(words: tuple[int, ...], record: Record | None = None) -> None:
     """Refuse samples whose last status word tells of a fault.
 
-    Parameters
-    ----------
-    words : tuple of int
-        Status at start and end of the run.
-    record : Record, optional
-        What was captured; the error carries it as evidence.
+    ``words`` are the status at start and end of the run. The error carries the record as evidence.
 
     Raises
     ------

@@ -30,8 +30,6 @@ class SerialPort:
 
     Parameters
     ----------
-    path : str
-        Device path.
     timeout_s : float
         For writing. [s]
     baud_rate : int
@@ -100,11 +98,6 @@ class SerialPort:
     def write(self, data: bytes) -> None:
         """Hand bytes over to the system and wait until they are out.
 
-        Parameters
-        ----------
-        data : bytes
-            What to send.
-
         Raises
         ------
         DeviceLostError
@@ -132,17 +125,7 @@ class SerialPort:
             time.sleep(_DRAIN_POLL_S)
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what arrives within a time, at once when something is there.
-
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-
-        Returns
-        -------
-        bytes
-            Possibly nothing.
+        """Return what arrives within a time, at once if anything is there; possibly nothing.
 
         Raises
         ------
@@ -160,10 +143,7 @@ class SerialPort:
     def discard(self, timeout_s: float) -> bytes:
         """Return and forget everything that is waiting, for a tenth of a second at most.
 
-        Parameters
-        ----------
-        timeout_s : float
-            How long a silence ends it. [s]
+        A silence of ``timeout_s`` ends it.
         """
         heard = b""
         ends_s = time.monotonic() + _DISCARD_LIMIT_S
