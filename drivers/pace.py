@@ -88,8 +88,7 @@ class Pace:
 
     @property
     def provable_s(self) -> float:
-        """The longest run that can be proved whole: later the rate's error may pass for a packet.
-        """
+        """The longest run that can be proved whole; later the rate's error may be a packet's."""
         return self._packet_s / self._drift if self._drift else float("inf")
 
     @property

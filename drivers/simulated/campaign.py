@@ -40,10 +40,7 @@ __all__ = [
 def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
     """Simulate a campaign.
 
-    Parameters
-    ----------
-    seed : int
-        Same settings and seed, same campaign to the last code.
+    Same settings and seed, same campaign to the last code.
 
     Returns
     -------
@@ -64,10 +61,7 @@ def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
 def draw_certificate(settings: CampaignSettings, drops: Drops, seed: int) -> CellSpec:
     """Return the cell's certificate, its compliance chosen where ``settings.fill`` asks for it.
 
-    Returns
-    -------
-    CellSpec
-        ``settings.cell`` itself without ``fill``.
+    It is ``settings.cell`` itself without ``fill``.
     """
     if settings.fill is None:
         return settings.cell
@@ -78,17 +72,9 @@ def draw_certificate(settings: CampaignSettings, drops: Drops, seed: int) -> Cel
 def simulate_drops(
     settings: CampaignSettings, drops: Drops, cell: CellSpec, seed: int
 ) -> dict[str, Any]:
-    """Simulate drops that are already drawn.
+    """Simulate drops that are already drawn, as `simulate_campaign` returns them.
 
-    Parameters
-    ----------
-    cell : CellSpec
-        The cell's certificate.
-
-    Returns
-    -------
-    dict
-        As `simulate_campaign` returns it.
+    ``cell`` is the cell's certificate.
 
     Raises
     ------
@@ -111,19 +97,9 @@ def simulate_drops(
 
 
 def write_campaign_folder(folder: Path, simulated: Mapping[str, Any]) -> Path:
-    """Write a simulated campaign as a folder of the exchange format.
+    """Write a simulated campaign as a folder of the exchange format; return its ``campaign.json``.
 
-    Parameters
-    ----------
-    folder : Path
-        Created if need be. The truth goes into ``truth.json`` in it.
-    simulated : Mapping
-        What `simulate_campaign` returned.
-
-    Returns
-    -------
-    Path
-        Its ``campaign.json``.
+    The folder is created if need be; the truth goes into its ``truth.json``.
 
     Raises
     ------

@@ -40,13 +40,7 @@ class RigClock:
         return (time.monotonic() - self._origin_s) * self.speed
 
     def advance_to(self, t_s: float) -> None:
-        """Move a driven clock forward; a running clock ignores it.
-
-        Parameters
-        ----------
-        t_s : float
-            Rig time that has been reached. [s]
-        """
+        """Move a driven clock forward; a running clock ignores it."""
         if not self.is_driven:
             return
         with self._moved:
@@ -54,13 +48,7 @@ class RigClock:
             self._moved.notify_all()
 
     def sleep_until(self, t_s: float) -> None:
-        """Return once rig time has reached ``t_s``; a driven clock jumps there.
-
-        Parameters
-        ----------
-        t_s : float
-            Rig time to wait for. [s]
-        """
+        """Return once rig time has reached ``t_s``; a driven clock jumps there."""
         if self.is_driven:
             self.advance_to(t_s)
             return

@@ -21,19 +21,12 @@ class RelayTerminal:
 
     Parameters
     ----------
-    world : World
-        Whose vacuum it switches and whose gauge it reads.
     kind : str
         ``"numato"`` or ``"lcus"``.
     adc_volts_per_code : float
         The simulated board's true converter step. [V]
     newline : bytes
-        What a Numato board puts around its replies; boards differ.
-
-    Attributes
-    ----------
-    port : str
-        Path of the pseudo-terminal.
+        Surrounds the replies of a Numato board; boards differ.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""The sealed truth of a simulated rig, revealed to its owner on request."""
+"""The sealed truth of a simulated rig; its owner may open it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,7 @@ from typing import Any
 def seal(path: Path, truth: dict[str, object]) -> None:
     """Write the truth where only its owner can read it (mode 0600), replacing an older one.
 
-    Parameters
-    ----------
-    path : Path
-        File to write; its folder must exist.
-    truth : dict
-        Ready for JSON.
+    The file's folder must exist.
 
     Raises
     ------
@@ -34,12 +29,7 @@ def seal(path: Path, truth: dict[str, object]) -> None:
 
 
 def unseal(path: Path) -> dict[str, Any]:
-    """Open the envelope.
-
-    Parameters
-    ----------
-    path : Path
-        File `seal` wrote.
+    """Return the truth that `seal` wrote.
 
     Raises
     ------

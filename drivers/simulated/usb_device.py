@@ -62,12 +62,8 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
 
     Parameters
     ----------
-    source : SignalSource
-        The simulated world, or a test source.
     loaded : bool, optional
         Whether it wakes up with firmware and FPGA loaded.
-    serial_number : str, optional
-        What it states.
     errors : BoardErrors, optional
         Its gains and offsets, stated in its EEPROM.
     eeprom : bytes, optional
@@ -75,7 +71,7 @@ class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
     reenumeration_s : float, optional
         Absence from the bus after its firmware is loaded. [s]
     fifo_samples : int, optional
-        Depth of its results FIFO, endless by default: NOT KNOWN. [1]
+        Depth of its results FIFO, endless by default: NOT KNOWN.
     """
 
     def __init__(

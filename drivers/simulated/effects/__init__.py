@@ -26,16 +26,8 @@ def make_effect(
 ) -> Effect:
     """Return an effect by its id.
 
-    Parameters
-    ----------
-    effect_id : str
-        One of `EFFECTS`.
-    values : Mapping
-        All its parameters by name. [SI]
-    scope : Scope, optional
-        Where it acts; everywhere when left out.
-    form : str
-        Which of its published forms; the first when left out.
+    ``values`` has all parameters by name [SI]; ``scope`` left out means everywhere, ``form`` left
+    out the first of the published forms.
 
     Raises
     ------
