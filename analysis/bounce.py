@@ -101,8 +101,6 @@ def landings(
     The record may have any unit and either polarity; ``trigger_index`` is a sample near the first
     touch. Empty when nothing happens at the trigger.
 
-    Notes
-    -----
     Source: own. An impact is a block whose range exceeds twice the quiet blocks' and three times
     that of the millisecond before it, so a falling ring, hum and drift are none. Validation:
     synthetic records with ring, hum, 1/f noise and spikes in ``tests/analysis/test_bounce.py``.
@@ -143,10 +141,6 @@ def bounce_indices(
 
     Parameters
     ----------
-    signal : ndarray, shape (n,)
-        The record.
-    sample_rate_hz : float
-        [Hz]
     trigger_index : int
         Sample near the first touch.
 
@@ -173,8 +167,6 @@ def restitution_from_bounce(
 
     Parameters
     ----------
-    signal : ndarray, shape (n,)
-        The record, any unit.
     sample_rate_hz : float
         Calibrated sample rate. [Hz]
     trigger_index : int
@@ -222,21 +214,10 @@ def restitution_from_rebound_height(
 
     .. math:: \epsilon_r = \sqrt{h_r / h}
 
-    Parameters
-    ----------
-    rebound_height_m : Quantity
-        Of the sphere's lowest point, > 0, as the drop height. [m]
-    speed_repeatability : float
-        Relative standard deviation of the impact speed. [1]
-
-    Raises
-    ------
-    ParameterOutOfRangeError
-        If a height is not positive, or the sphere came back higher than it fell from.
-
-    Notes
-    -----
-    Source: free fall, up and down. Validation: ``tests/analysis/test_bounce.py``.
+    Both heights are of the sphere's lowest point and > 0. A ParameterOutOfRangeError says that one
+    is not, or that the sphere came back higher than it fell from. ``speed_repeatability`` is the
+    relative standard deviation of the impact speed. Source: free fall, up and down. Validation:
+    ``tests/analysis/test_bounce.py``.
     """
     if not drop_height_m > 0:
         raise ParameterOutOfRangeError("drop_height_m", drop_height_m, "above 0")

@@ -114,11 +114,6 @@ def bounce_shots(shot: Shot, gravity_m_per_s2: float) -> tuple[Shot, ...]:
 def with_bounces(campaign: Campaign) -> Campaign:
     """Return the campaign with the later bounces of its records as further shots.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Long records; short ones stay as they are.
-
     Returns
     -------
     Campaign

@@ -125,12 +125,9 @@ def _row_json(row: Row, total: float) -> Json:
 def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> list[Budget]:
     """Return the budgets of all moduli of a fit, two for a material whose Poisson's ratio is known.
 
-    In the order of the materials; none in reduced units and for single pairs.
-
-    Notes
-    -----
-    Source: JCGM 100 (GUM) 5.1, on the joint fit's own linear form. Validation: the contributions'
-    squares against the covariance, against ``uncertainties`` and against sampling in
+    In the order of the materials; none in reduced units and for single pairs. Source: JCGM 100
+    (GUM) 5.1, on the joint fit's own linear form. Validation: the contributions' squares against
+    the covariance, against ``uncertainties`` and against sampling in
     ``tests/analysis/test_budget.py``.
     """
     if fitted.failed:

@@ -84,17 +84,9 @@ def draw_of(known: Uncertainty, shape: tuple[int, ...], rng: np.random.Generator
 def monte_carlo(result: FitResult, draws: int, *, seed: int = 0) -> list[Sampled]:
     """Return every modulus by draws through the linearised joint problem.
 
-    They are in the order of `analysis.budget.budgets`. 10^4 draws take a second.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than `LEAST_DRAWS`.
-
-    Notes
-    -----
-    Source: JCGM 101:2008, 7. Validation: against the linear budget and against `refits` in
-    ``tests/analysis/test_budget.py``.
+    They are in the order of `analysis.budget.budgets`. 10^4 draws take a second; fewer than
+    `LEAST_DRAWS` are a ValueError. Source: JCGM 101:2008, 7. Validation: against the linear budget
+    and against `refits` in ``tests/analysis/test_budget.py``.
     """
     if draws < LEAST_DRAWS:
         raise ValueError(f"{draws} draws say nothing of a 95 % interval; take {LEAST_DRAWS}.")

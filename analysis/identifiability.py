@@ -213,16 +213,10 @@ def identifiability(
 ) -> Identifiability:
     """Return which quantities the shots fix and which rest on what was stated.
 
-    Parameters
-    ----------
-    profiled : sequence of str
-        Globals whose profile likelihood is wanted; each costs some five further fits.
-
-    Notes
-    -----
+    ``profiled`` are globals whose profile likelihood is wanted; each costs some five further fits.
     Source: Fisher information of a Gaussian likelihood, in the logarithms the fit works in; where
-    the profile is no parabola it is more reliable. Validation: brute-force profiles and rigs
-    of one pair in ``tests/analysis/test_identifiability.py``.
+    the profile is no parabola it is more reliable. Validation: brute-force profiles and rigs of one
+    pair in ``tests/analysis/test_identifiability.py``.
     """
     prior = np.linalg.inv(problem.prior_precision + 1e-6 * np.eye(len(problem.names)))
     short = short_contacts(shots, crystal_frequency_hz(problem, fitted))

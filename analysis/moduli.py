@@ -98,11 +98,6 @@ def adjust_network(
         Change of ln(M, k, mu, c), or of ln S, by one u of each input that the calibration rests on:
         a sphere whose mass is wrong spoils the calibration and the shots in one.
 
-    Returns
-    -------
-    Adjustment
-        Moduli, full covariance, the network's chi2 and the pairs that contradict it.
-
     Raises
     ------
     AnalysisError

@@ -204,12 +204,8 @@ def build(
 ) -> System:
     """Return the network's equations, ready for `solve`.
 
-    ``covariance`` and ``calibrated_by`` are as `analysis.moduli.adjust_moduli` takes them.
-
-    Raises
-    ------
-    AnalysisError
-        If a material is unknown or a sensitivity does not fit the covariance.
+    ``covariance`` and ``calibrated_by`` are as `analysis.moduli.adjust_moduli` takes them. An
+    AnalysisError says that a material is unknown or that a sensitivity does not fit the covariance.
     """
     names = sorted({f"sphere.{o.sphere}" for o in observations})
     names += sorted({f"surface.{o.surface}" for o in observations})
@@ -262,15 +258,9 @@ def build(
 def linearise(system: System, groups: Groups, x: Array) -> tuple[Array, Array]:
     """Return residuals and design of the groups' means at x.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + c,)
-        ln E' of the materials, then the calibrations' errors.
-
-    Returns
-    -------
-    residual : ndarray, shape (groups,)
-        Observed minus computed ln E*.
+    x has ln E' of the materials, then the calibrations' errors, shape (n + c,). The residuals are
+    observed minus computed ln E*, shape (groups,); the design is d computed / d x, shape (groups, n
+    + c).
     """
     left, right = system.left[system.group_pair], system.right[system.group_pair]
     rows = np.arange(left.size)

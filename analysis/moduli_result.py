@@ -77,16 +77,12 @@ class ModuliResult:
 
     Attributes
     ----------
-    model : str
-        Model of the fits.
     names : tuple of str
         ``sphere.<name>`` and ``surface.<name>``.
     log_plane_strain : ndarray, shape (n,)
         ln E', E' in Pa.
     covariance : ndarray, shape (n, n)
         Of ``log_plane_strain``, dark uncertainty included.
-    network : Network
-        Consistency of the whole with the uncertainties as the fits stated them.
     dark_u : float
         Added to each u(ln E*) so that the network holds together; 0 where it does. [1]
     checks : tuple of PairCheck
@@ -95,10 +91,6 @@ class ModuliResult:
         Pairs that contradict the rest, worst first.
     anchored : tuple of bool
         Whether a material hangs together with a reference at all.
-    spheres, surfaces : dict
-        As stated beforehand.
-    shots, calibrations : tuple of str
-        What it rests on.
     """
 
     model: str

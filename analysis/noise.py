@@ -292,12 +292,9 @@ def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> Slow | No
 def noise_from_differences(signals: Sequence[NDArray[np.float64]]) -> NoiseModel:
     """Return a white noise level for records that have no quiet stretch.
 
-    ``signals`` are whole records. The level is an upper bound with smooth signals.
-
-    Notes
-    -----
-    Source: median absolute third difference over sqrt(20) x 0.6745, which a smooth pulse hardly
-    touches. Colour cannot be seen this way and is not claimed.
+    ``signals`` are whole records. The level is an upper bound with smooth signals. Source: median
+    absolute third difference over sqrt(20) x 0.6745, which a smooth pulse hardly touches. Colour
+    cannot be seen this way and is not claimed.
     """
     third = np.concatenate([np.abs(np.diff(s, 3)) for s in signals])
     level = float(np.median(third)) / 0.6745 / math.sqrt(20.0)

@@ -134,12 +134,9 @@ def promised_gain(seen: Spectrum, short: Array) -> float:
     """Return by how much twice the likelihood's logarithm would rise by a 1/f part (score test).
 
     ``short`` are the coefficients of autoregressive noise from which it is computed. The gain is
-    that of a likelihood that is a parabola, 0 where a 1/f part would have to be negative.
-
-    Notes
-    -----
-    Source: Rao's score test. For lines above what is expected of them it promises more than they
-    bring (x - 1 squared, where the likelihood has 2 (x - 1 - ln x)).
+    that of a likelihood that is a parabola, 0 where a 1/f part would have to be negative. Source:
+    Rao's score test. For lines above what is expected of them it promises more than they bring (x -
+    1 squared, where the likelihood has 2 (x - 1 - ln x)).
     """
     turns = _turns(short)
     score, information = _scores(seen, _made(seen, 0.0, turns), turns)
@@ -215,14 +212,9 @@ def largest_corner(seen: Spectrum, short: Array) -> float:
 def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float, Array]:
     """Return the long autoregression that noise with a 1/f part obeys, and how it begins.
 
-    Returns
-    -------
-    coefficients : ndarray, shape (taps,)
-        a_1 .. a_p.
-    variance : float
-        Of what they cannot foretell. [unit of the signal squared]
-    head : ndarray, shape (taps, taps)
-        Lower triangle that whitens the first samples to that variance.
+    That is the coefficients a_1 .. a_p, the variance of what they cannot predict [unit of the
+    signal squared], and the lower triangle that whitens the first samples to that variance, shape
+    (taps, taps).
     """
     density = model.innovation * _shape(model.short, np.arange(_GRID // 2 + 1) / _GRID)
     gamma = irfft(density, _GRID)[: taps + 1] + model.amplitude * slow_covariance(taps)

@@ -68,13 +68,7 @@ GLOSSARY: tuple[Term, ...] = (
 
 
 def term(symbol: str) -> Term:
-    """Return the entry of a symbol of `GLOSSARY`.
-
-    Raises
-    ------
-    KeyError
-        If there is no such symbol.
-    """
+    """Return the entry of a symbol of `GLOSSARY`."""
     for entry in GLOSSARY:
         if entry.symbol == symbol:
             return entry

@@ -87,12 +87,9 @@ def kept_share(noise: float) -> float:
 
     .. math:: \frac{6}{\pi^2} \sum_k k^{-2} e^{-4 \pi^2 k^2 s^2}
 
-    s is the standard deviation of the noise in steps; the share is 1 without noise.
-
-    Notes
-    -----
-    Source: the Fourier series of the rounding error, averaged over the noise, its square averaged
-    over all levels (Widrow & Kollar 2008).
+    s is the standard deviation of the noise in steps; the share is 1 without noise. Source: the
+    Fourier series of the rounding error, averaged over the noise, its square averaged over all
+    levels (Widrow & Kollar 2008).
     """
     k = np.arange(1.0, 201.0)
     share = 6.0 / np.pi**2 * np.sum(np.exp(-((2.0 * np.pi * k * noise) ** 2)) / k**2)
@@ -123,19 +120,12 @@ def stretches(signal: Array, coarse: Coarse) -> NDArray[np.int64]:
 
 
 def combined(white: Array, starts: NDArray[np.int64], *, kept: float, memory: float = 1.0) -> Array:
-    """Return whitened values with each stretch put together to one.
+    """Return whitened values, shape (n,) or (n, k), with each stretch put together to one.
 
-    One row a stretch, of variance 1 or less: sum / sqrt(l (1 + kept memory^2 (l - 1))) for l
-    values. What they say of one another is left out.
-
-    Parameters
-    ----------
-    white : ndarray, shape (n,) or (n, k)
-        Along axis 0, each of variance 1 if the signal moved.
-    kept : float
-        Share of the variance that a resting signal keeps. [1]
-    memory : float
-        What whitening makes of a constant of one standard deviation. [1]
+    Each has variance 1 if the signal moved; ``kept`` is the share of it that a resting signal
+    keeps, ``memory`` what whitening makes of a constant of one standard deviation. One row a
+    stretch, of variance 1 or less: sum / sqrt(l (1 + kept memory^2 (l - 1))) for l values. What
+    they say of one another is left out.
     """
     lengths = np.diff(starts, append=white.shape[0]).astype(np.float64)
     scale = np.sqrt(lengths * (1.0 + kept * memory**2 * (lengths - 1.0)))

@@ -112,12 +112,8 @@ def slow_covariance(lags: int) -> Array:
     .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(2 \pi f j) / f \, df
         = 2 [Ci(\pi j) - Ci(2 \pi f_0 j)]
 
-    Shape (lags + 1,); the density is flat below `LOWEST`.
-
-    Notes
-    -----
-    Source: the cosine integral. Validation: against a sum over lines in
-    ``tests/analysis/test_quiet_spectrum.py``.
+    Shape (lags + 1,); the density is flat below `LOWEST`. Source: the cosine integral. Validation:
+    against a sum over lines in ``tests/analysis/test_quiet_spectrum.py``.
     """
     j = np.arange(1, lags + 1)
     tail = 2.0 * (sici(np.pi * j)[1] - sici(2.0 * np.pi * LOWEST * j)[1])

@@ -56,15 +56,8 @@ class Latency:
 class Pace:
     """Compares the count of one run's samples with the host's clock.
 
-    Parameters
-    ----------
-    latency : Latency, optional
-        Shared by all runs of an opened board.
-
-    Attributes
-    ----------
-    late_s : float
-        By how much the last transfer came later than one can that follows no gap. [s]
+    ``latency`` is shared by all runs of an opened board. ``late_s`` is by how much the last
+    transfer came later than one can that follows no gap.
     """
 
     def __init__(
@@ -141,15 +134,7 @@ class Pace:
 
 
 def check_pace(pace: Pace, record: Record) -> None:
-    """Refuse a record that no transfer proved whole.
-
-    The error carries the record as evidence.
-
-    Raises
-    ------
-    OverrunError
-        If samples are missing.
-    """
+    """Refuse a record that no transfer proved whole: an OverrunError carries it as evidence."""
     if pace.on_time:
         return
     if pace.lasted_s > pace.provable_s:
@@ -176,12 +161,7 @@ def check_pace(pace: Pace, record: Record) -> None:
 def check_repeats(record: Record, transfer_samples: int) -> None:
     """Refuse a record in which a packet or a transfer stands twice.
 
-    The error carries the record as evidence.
-
-    Raises
-    ------
-    OverrunError
-        With the place of the first repetition.
+    An OverrunError with the place of the first repetition carries it as evidence.
     """
     for length in sorted({PACKET_SAMPLES, transfer_samples}):
         at = repeated_at(record.codes, length)

@@ -11,17 +11,9 @@ from drivers.errors import ConfigurationError, RecordError
 class RingBuffer:
     """The last samples of a stream, addressed by their position in the stream.
 
-    Positions count from 0 at the start of the stream and never wrap; only the memory does.
-
-    Raises
-    ------
-    ConfigurationError
-        If the capacity is not positive.
-
-    Notes
-    -----
-    One writer, no lock: a copy is valid if its samples were still inside the ring after it
-    was made, which `copy` checks.
+    Positions count from 0 at the start of the stream and never wrap; only the memory does. One
+    writer, no lock: a copy is valid if its samples were still inside the ring after it was made,
+    which `copy` checks. A capacity that is not positive is a ConfigurationError.
     """
 
     def __init__(self, capacity_samples: int) -> None:
@@ -74,10 +66,7 @@ class RingBuffer:
     def copy(self, first: int, count: int) -> NDArray[np.uint16]:
         """Return a copy of samples ``[first, first + count)`` that later writing cannot change.
 
-        Raises
-        ------
-        RecordError
-            If some of them were not written yet or are overwritten already.
+        A RecordError says that some of them were not written yet or are overwritten already.
         """
         if first < 0 or count < 0 or first + count > self._written:
             raise RecordError(

@@ -37,21 +37,9 @@ _BREAKING = (DeviceLostError, DeviceTimeoutError, ProtocolError)
 class StreamSession:
     """Runs of one board, never two at once; each method raises whatever ended its run early.
 
-    Parameters
-    ----------
-    sample_rate_hz : float
-        For limits of time. [Hz]
-    observe : callable, optional
-        Sees each block inside the ring: ``(ring, first, count)``.
-    make_pace : callable, optional
-        Makes what compares the count of a record's samples with the clock.
-
-    Attributes
-    ----------
-    last_capture : TriggeredCapture or None
-        Of the run that ended last or is on: what came of it before it broke is in the ring.
-    last_pace : Pace or None
-        Of the same run.
+    ``observe`` sees each block inside the ring: ``(ring, first, count)``. ``make_pace`` makes what
+    compares the count of a record's samples with the clock. ``last_capture`` and ``last_pace`` are
+    of the run that ended last or is on: what came of it before it broke is in the ring.
     """
 
     def __init__(
@@ -113,12 +101,10 @@ class StreamSession:
             self._await(run, lambda: capture.armed, capture.fill_samples)
 
     def wait_trigger(self, timeout_s: float, abort: threading.Event) -> int:
-        """Return the host's monotonic clock at the trigger; ``abort`` ends the wait when set. [ns]
+        """Return the host's monotonic clock at the trigger. [ns]
 
-        Raises
-        ------
-        DriverError
-            Whatever ended the wait; the run is stopped then.
+        ``abort`` ends the wait when set. The run is stopped after any DriverError, which says what
+        ended the wait.
         """
         run, capture = self._awaited()
         with self._stopped_on_error():
@@ -131,12 +117,8 @@ class StreamSession:
     ) -> tuple[TriggeredCapture, tuple[int, ...]]:
         """Return the complete capture and the status words.
 
-        ``timeout_s`` is for the trigger; ``abort`` ends the wait when set.
-
-        Raises
-        ------
-        DriverError
-            Whatever ended the wait; the run is stopped then.
+        ``timeout_s`` is for the trigger; ``abort`` ends the wait when set. The run is stopped after
+        any DriverError, which says what ended the wait.
         """
         run, capture = self._awaited()
         with self._stopped_on_error():
@@ -151,10 +133,8 @@ class StreamSession:
     def stop(self) -> None:
         """End the present run, if any, and wait for its end.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            If the stream's thread does not end, which no transfer time-out allows.
+        A DeviceTimeoutError says that the stream's thread does not end, which no transfer time-out
+        allows.
         """
         with self._switching:
             run = self._run

@@ -39,16 +39,11 @@ class Collector:
 
 
 class TriggeredCapture:
-    """One record around a trigger.
+    """One record around a trigger; ConfigurationError if the settings describe none.
 
     The baseline is the median of the samples streamed before the trigger is armed, at least
     `MINIMUM_BASELINE_SAMPLES` and at least the pre-trigger part, so a record never lacks any of
     that part.
-
-    Raises
-    ------
-    ConfigurationError
-        If the settings describe no record.
     """
 
     def __init__(self, trigger: TriggerSettings, volts_per_code: float) -> None:

@@ -92,13 +92,7 @@ def translate(error: usb.core.USBError, doing: str) -> DriverError:
 
 @contextmanager
 def translated(doing: str) -> Iterator[None]:
-    """Turn every pyusb error of the enclosed block into ours.
-
-    Raises
-    ------
-    DriverError
-        The subclass that fits the backend's code.
-    """
+    """Turn every pyusb error of the enclosed block into the DriverError of its code."""
     try:
         yield
     except usb.core.NoBackendError as error:

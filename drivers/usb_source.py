@@ -17,15 +17,9 @@ READ_TIMEOUT_S = 0.1
 class SynchronousBulkSource:
     """A `drivers.usb_stream.BulkSource` of blocking reads.
 
-    Parameters
-    ----------
-    in_use : callable, optional
-        Returns what a read is done within; it may refuse, e.g. once the board was given back.
-
-    Notes
-    -----
-    libusb returns what it has when time is up and reports a time-out at zero bytes only.
-    Between two reads nothing is queued: a board whose FIFO is shorter than that gap overruns
+    Every read is done within what ``in_use`` returns, which may refuse, e.g. once the board was
+    given back. libusb returns what it has when time is up and reports a time-out at zero bytes
+    only. Between two reads nothing is queued: a board whose FIFO is shorter than that gap overruns
     (FIFO depth of the 3500: NOT KNOWN).
     """
 

@@ -90,12 +90,8 @@ class _Tracked:
 class CapturingBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
     """A backend that writes down what another one does.
 
-    Parameters
-    ----------
-    path : Path
-        Where to write; a number is added to the name rather than overwrite a file.
-    keep_data : bool, optional
-        Whether bulk data are written too, not only their hash.
+    A number is added to the path's name rather than overwrite a file. If ``keep_data``, bulk data
+    are written too, not only their hash.
     """
 
     def __init__(self, path: Path, inner: Any = None, *, keep_data: bool = False) -> None:

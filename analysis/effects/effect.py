@@ -90,14 +90,9 @@ class ShotContext:
         return damping_coefficient(self.restitution)
 
     def known(self, name: str) -> float:
-        """Return a field that the effect cannot do without.
+        """Return a field that the effect cannot do without, else raise ParameterOutOfRangeError.
 
         An effect lists the field's name, e.g. ``radius_m``, under ``needs``.
-
-        Raises
-        ------
-        ParameterOutOfRangeError
-            If the shot does not know it.
         """
         value = getattr(self, name)
         if value is None:
@@ -292,14 +287,11 @@ def damping_ratio(start: float, *, most: float, of: str) -> EffectParameter:
 def resolving_steps(rate_per_s: float, context: ShotContext) -> float:
     """Return how many solver steps over a loss-free Hertz contact resolve a rate.
 
-    The rate is the angular frequency of a mode, or the inverse of a decay time. [1/s]
-
-    Notes
-    -----
-    The growth is that of ``analysis.model.solver.contact_steps`` as long as the motion is seen.
-    What is faster than 30 radians per contact barely moves and has only to be stable: the scheme
-    bears steps of 1 / rate on an undamped mode (3 / rate on a decay), and its largest step is 4.4
-    contact times over the steps.
+    The rate is the angular frequency of a mode, or the inverse of a decay time. The growth is that
+    of ``analysis.model.solver.contact_steps`` as long as the motion is seen. What is faster than 30
+    radians per contact barely moves and has only to be stable: the scheme bears steps of 1 / rate
+    on an undamped mode (3 / rate on a decay), and its largest step is 4.4 contact times over the
+    steps.
     """
     phase = rate_per_s * contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
     return CONTACT_STEPS + 5.0 * phase + 0.1 * min(phase, 30.0) ** 2

@@ -27,14 +27,9 @@ def library() -> dict[str, Effect]:
 
 
 def effect_named(name: str) -> Effect:
-    """Return an effect by its id.
+    """Return an effect by its id, else raise an UnknownModelError that lists those there are.
 
     E.g. ``coupler_highpass``, or a variant, ``amplifier_lowpass:second_order``.
-
-    Raises
-    ------
-    UnknownModelError
-        If the library has no such effect; the message lists those it has.
     """
     known = {
         e.id: e

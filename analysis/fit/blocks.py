@@ -55,8 +55,6 @@ def rebound_as_seen(
 
     .. math:: r_{seen} = r - g\, t_{seen} / v_0
 
-    Notes
-    -----
     Source: free flight. A camera, or a simulation's last sample, sees the sphere when gravity has
     already slowed it; at low drops a few milliseconds are several per cent.
     """
@@ -167,22 +165,11 @@ def input_slopes(
 ) -> Array | None:
     """Return what a shot's inputs change beyond its local parameters, which are held.
 
-    Parameters
-    ----------
-    items : tuple of FitShot
-        The shot as stated, and as `JointProblem.item_at` has it.
-    linear : tuple
-        The trace and its derivatives, as `ImpactModel.linearise` returns them.
-    known : ndarray, shape (k,)
-        Residuals of what is known of this shot.
-    signal : ndarray, shape (i, n)
-        Zeros; overwritten with the derivative of the trace by each input. [unit of the signal per
-        coordinate]
-
-    Returns
-    -------
-    ndarray, shape (k, i)
-        Derivative of the residuals. None where a neighbour cannot be evaluated.
+    That is the derivative of the residuals ``known`` of what is known of this shot, shape (k, i);
+    None where a neighbour cannot be evaluated. The zeros ``signal``, shape (i, n), are overwritten
+    with the derivative of the trace by each input. [unit of the signal per coordinate] ``items``
+    are the shot as stated, and as `JointProblem.item_at` has it; ``linear`` is what
+    `ImpactModel.linearise` returns.
     """
     stated, item = items
     found, model = linear[0], problem.model

@@ -159,10 +159,10 @@ def fit_campaign(
 ) -> FitResult:
     """Fit all shots of a campaign together.
 
+    The result always has an outcome; a fit that does not converge is no exception.
+
     Parameters
     ----------
-    campaign : Campaign
-        Recordings and what is known.
     model : str
         ``hsd``, ``kv`` or ``kv2``, with effects added by ``+``.
     by_pair : bool
@@ -171,11 +171,6 @@ def fit_campaign(
         Also compute the error on held-out shots.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    FitResult
-        Always, with an outcome; a fit that does not converge is no exception.
 
     Raises
     ------

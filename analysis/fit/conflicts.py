@@ -110,13 +110,9 @@ def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
     """Return the statements that contradict the shots, worst first.
 
     After each one the rest is judged without it, so that it does not make its neighbours look bad.
-
-    Notes
-    -----
     Source: W. Baarda's data snooping (1968), as for the network of moduli. The difference of a
     statement and what everything else says has the variance of both. Where the shots do not reduce
-    a
-    statement's variance they cannot contradict it.
+    a statement's variance they cannot contradict it.
     """
     if fitted.failed:
         return []

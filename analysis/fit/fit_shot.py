@@ -76,16 +76,9 @@ class FitShot:
     def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values over the window as independent ones, in units of their deviation.
 
-        Parameters
-        ----------
-        values : ndarray, shape (n,) or (n, k)
-            Residuals, or columns of a Jacobian.
-
-        Returns
-        -------
-        ndarray, shape (m,) or (m, k)
-            As `NoiseModel.whiten` does; of a coarse converter's record one row for each stretch
-            that stays within a step. [1]
+        ``values``, shape (n,) or (n, k), are residuals or columns of a Jacobian. They are whitened
+        as by `NoiseModel.whiten`; of a coarse converter's record there is one row for each stretch
+        that stays within a step.
         """
         white = self.noise.whiten(values)
         if self._stretches is None:

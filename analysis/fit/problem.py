@@ -386,16 +386,9 @@ def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prio
 def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> JointProblem:
     """Return the joint problem of a campaign, ready for ``analysis.fit.start``.
 
-    Parameters
-    ----------
-    by_pair : bool
-        Give each pair its own stiffness instead of each material a modulus: for single shots, whose
-        moduli are told apart later, by the network.
-
-    Raises
-    ------
-    AnalysisError
-        If no shot can be used.
+    An AnalysisError says that no shot can be used. ``by_pair`` gives each pair its own stiffness
+    instead of each material a modulus: for single shots, whose moduli are told apart later, by the
+    network.
     """
     kv = model.kind == solver.KV
     campaign, temperature_told = at_temperature_of_shots(campaign)

@@ -81,11 +81,9 @@ def cost_held_at(
 def profile(problem: JointProblem, fitted: joint.Fitted, name: str) -> Profile:
     """Return the profile likelihood of one global and its 95 % interval.
 
-    Notes
-    -----
-    Source: Venzon & Moolgavkar 1988, Appl. Stat. 37, 87. Each point starts from the joint
-    solution moved along its covariance. Validation: minimisation by scipy with the parameter
-    taken out, ``tests/analysis/fit/test_profile.py``.
+    Source: Venzon & Moolgavkar 1988, Appl. Stat. 37, 87. Each point starts from the joint solution
+    moved along its covariance. Validation: minimisation by scipy with the parameter taken out,
+    ``tests/analysis/fit/test_profile.py``.
     """
     j = problem.names.index(name)
     best = float(fitted.theta[j])

@@ -42,19 +42,13 @@ FORMAT = "impactd-fit/1"
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a fit ended, in words.
-
-    Attributes
-    ----------
-    status : str
-        ``converged``, ``not_converged``, ``out_of_range`` (a number that nothing can have) or
-        ``not_evaluable``.
-    message : str
-        What happened and, unless all is well, what to do.
-    """
+    """How a fit ended, in words."""
 
     status: str
+    """``converged``, ``not_converged``, ``out_of_range`` (a number that nothing can have) or
+    ``not_evaluable``."""
     message: str
+    """What happened and, unless all is well, what to do."""
 
 
 def outcome_of(problem: JointProblem, fitted: Fitted) -> Outcome:
@@ -86,12 +80,6 @@ class FitResult:
 
     Attributes
     ----------
-    model : str
-        Base model, plus effects.
-    outcome : Outcome
-        How it ended.
-    problem : JointProblem
-        What was fitted, with the noise as measured.
     fitted : Fitted
         End point; its covariance is already widened by ``misfit``.
     shots : tuple of ShotFit

@@ -63,12 +63,9 @@ def ring_in_tails(
 
     They are those of the grid's best point; None if no ring is seen. The shots are of one cell, at
     one sample rate. ``near`` is a frequency [rad/s], and how far from it in the logarithm a ring
-    may be; the default is all that the records can show.
-
-    Notes
-    -----
-    Source: projection of the tail on damped sines over a grid. Validation: fits without a
-    certificate in ``tests/analysis/fit/test_joint.py``.
+    may be; the default is all that the records can show. Source: projection of the tail on damped
+    sines over a grid. Validation: fits without a certificate in
+    ``tests/analysis/fit/test_joint.py``.
     """
     rate = items[0].frame.sample_rate_hz
     tails = [t for t in (_tail(i) for i in items) if t.size > 16 and t.any()]

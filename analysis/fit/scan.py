@@ -77,18 +77,9 @@ def best_contact_time(
     """Return the contact time whose trace fits a record best.
 
     The traces are those of the model's base, with the ring ``omega0`` [rad/s] and ``zeta`` [1] of
-    the crystal and whatever rides on it, and restitution ``e``.
-
-    Returns
-    -------
-    error : float
-        Sum of squares that is left. [unit of the signal squared]
-    duration_s : float
-        [s]
-    amplitude : float
-        Of the trace at unit gain. [unit of the signal per N]
-    shift : int
-        Sample of touch-down in the window.
+    the crystal and whatever rides on it, and restitution ``e``. Return the sum of squares that is
+    left, the contact time [s], the amplitude of the trace at unit gain [unit of the signal per N],
+    and the sample of touch-down in the window.
     """
     dt = 1.0 / item.frame.sample_rate_hz
     width = item.window.width_s

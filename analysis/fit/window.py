@@ -178,12 +178,8 @@ def pulse_samples(shot: Shot, *, strict: bool = False) -> int | None:
 def cut(shot: Shot) -> Window:
     """Return the window of one shot: from well before the pulse until the crystal has rung out.
 
-    It ends before the next bounce.
-
-    Raises
-    ------
-    ShotRejectedError
-        If no pulse leaves the baseline near the trigger.
+    It ends before the next bounce. A ShotRejectedError says that no pulse leaves the baseline near
+    the trigger.
     """
     pulse = _first_pulse(shot)
     rate = shot.sample_rate_hz
@@ -208,11 +204,8 @@ def rail(shot: Shot, window: Window) -> tuple[float, float] | None:
     """Return the lowest and highest value of the converter if a window reaches one of them.
 
     None where it was never full, or its step is not known. The values are turned round as the
-    window is. [unit of the signal]
-
-    Notes
-    -----
-    A 16-bit converter. An amplifier's limit lies below this and is an effect, not a known value.
+    window is. The converter is one of 16 bits. An amplifier's limit lies below this and is an
+    effect, not a known value.
     """
     if shot.quantum is None:
         return None
@@ -276,14 +269,11 @@ def campaign_noise(shots: list[Shot]) -> NoiseModel:
 def calm_share(quiet: Sequence[NDArray[np.float64]]) -> float:
     """Return the share of quiet stretches, from their beginning, before a precursor sets in.
 
-    In eighths; 1 if the end is no louder than noise makes it, or if there are few stretches. They
-    are the samples before the pulses of one instrument.
-
-    Notes
-    -----
-    What falls touches something else first, or a filter looks ahead, and the records leave the line
-    before the pulse. Hum and slow noise are as loud at the end as before. Validation: the quiet
-    start of recordings with a precursor, in ``tests/analysis/fit/test_window.py``.
+    In eighths; 1 if the end is no louder than noise makes it, or if there are few stretches.
+    ``quiet`` are the samples before the pulses of one instrument. What falls touches something else
+    first, or a filter looks ahead, and the records leave the line before the pulse. Hum and slow
+    noise are as loud at the end as before. Validation: the quiet start of recordings with a
+    precursor, in ``tests/analysis/fit/test_window.py``.
     """
     pieces = [np.array_split(q, _PIECES) for q in quiet if q.size >= _QUIET_SAMPLES * _PIECES]
     if len(pieces) < _REPEATED:

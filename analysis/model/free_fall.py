@@ -42,14 +42,11 @@ def speed_in_air(
 ) -> float:
     """Return the speed of a sphere after a fall through air from rest. [m/s]
 
-    0 for a sphere lighter than the air it displaces.
-
-    Notes
-    -----
-    Drag valid up to Re = 800, within 5 % of the standard curve: a sphere of 5 mm radius falls 60 mm
-    before that. The law is a quasi-steady one: the history force of the first centimetre is left
-    out. Runge-Kutta's fourth order in the root of the way, in which the squared speed is smooth.
-    Validation: ``tests/analysis/model/test_free_fall.py`` against DOP853 in time.
+    0 for a sphere lighter than the air it displaces. Drag valid up to Re = 800, within 5 % of the
+    standard curve: a sphere of 5 mm radius falls 60 mm before that. The law is a quasi-steady one:
+    the history force of the first centimetre is left out. Runge-Kutta's fourth order in the root of
+    the way, in which the squared speed is smooth. Validation:
+    ``tests/analysis/model/test_free_fall.py`` against DOP853 in time.
     """
     displaced = 4 / 3 * math.pi * radius_m**3 * air_density_kg_per_m3
     inertia = mass_kg + 0.5 * displaced

@@ -260,17 +260,10 @@ class ImpactModel:
 
     @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
-        """Return the trace of one shot.
+        """Return the trace of one shot, by default with the solver steps of `steps`.
 
-        Parameters
-        ----------
-        steps : int, optional
-            Solver steps; by default from `steps`.
-
-        Returns
-        -------
-        Prediction
-            NaN rebound when the contact did not end; a signal that ran away has no number either.
+        The rebound is NaN when the contact did not end; a signal that ran away has no number
+        either.
         """
         model = self.felt_by(frame)
         try:
@@ -332,12 +325,9 @@ class ImpactModel:
 
         By ``time_base`` and ``gravity``: the derivatives of the signal, shape (n,), and of the
         rebound ratio by its logarithm. Empty where effects or a converter's end make the trace
-        depend on them in other ways. ``linear`` is what `linearise` returns.
-
-        Notes
-        -----
-        Sample i is taken i / rate - t0 after touch-down. In lengths that are all l times as large
-        :math:`F(l v_0, l g, l^{-1/2} K) = l F(v_0, g, K)`, and the rebound ratio is the same.
+        depend on them in other ways. ``linear`` is what `linearise` returns. Sample i is taken i /
+        rate - t0 after touch-down. In lengths that are all l times as large :math:`F(l v_0, l g,
+        l^{-1/2} K) = l F(v_0, g, K)`, and the rebound ratio is the same.
         """
         if self.effects or frame.rail is not None:
             return {}
@@ -413,13 +403,10 @@ class ImpactModel:
         """Return the trace with the derivatives of signal and rebound ratio.
 
         The jacobian has shape (n, p) [unit of the signal per unit of the parameter], the rebound
-        gradient shape (p,).
-
-        Notes
-        -----
-        One-sided differences on one grid: the solver is smooth in every parameter, so a step of
-        1e-6 leaves about 1e-6 relative of truncation and 1e-8 of rounding. Baseline and free sizes
-        are analytic, and so is the gain where nothing reads the signal.
+        gradient shape (p,). They are one-sided differences on one grid: the solver is smooth in
+        every parameter, so a step of 1e-6 leaves about 1e-6 relative of truncation and 1e-8 of
+        rounding. Baseline and free sizes are analytic, and so is the gain where nothing reads the
+        signal.
         """
         table = np.zeros((local.size + 1, frame.samples))
         prediction, gradient = self.differentiate(table, local, frame)
@@ -465,13 +452,8 @@ BASES = {
 def model_named(name: str) -> ImpactModel:
     """Return a model by its name.
 
-    The name is ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``.
-
-    Raises
-    ------
-    UnknownModelError
-        If there is no such base or effect, or the base holds the effect already; the message lists
-        those there are.
+    The name is ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``. An
+    UnknownModelError lists those there are; it also tells of an effect that the base holds already.
     """
     base, *effects = name.split("+")
     if base not in BASES:

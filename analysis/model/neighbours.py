@@ -155,12 +155,8 @@ def add_first_contacts(
 ) -> tuple[Array, list[End]]:
     """Integrate columns into the rows of a table of traces that they name. [unit of the signal]
 
-    Returns
-    -------
-    found : ndarray, shape (c, 3)
-        Contact time [s], rebound speed [m/s], largest indentation [m] of each column.
-    ends : list of End
-        How each column's structure was left.
+    Return contact time [s], rebound speed [m/s] and largest indentation [m] of each column, shape
+    (c, 3), and how each column's structure was left.
     """
     if any(e.in_solver or e.rides for e in model.effects):
         cells = [_cell(model, c) for c in columns]
@@ -176,8 +172,6 @@ def add_second_contacts(
 ) -> None:
     """Add to a trace the contacts that come after the first, of the same bodies.
 
-    Notes
-    -----
     What touches again slowly bounces on within the window: with the speed u of its rebound it is
     back after 2 u / g, a hop that is not seen being taken for the least that is, until it stays.
     """
@@ -284,16 +278,9 @@ def fill_neighbours(
 ) -> tuple[Array, Array]:
     """Fill a table with the trace (row 0) and the differences that the local parameters make.
 
-    Parameters
-    ----------
-    table : ndarray, shape (p + 1, n)
-        Zeros; filled with the trace without baseline and free sizes, then with derivatives.
-        [unit of the signal, per unit of the parameter]
-
-    Returns
-    -------
-    found : ndarray, shape (3,)
-        As `add_first_contacts` returns them, of the trace.
+    The table, shape (p + 1, n), is of zeros. It gets the trace without baseline and free sizes,
+    then derivatives. [unit of the signal, per unit of the parameter] Return the trace's row of
+    `add_first_contacts` and the derivative of the rebound ratio, shape (p,).
     """
     chain = model.chain
     columns = [(move, moved(model, frame, centre, move)) for move in model.moves]

@@ -121,12 +121,9 @@ def contact_history(
     """Return all states of one contact: what `solver.integrate` passes through.
 
     ``restitution`` is eps of Eq. 6; without a cell it is HSD's rigid one. ``closed`` is as in
-    `solver.integrate`; the cell's mass then holds the coupon's too.
-
-    Notes
-    -----
-    Source: Eqs 1-10. Validation: the same steps as `solver.integrate`, which is held to DOP853;
-    ``tests/analysis/test_paper.py`` compares the two.
+    `solver.integrate`; the cell's mass then holds the coupon's too. Source: Eqs 1-10. Validation:
+    the same steps as `solver.integrate`, which is held to DOP853; ``tests/analysis/test_paper.py``
+    compares the two.
     """
     km = drop.stiffness / drop.mass_kg
     cd = _loss(restitution, closed=closed) * math.sqrt(km)

@@ -79,14 +79,8 @@ def force_difference(
 ) -> tuple[float, float, float]:
     """Return by how much the crystal changes the forces of a contact.
 
-    Returns
-    -------
-    elastic_n : float
-        Largest difference of F_el between KV and HSD at the same time. [N]
-    relative : float
-        The same over HSD's peak. [1]
-    total_n : float
-        Largest difference of F_el + F_dis, which jumps at lift-off. [N]
+    The largest difference of F_el between KV and HSD at the same time [N], the same over HSD's peak
+    [1], and the largest difference of F_el + F_dis, which jumps at lift-off [N].
     """
     coupled, rigid = (contact_history(drop, restitution, c) for c in (cell, None))
     end = max(coupled.contact_time_s, rigid.contact_time_s)

@@ -117,11 +117,6 @@ def figure_4() -> Figure:
 def plot_traces(fit: FitResult) -> Figure:
     """Draw one model over recorded shots, a panel per pair, as the paper shows its fits.
 
-    Parameters
-    ----------
-    fit : FitResult
-        Of a campaign.
-
     Returns
     -------
     matplotlib.figure.Figure

@@ -33,12 +33,8 @@ def require_a_fit(result: FitResult) -> None:
 class JointDensity:
     """The log posterior density of all parameters, with its gradient.
 
-    Attributes
-    ----------
-    names : list of str
-        Globals as in ``impactd-fit/1``, then each shot's own as ``shot[i].<name>``.
-    mode : ndarray, shape (n,)
-        The fit.
+    ``names`` are the globals as in ``impactd-fit/1``, then each shot's own as ``shot[i].<name>``;
+    ``mode``, shape (n,), is the fit.
     """
 
     def __init__(self, result: FitResult) -> None:
@@ -84,21 +80,15 @@ class JointDensity:
 class GlobalDensity:
     r"""The log posterior density of the globals, each shot's own parameters integrated out.
 
-    Attributes
-    ----------
-    mode, covariance : ndarray, shape (g,), (g, g)
-        Of Laplace's approximation, which is what the fit states.
-
-    Notes
-    -----
-    For each shot with cost c and Hessian H of its own parameters n (half of it, in the convention
-    :math:`p \propto e^{-c/2}`), Laplace's integral over n is
+    ``mode``, shape (g,), and ``covariance`` are of Laplace's approximation, which is what the fit
+    states. For each shot with cost c and Hessian H of its own parameters n (half of it, in the
+    convention :math:`p \propto e^{-c/2}`), Laplace's integral over n is
 
     .. math:: \ln \int e^{-c/2} dn = -\tfrac12 \min_n c - \tfrac12 \ln \det H + const
 
     (Tierney & Kadane 1986). The minimum is searched by Newton steps from where the fit's linear
-    response puts n; near the fit none is needed. Only n is taken for Gaussian, at each value of
-    the globals anew; whatever makes the globals' posterior bend is kept.
+    response puts n; near the fit none is needed. Only n is taken for Gaussian, at each value of the
+    globals anew; whatever makes the globals' posterior bend is kept.
     """
 
     def __init__(self, result: FitResult) -> None:

@@ -45,15 +45,9 @@ def range_calibration(table: bytes, range_v: float) -> RangeCalibration:
 
     .. math:: V = (1 + (g_+ + g_-)/2) V_{raw} + o
 
-    with g the table's two gain coefficients and o its offset.
-
-    ``table`` is from `read_table`. The result is nominal and marked when the header is wrong or any
-    coefficient is beyond 0.1: a doubtful table corrects nothing.
-
-    Raises
-    ------
-    ConfigurationError
-        If the board has no such range.
+    with g the table's two gain coefficients and o its offset. ``table`` is from `read_table`. The
+    result is nominal and marked when the header is wrong or any coefficient is beyond 0.1: a
+    doubtful table corrects nothing. A ConfigurationError says that the board has no such range.
     """
     nominal_v = 2.0 * range_v / _CODES
     index = gain_code(range_v)

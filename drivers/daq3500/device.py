@@ -66,13 +66,7 @@ class Daq3500:
 
     @property
     def identity(self) -> DigitizerIdentity:
-        """Who the board is.
-
-        Raises
-        ------
-        DriverError
-            Before `ensure_ready`.
-        """
+        """The board's identity; DriverError before `ensure_ready`."""
         return self._ready_board().identity
 
     @property

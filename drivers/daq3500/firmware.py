@@ -53,14 +53,9 @@ class Image:
 
 
 def read_image(path: Path | None, setting: str) -> Image:
-    """Return the image a setting points to.
+    """Return the image a setting points to; FirmwareError if it is not set, unreadable or empty.
 
-    The image is never empty. ``setting`` is the setting's name, for the message.
-
-    Raises
-    ------
-    FirmwareError
-        If it is not set, cannot be read or is empty.
+    ``setting`` is the setting's name, for the message.
     """
     if path is None:
         raise FirmwareError(
@@ -83,10 +78,8 @@ def read_image(path: Path | None, setting: str) -> Image:
 def parse_ram_records(image: Image) -> list[RamRecord]:
     """Return the bytes of an FX2 image and their addresses, in the order of the file.
 
-    Raises
-    ------
-    FirmwareError
-        If the file is damaged or addresses memory the chip's loader cannot write.
+    A FirmwareError says that the file is damaged or addresses memory the chip's loader cannot
+    write.
     """
     first = image.content[0]
     if first == ord(":"):
@@ -147,10 +140,7 @@ def _parse_iic(image: Image) -> list[RamRecord]:
 def load_fx2(link: Daq3500Link, image: Image) -> None:
     """Load the USB chip's RAM and start it; it then leaves the bus and comes back.
 
-    Raises
-    ------
-    FirmwareError
-        If the file is damaged.
+    A FirmwareError says that the file is damaged.
     """
     records = parse_ram_records(image)
     link.write(Request.FX2_RAM, b"\x01", value=_CPUCS)
@@ -167,13 +157,7 @@ def fpga_loaded(link: Daq3500Link) -> bool:
 
 
 def load_fpga(link: Daq3500Link, image: Image) -> None:
-    """Load the FPGA with its bit stream.
-
-    Raises
-    ------
-    FirmwareError
-        If the board does not accept it.
-    """
+    """Load the FPGA with its bit stream; FirmwareError if the board does not accept it."""
     link.write(Request.FPGA)
     for at in range(0, len(image.content), _FPGA_BLOCK_BYTES):
         link.write(Request.FPGA_BLOCK, image.content[at : at + _FPGA_BLOCK_BYTES])

@@ -91,10 +91,7 @@ UTILITY_OPEN = 0x0100
 def gain_code(range_v: float) -> int:
     """Return the gain code of an input range: 0 for +/-10 V to 6 for +/-0.1 V.
 
-    Raises
-    ------
-    ConfigurationError
-        If the board has no such range.
+    A ConfigurationError says that the board has no such range.
     """
     if range_v not in RANGES_V:
         raise ConfigurationError(
@@ -108,12 +105,8 @@ def scan_entry(*, channel: int, range_v: float, differential: bool, settling_cod
     """Return the 32-bit scan-list entry of the only, hence last, channel.
 
     The channel is 0 to 15 (0 to 7 differential); the settling code is 0 for 1 us, 1 for 5 us, 2 for
-    10 us, 3 for 1 ms. E.g. 0x00000006 for channel 0, +/-10 V, single-ended, 1 us.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such channel, range or settling time.
+    10 us, 3 for 1 ms. All else is a ConfigurationError. E.g. 0x00000006 for channel 0, +/-10 V,
+    single-ended, 1 us.
     """
     highest = 7 if differential else 15
     if not 0 <= channel <= highest:
@@ -148,12 +141,9 @@ def pacer_rate_hz(divisor: int) -> float:
 
 
 def pacer_words(divisor: int) -> tuple[int, int, int]:
-    """Return the divisor N, 0 to 2**48 - 1, as the low, middle and high register words.
+    """Return the divisor N as the low, middle and high register words.
 
-    Raises
-    ------
-    ConfigurationError
-        If it does not fit.
+    Other than 0 to 2**48 - 1 is a ConfigurationError.
     """
     if not 0 <= divisor < 1 << 48:
         raise ConfigurationError(

@@ -49,10 +49,8 @@ def program_scan_list(link: Daq3500Link, entry: int) -> None:
 class Daq3500Converter:
     """The converter as a `drivers.usb_stream.StreamingBoard`.
 
-    Attributes
-    ----------
-    pacer_on_s : tuple of float or None
-        Just before and just after the pacer was told to start, on the monotonic clock. [s]
+    ``pacer_on_s`` is just before and just after the pacer was told to start, on the monotonic
+    clock.
     """
 
     def __init__(self, link: Daq3500Link, settings: Daq3500Settings) -> None:
@@ -95,13 +93,7 @@ class Daq3500Converter:
         return self._link.read_register(Register.ACQUISITION)
 
     def stop_acquiring(self) -> None:
-        """Stop the converter and read its remaining data.
-
-        Raises
-        ------
-        DriverError
-            If it could not be told to, twice.
-        """
+        """Stop the converter and read its remaining data; DriverError after two failures."""
         try:
             reset(self._link)
         except DriverError:

@@ -18,10 +18,7 @@ _BYTES_PER_SAMPLE = 2
 class Daq3500Settings:
     """Identity, input, rate and buffers of one board.
 
-    Raises
-    ------
-    ConfigurationError
-        If they cannot describe a real board.
+    A ConfigurationError says that they cannot describe a real board.
     """
 
     vendor_id: int

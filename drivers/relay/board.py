@@ -21,11 +21,8 @@ SAFE_WAIT_S = 0.3
 class RelayBoard:
     """A valve on one serial port.
 
-    Parameters
-    ----------
-    off_words : bytes
-        What switches the vacuum on whatever the board received before; sent when nothing else
-        works.
+    ``off_words`` switch the vacuum on whatever the board received before; they are sent when
+    nothing else works.
     """
 
     def __init__(self, port: SerialPort, off_words: bytes) -> None:

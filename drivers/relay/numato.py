@@ -184,12 +184,7 @@ def _answer_in(heard: bytes, command: str, reply: bytes) -> tuple[str, bytes] | 
     """Return the answer to a command and what belongs to none; ``None`` while it is not there.
 
     ``heard`` is everything since the command was sent, ``reply`` the pattern of the one word it
-    must be. The word is in small letters; the rest are stray bytes.
-
-    Raises
-    ------
-    ProtocolError
-        If the board said something else.
+    must be; all else is a ProtocolError. The word is in small letters; the rest are stray bytes.
     """
     echo = command.encode("ascii")
     at = heard.lower().find(echo.lower())

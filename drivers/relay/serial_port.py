@@ -28,12 +28,7 @@ _BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 class SerialPort:
     """One exclusive serial port.
 
-    Parameters
-    ----------
-    timeout_s : float
-        For writing. [s]
-    baud_rate : int
-        Meaningless over USB CDC, needed by real UARTs. [1/s]
+    ``timeout_s`` is for writing. The baud rate has no meaning over USB CDC; real UARTs need it.
     """
 
     def __init__(self, path: str, timeout_s: float, baud_rate: int = 9600) -> None:
@@ -54,14 +49,8 @@ class SerialPort:
     def open(self) -> None:
         """Take the port exclusively.
 
-        Raises
-        ------
-        DeviceNotFoundError
-            If there is no such port.
-        DeviceBusyError
-            If another program holds it.
-        DriverError
-            If it may not be opened.
+        A DeviceNotFoundError says that there is no such port, a DeviceBusyError that another
+        program holds it, any other DriverError that it may not be opened.
         """
         try:
             self._serial = serial.Serial(
@@ -98,12 +87,8 @@ class SerialPort:
     def write(self, data: bytes) -> None:
         """Hand bytes over to the system and wait until they are out.
 
-        Raises
-        ------
-        DeviceLostError
-            If the port is gone.
-        DeviceTimeoutError
-            If it takes nothing any more.
+        A DeviceLostError says that the port is gone, a DeviceTimeoutError that it takes nothing any
+        more.
         """
         port = self._ours()
         try:
@@ -127,10 +112,7 @@ class SerialPort:
     def read(self, timeout_s: float) -> bytes:
         """Return what arrives within a time, at once if anything is there; possibly nothing.
 
-        Raises
-        ------
-        DeviceLostError
-            If the port is gone.
+        A DeviceLostError says that the port is gone.
         """
         port = self._ours()
         try:

@@ -80,8 +80,6 @@ def layer_contact(
     ``contact_over_thickness`` is a / h; ``coupon_share`` is the layer's part in the compliance of
     thick bodies, 1 for a rigid sphere.
 
-    Notes
-    -----
     Pressure ``p^(k) = int_0^a phi(t) cos(k t) dt`` turns ``w(r) = delta - r^2/(2R)`` into
 
         phi(t) + (s/(pi h)) int_0^a phi(u) [G((t+u)/h) + G((t-u)/h)] du = E*/pi (delta - t^2/R),
@@ -89,10 +87,10 @@ def layer_contact(
         L(x) = (q sinh x cosh x - x) / (q sinh^2 x + x^2 + 4 (1 - nu)^2),   q = 3 - 4 nu,
 
     with ``phi(a) = 0`` for a smooth edge and ``F = 2 pi int phi``. Source: Lebedev & Ufliand, J.
-    Appl. Math. Mech. 22 (1958) 442; Hayes et al., J. Biomech. 5 (1972) 541 for L.
-    Validation: X -> 0 is Hertz; L against the equations of elasticity; nu = 0.5 within 0.7 % of
-    Garcia & Garcia 2018 up to X = 0.5; the slope at X = 0 within 0.6 % of Dimitriadis 2002, whose
-    series is 2 % low at X = 0.27 and 8 % at X = 0.49 for nu = 0.5.
+    Appl. Math. Mech. 22 (1958) 442; Hayes et al., J. Biomech. 5 (1972) 541 for L. Validation: X ->
+    0 is Hertz; L against the equations of elasticity; nu = 0.5 within 0.7 % of Garcia & Garcia 2018
+    up to X = 0.5; the slope at X = 0 within 0.6 % of Dimitriadis 2002, whose series is 2 % low at X
+    = 0.27 and 8 % at X = 0.49 for nu = 0.5.
     """
     a = contact_over_thickness  # lengths in units of the thickness
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)

@@ -10,14 +10,9 @@ import time
 class RigClock:
     """Time as the rig knows it, starting at zero.
 
-    At a finite ``speed`` rig time is host time multiplied by it. At ``math.inf`` nothing moves by
-    itself: time stands where the last sample was read, so the host sets the pace and a run is
+    At a finite ``speed`` > 0 rig time is host time multiplied by it. At ``math.inf`` nothing moves
+    by itself: time stands where the last sample was read, so the host sets the pace and a run is
     repeatable to the last bit.
-
-    Parameters
-    ----------
-    speed : float
-        Rig seconds per host second, > 0; ``math.inf`` for as fast as the host reads. [1]
     """
 
     def __init__(self, speed: float = 1.0) -> None:

@@ -62,12 +62,8 @@ def quantise(volts: NDArray[np.float64], board: Board) -> NDArray[np.uint16]:
 def coarser(codes: NDArray[np.int32], bits: int) -> NDArray[np.int32]:
     """Return what a converter of fewer bits gives for signed codes of 16.
 
-    They are the nearest of its own codes, ``-2^(bits-1)`` to ``2^(bits-1) - 1``.
-
-    Raises
-    ------
-    ValueError
-        If there is no such converter.
+    They are the nearest of its own codes, ``-2^(bits-1)`` to ``2^(bits-1) - 1``. A ValueError says
+    that there is no such converter.
     """
     if not 8 <= bits <= 16:
         raise ValueError(f"A simulated converter has 8 to 16 bits, not {bits}.")

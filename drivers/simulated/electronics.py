@@ -64,19 +64,8 @@ class DelayLine:
 class StateSpaceStage:
     """A linear filter ``x' = A x + B u, y = C x + D u``, exact for straight lines between samples.
 
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-        System matrix. [1/s]
-    B, C : ndarray, shape (n,)
-        Input and output vectors.
-    D : float
-        Direct part. [1]
-
-    Notes
-    -----
-    First-order hold (Franklin, Powell & Workman 1998, ch. 6). The recursion runs as a product of
-    first-order sections in modal coordinates.
+    A has shape (n, n) [1/s], B and C (n,). First-order hold (Franklin, Powell & Workman 1998, ch.
+    6). The recursion runs as a product of first-order sections in modal coordinates.
     """
 
     def __init__(

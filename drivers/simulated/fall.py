@@ -70,16 +70,9 @@ def fly(
 ) -> tuple[float, float]:
     """Return the time of flight [s] and the speed downwards on arrival [m/s].
 
-    Parameters
-    ----------
-    height_m : float
-        How far below the start it arrives; may be a little below zero after a bounce. [m]
-    drag : str
-        One of `DRAG`, or ``"none"`` for no air at all.
-    added_mass : float
-        Part of the displaced air's mass that moves along. [1]
-    speed_up_m_per_s : float
-        Speed upwards at the start. [m/s]
+    The sphere arrives ``height_m`` below the start, which may be a little below zero after a
+    bounce. ``drag`` is one of `DRAG`, or ``"none"`` for no air at all; ``added_mass`` the part of
+    the displaced air's mass that moves along; ``speed_up_m_per_s`` the speed upwards at the start.
     """
     g = body.gravity_m_per_s2
     arrival = math.sqrt(max(speed_up_m_per_s**2 + 2.0 * g * height_m, 0.0))

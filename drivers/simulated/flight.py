@@ -119,12 +119,9 @@ def render_flight(
 
     The segments are in order of time; between them nothing happens. What a release puts on the line
     by itself comes last and adds to the others. Grid and limit are rig times; the sample rate is
-    the true one. The flight's ``touches`` are filled.
-
-    Notes
-    -----
-    Every bounce starts from a crystal at rest: the ring of the one before has died tens of
-    milliseconds earlier. Filters remember across bounces.
+    the true one. The flight's ``touches`` are filled. Every bounce starts from a crystal at rest:
+    the ring of the one before has died tens of milliseconds earlier. Filters remember across
+    bounces.
     """
     step_s = 1.0 / sample_rate_hz
     stages = list(_stages(rig, flight))

@@ -214,15 +214,9 @@ def simulate_impact(
 ) -> ImpactTrace:
     """Integrate one impact from touch-down and sample it on a regular grid.
 
-    The grid begins ``first_s`` after touch-down, which may be negative. The speed is > 0; the
-    tolerance is the relative one of the step control.
-
-    Raises
-    ------
-    ValueError
-        If the speed is not positive or too many contact effects act at once.
-    IntegrationError
-        If the step control gives up.
+    The grid begins ``first_s`` after touch-down, which may be negative. The tolerance is the
+    relative one of the step control; an IntegrationError says that this gives up. A speed that is
+    not positive or too many contact effects at once are a ValueError.
     """
     if not speed_m_per_s > 0.0:
         raise ValueError(f"An impact needs a speed above zero, not {speed_m_per_s} m/s.")

@@ -76,13 +76,9 @@ def draw_mistake(
     """Draw a mistake of any of the kinds, all of `MISTAKES` by default, each as often.
 
     Its size is log-uniform within its limits and of either sign; of an odd shot uniform. ``drops``
-    are those of the campaign in which it is made.
-
-    Raises
-    ------
-    ValueError
-        If the campaign has no place for it: one sphere and one surface cannot be confused, and no
-        specimen can be exchanged where none lies.
+    are those of the campaign in which it is made. A ValueError says that the campaign has no place
+    for it: one sphere and one surface cannot be confused, and no specimen can be exchanged where
+    none lies.
     """
     mistake_id = str(rng.choice(list(among or MISTAKES)))
     return _DRAWS[mistake_id](mistake_id, rng, drops)
@@ -95,11 +91,6 @@ def make_mistake(settings: CampaignSettings, seed: int, mistake: Mistake) -> Jso
     included: a wrong number is stated as surely as a right one. ``mistake`` is from `draw_mistake`,
     with the drops of the same settings and seed. The result is as of ``simulate_campaign``, with
     ``mistake`` in the truth.
-
-    Raises
-    ------
-    ValueError
-        If there is no such mistake.
     """
     if mistake.id not in _DRAWS:
         raise ValueError(f"No mistake is called {mistake.id!r}; there are {', '.join(MISTAKES)}.")

@@ -52,12 +52,9 @@ def noise_table(
 ) -> NDArray[np.float32]:
     """Return noise that joins its own beginning, so that it can be read round and round.
 
-    A power of two of samples is quickest; the rate is that at which it will be read.
-
-    Notes
-    -----
-    Shaped in the frequency domain: AR(1) has the density ``(1 - rho^2)/|1 - rho exp(-i w)|^2``, the
-    1/f part ``f_c / f`` of the white density, cut below the table's first line.
+    A power of two of samples is quickest; the rate is that at which it will be read. Shaped in the
+    frequency domain: AR(1) has the density ``(1 - rho^2)/|1 - rho exp(-i w)|^2``, the 1/f part
+    ``f_c / f`` of the white density, cut below the table's first line.
     """
     spectrum = rfft(rng.standard_normal(samples).astype(np.float32))
     spectrum *= _amplitudes(settings, samples, sample_rate_hz)

@@ -17,16 +17,9 @@ _ECHO_LIMIT = 64
 class RelayTerminal:
     """A relay board one can open with pySerial at `port`.
 
-    Relay off means vacuum on, as the plumbing is built.
-
-    Parameters
-    ----------
-    kind : str
-        ``"numato"`` or ``"lcus"``.
-    adc_volts_per_code : float
-        The simulated board's true converter step. [V]
-    newline : bytes
-        Surrounds the replies of a Numato board; boards differ.
+    Relay off means vacuum on, as the plumbing is built. ``kind`` is ``"numato"`` or ``"lcus"``;
+    ``adc_volts_per_code`` the simulated board's true converter step; ``newline`` surrounds the
+    replies of a Numato board, as boards differ.
     """
 
     def __init__(

@@ -62,14 +62,9 @@ a table of some hundred rigs, seldom enough that most rigs are physical."""
 
 
 def rig_model(name: str, seed: int) -> RigModel:
-    """Return the physics of a rig, one of `RIGS`.
+    """Return the physics of a rig, one of `RIGS`, else raise ValueError.
 
     The rig's seed matters for ``drawn`` only.
-
-    Raises
-    ------
-    ValueError
-        If there is no such name.
     """
     if name == "paper":
         return PAPER

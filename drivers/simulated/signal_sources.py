@@ -78,14 +78,7 @@ class CountingSource(_PacedSource):
 class PulseSource(_PacedSource):
     """Noise around a baseline, and half-sine pulses on demand.
 
-    Parameters
-    ----------
-    speed : float
-        See `drivers.simulated.clock.RigClock`.
-    noise_codes : float, optional
-        Its standard deviation.
-    baseline_code : int, optional
-        Idle input, offset binary.
+    ``speed`` is as of `drivers.simulated.clock.RigClock`; the idle input is offset binary.
     """
 
     WIDTH_SAMPLES = 100

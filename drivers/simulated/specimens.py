@@ -19,11 +19,10 @@ class SphereSpec:
 
 @dataclass(frozen=True)
 class SurfaceSpec:
-    """A coupon as its label describes it; a ``_u`` is the standard deviation of the true value.
-    > youngs_modulus_pa = ``None``: unknown, drawn from 0.5 to 10 GPa.
-    """
+    """A coupon as its label describes it; a ``_u`` is the standard deviation of the true value."""
 
     youngs_modulus_pa: float | None
+    """``None``: unknown, drawn from 0.5 to 10 GPa."""
     youngs_modulus_u_pa: float
     poissons_ratio: float
     poissons_ratio_u: float = 0.01

@@ -12,11 +12,6 @@ def seal(path: Path, truth: dict[str, object]) -> None:
     """Write the truth where only its owner can read it (mode 0600), replacing an older one.
 
     The file's folder must exist.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
     """
     beside = path.with_name(path.name + ".new")
     beside.unlink(missing_ok=True)
@@ -29,15 +24,7 @@ def seal(path: Path, truth: dict[str, object]) -> None:
 
 
 def unseal(path: Path) -> dict[str, Any]:
-    """Return the truth that `seal` wrote.
-
-    Raises
-    ------
-    OSError
-        If there is no such file.
-    ValueError
-        If it does not hold a truth.
-    """
+    """Return the truth that `seal` wrote; ValueError if the file does not hold one."""
     truth = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(truth, dict):
         raise ValueError(f"{path} does not hold a sealed truth.")  # noqa: TRY004 - a bad file

@@ -77,15 +77,9 @@ class SignalSource(Protocol):
 class SimulatedConverter:
     """Converts what the source shows and hands it out in packets.
 
-    Parameters
-    ----------
-    fifo_samples : int or None
-        Depth of the results FIFO; ``None`` for endless, as the real depth is NOT KNOWN.
-
-    Notes
-    -----
-    Packets left in the endpoint's buffers survive a stop, so a host that does not drain finds
-    old samples at the head of its next run. That the real board does the same is INFERRED.
+    The depth of the results FIFO is ``None`` for endless, as the real depth is NOT KNOWN. Packets
+    left in the endpoint's buffers survive a stop, so a host that does not drain finds old samples
+    at the head of its next run. That the real board does the same is INFERRED.
     """
 
     def __init__(

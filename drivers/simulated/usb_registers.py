@@ -12,8 +12,6 @@ _SCAN_LIST_EMPTY = 0x0020
 class SimulatedFpga:
     """Registers that drive the converter once the bit stream is in.
 
-    Notes
-    -----
     The pacer starts only if the whole of the start sequence was sent: scan list, list running,
     endpoint enabled, transfer on. What a real board does otherwise is NOT KNOWN; this one stays
     silent, so a forgotten step shows.

@@ -54,12 +54,8 @@ class _Stream:
 class World:
     """One rig: time, sphere, coupon, cell, noise. Thread safe.
 
-    Attributes
-    ----------
-    faults : Faults
-        Switches for whatever shall break.
-    openings_ns : list of int
-        Host clock at each opening of the valve, whatever the daemon says of it. [ns]
+    ``faults`` are switches for whatever shall break; ``openings_ns`` the host clock at each opening
+    of the valve, whatever the daemon says of it.
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -115,13 +111,8 @@ class World:
     ) -> None:
         """Start the converter: sample 0 is now.
 
-        Parameters
-        ----------
-        sample_rate_hz : float
-            Rate asked for; the true one is this times ``rate_error``. [Hz]
-        board_gain, board_offset_v : float
-            The board's own error, ``V = gain * Vraw + offset``, as its calibration table
-            states it. [1, V]
+        The true rate is the one asked for times ``rate_error``. Gain and offset are the board's own
+        error, ``V = gain * Vraw + offset``, as its calibration table states it.
         """
         board = Board(range_v, board_gain, board_offset_v)
         rate_hz = sample_rate_hz * self.settings.rate_error * self._rig.inputs.sample_rate_factor
@@ -159,12 +150,7 @@ class World:
     def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
         """Return the converter's codes of samples ``start`` to ``start + count``.
 
-        Offset binary, ``V = code * 2 R / 65536 - R``.
-
-        Raises
-        ------
-        RuntimeError
-            If no stream runs.
+        Offset binary, ``V = code * 2 R / 65536 - R``. A RuntimeError says that no stream runs.
         """
         with self._sampling:
             stream = self._stream
@@ -291,10 +277,7 @@ class World:
     def load(self, sphere: str, surface: str, drop_height_m: float) -> None:
         """Hang a sphere over a surface; without vacuum it does not stay.
 
-        Raises
-        ------
-        ConfigurationError
-            If a name is unknown or the height is not positive.
+        A ConfigurationError says that a name is unknown or the height is not positive.
         """
         for name, drawer in ((sphere, self.settings.spheres), (surface, self.settings.surfaces)):
             if name not in drawer:

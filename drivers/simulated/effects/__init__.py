@@ -27,12 +27,7 @@ def make_effect(
     """Return an effect by its id.
 
     ``values`` has all parameters by name [SI]; ``scope`` left out means everywhere, ``form`` left
-    out the first of the published forms.
-
-    Raises
-    ------
-    ValueError
-        If the id, a parameter or the form is unknown or a parameter is missing.
+    out the first of the published forms. What is unknown or missing is a ValueError.
     """
     if effect_id not in EFFECTS:
         raise ValueError(f"No effect {effect_id!r}; the simulator knows {', '.join(EFFECTS)}.")
