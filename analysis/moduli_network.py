@@ -70,8 +70,7 @@ class System:
     """Of the same, shape (n + c,)."""
     calibrations: tuple[str, ...]
     inputs: tuple[str, ...]
-    """The names behind the columns of errors are each block's calibration, then these stated
-    inputs."""
+    """Names of the last columns; the columns of the calibrations' errors come before these."""
 
 
 @dataclass(frozen=True)
@@ -259,8 +258,8 @@ def linearise(system: System, groups: Groups, x: Array) -> tuple[Array, Array]:
     """Return residuals and design of the groups' means at x.
 
     x has ln E' of the materials, then the calibrations' errors, shape (n + c,). The residuals are
-    observed minus computed ln E*, shape (groups,); the design is d computed / d x, shape (groups, n
-    + c).
+    observed minus computed ln E*, shape (groups,); the design is d computed / d x,
+    shape (groups, n + c).
     """
     left, right = system.left[system.group_pair], system.right[system.group_pair]
     rows = np.arange(left.size)

@@ -134,9 +134,10 @@ def promised_gain(seen: Spectrum, short: Array) -> float:
     """Return by how much twice the likelihood's logarithm would rise by a 1/f part (score test).
 
     ``short`` are the coefficients of autoregressive noise from which it is computed. The gain is
-    that of a likelihood that is a parabola, 0 where a 1/f part would have to be negative. Source:
-    Rao's score test. For lines above what is expected of them it promises more than they bring (x -
-    1 squared, where the likelihood has 2 (x - 1 - ln x)).
+    that of a likelihood that is a parabola, 0 where a 1/f part would have to be negative.
+
+    Source: Rao's score test. For lines above what is expected of them it promises more than they
+    bring (x - 1 squared, where the likelihood has 2 (x - 1 - ln x)).
     """
     turns = _turns(short)
     score, information = _scores(seen, _made(seen, 0.0, turns), turns)

@@ -40,11 +40,9 @@ class Conflict:
     stated: Quantity
     found: Quantity
     """What everything else says. [``unit``]"""
-    """As stated, and as everything else says. [``unit``]"""
     unit: str
     score: float
     """The difference over its own standard uncertainty."""
-    """Their difference over its own standard uncertainty."""
 
     @property
     def sentence(self) -> str:

@@ -107,8 +107,8 @@ def _with_calibration(
 
     With them the precision of what is known of the problem's own globals, shape (g, g): the cell's
     covariance is the whole one in ``problem``, and here is without what the inputs carry. A
-    calibration that follows its inputs by G per standard uncertainty leaves the cell at :math:`s =
-    s_0 + G z + e` with z the inputs' errors and e of covariance :math:`C - G G^T`.
+    calibration that follows its inputs by G per standard uncertainty leaves the cell at
+    :math:`s = s_0 + G z + e` with z the inputs' errors and e of covariance :math:`C - G G^T`.
     """
     sensor, precision = problem.campaign.sensor, problem.prior_precision
     if problem.model.kind == solver.HSD:

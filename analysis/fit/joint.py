@@ -234,10 +234,7 @@ def fit(
     blocks: list[ShotBlock] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Fitted:
-    """Return the most probable parameters of a campaign.
-
-    The end point counts whether converged or not. ``blocks`` are those at the start, if a fit has
-    ended there.
+    """Return the most probable parameters of a campaign: the end point, converged or not.
 
     Parameters
     ----------
@@ -251,6 +248,8 @@ def fit(
         Of the first step; next to none where the start is known to be near.
     tolerance : float
         Share of a standard uncertainty below which a step is not worth making.
+    blocks : list of ShotBlock, optional
+        At the start, where a fit has ended there.
     """
     theta = (problem.start if theta is None else theta).copy()
     nuisances = nuisances.copy()

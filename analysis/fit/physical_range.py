@@ -63,7 +63,7 @@ class OutOfRange:
     """As fitted. [``unit``]"""
     low: float
     high: float
-    """The range of the possible is ``low`` to ``high``. [``unit``]"""
+    """``low`` and ``high`` are the limits of what it can be. [``unit``]"""
     unit: str
 
     @property

@@ -90,11 +90,11 @@ def _moduli_by_records(
 def choose_start(
     problem: JointProblem, stiffness: NDArray[np.float64], nuisances: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the nuisances after a start by the moduli of the records, if that leads deeper.
+    """Take the moduli of the records where a few steps lead deeper than from the stated ones.
 
-    A few steps decide against the stated moduli. The problem is complete but for this; its
-    ``start`` may be moved. ``stiffness`` is ln K of each shot from its record; ``nuisances``, shape
-    (shots, 4), are the shots' own parameters at the start.
+    The problem is complete but for this; its ``start`` may be moved. ``stiffness`` is ln K of each
+    shot from its record. Return the shots' own parameters at that start, shape (shots, 4), as
+    ``nuisances``.
     """
     other = _moduli_by_records(problem, stiffness)
     if other is None:

@@ -325,9 +325,10 @@ class ImpactModel:
 
         By ``time_base`` and ``gravity``: the derivatives of the signal, shape (n,), and of the
         rebound ratio by its logarithm. Empty where effects or a converter's end make the trace
-        depend on them in other ways. ``linear`` is what `linearise` returns. Sample i is taken i /
-        rate - t0 after touch-down. In lengths that are all l times as large :math:`F(l v_0, l g,
-        l^{-1/2} K) = l F(v_0, g, K)`, and the rebound ratio is the same.
+        depend on them in other ways. ``linear`` is what `linearise` returns.
+
+        Sample i is taken i / rate - t0 after touch-down. In lengths that are all l times as large
+        :math:`F(l v_0, l g, l^{-1/2} K) = l F(v_0, g, K)`, and the rebound ratio is the same.
         """
         if self.effects or frame.rail is not None:
             return {}

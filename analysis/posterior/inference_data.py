@@ -74,8 +74,8 @@ def _moduli(result: FitResult, draws: Draws, seed: int) -> dict[str, tuple[Array
     r"""Return draws of E' and E by material.
 
     Shots see :math:`E' = E / (1 - \nu^2)` alone. Where E was stated, its prior ties E' to the
-    ratio; given a draw of ln E', the ratio is then Gaussian with the mean :math:`\nu_0 + \beta (\ln
-    E' - m)`, :math:`\beta = 2\nu u_\nu^2 / ((1 - \nu^2) u_{E'}^2)`.
+    ratio; given a draw of ln E', the ratio is then Gaussian with the mean
+    :math:`\nu_0 + \beta (\ln E' - m)`, :math:`\beta = 2\nu u_\nu^2 / ((1 - \nu^2) u_{E'}^2)`.
     """
     rng = np.random.default_rng(seed)
     problem, found = result.problem, {}

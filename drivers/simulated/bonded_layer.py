@@ -54,8 +54,8 @@ def solved_layer(poissons_ratio: float, coupon_share: float) -> Vector:
     """Return the eight coefficients fitted to a numerical solution of sphere on bonded layer.
 
     The sphere's own compliance is in the solution, so nothing is added up in series; ``f`` is then
-    what the series formula needs in order to give the solved force. ``coupon_share`` is ``(1/E2') /
-    (1/E1' + 1/E2')``, the coupon's part in the compliance of thick bodies.
+    what the series formula needs in order to give the solved force. ``coupon_share`` is
+    ``(1/E2') / (1/E1' + 1/E2')``, the coupon's part in the compliance of thick bodies.
     """
     return np.array(_solved_layer(round(poissons_ratio, 4), round(coupon_share, 3)))
 

@@ -206,6 +206,6 @@ def draw_rig(
 def no_room_for(model: RigModel) -> tuple[str, ...]:
     """Return the ids of effects that a rig of this physics has already.
 
-    Where the third law holds, the effect of its lack has no room.
+    With the third law that is the reaction of the dashpot.
     """
     return ("dashpot_reaction",) if model.third_law else ()

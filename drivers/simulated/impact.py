@@ -49,7 +49,7 @@ class Mechanics:
     third_law: bool = False
     """The whole force of contact loads the crystal, or is what a rigid cell reads."""
     coupon_rides: bool = False
-    """What does not move on its tape of the coupon adds its mass to the crystal's."""
+    """The part of the coupon that does not move on its tape adds its mass to the crystal's."""
     lift_off_rule: int = kernel.AT_INDENTATION
     """Where contact ends, by the kernel's names."""
     loss_law: int = kernel.TSUJI
@@ -62,7 +62,7 @@ class Mechanics:
     coupon_plane_strain_modulus_pa: float = math.inf
     """E/(1 - nu^2) of the coupon, for laws that concern it alone."""
     coupon_poissons_ratio: float = 0.35
-    """nu of the coupon, for the same."""
+    """nu of the coupon, for the same laws."""
     coupon_mass_kg: float = 0.0
     """A coupon on its adhesive; 0 means glued rigidly."""
     layer_stiffness_n_per_m: float = 0.0
