@@ -38,21 +38,14 @@ _EDGE = 0.05
 
 @dataclass(frozen=True)
 class Landing:
-    """One impact of a bouncing sphere.
-
-    Attributes
-    ----------
-    onset_index : int
-        First sample of the pulse above 5 % of its height.
-    height : float
-        Largest excursion from the level before it. [unit of the signal]
-    width_samples : int
-        Samples from onset until the pulse is below 5 % again.
-    """
+    """One impact of a bouncing sphere."""
 
     onset_index: int
+    """First sample of the pulse above 5 % of its height."""
     height: float
+    """Largest excursion from the level before it. [unit of the signal]"""
     width_samples: int
+    """Samples from onset until the pulse is below 5 % again."""
 
 
 def _block_ranges(signal: NDArray[np.float64], block: int) -> NDArray[np.float64]:
@@ -103,24 +96,11 @@ def _first_polarity(signal: NDArray[np.float64], trigger: int, reach: int) -> in
 def landings(
     signal: NDArray[np.float64], sample_rate_hz: float, trigger_index: int
 ) -> tuple[Landing, ...]:
-    """Return all impacts of a record, the triggering one first.
+    """Return all impacts of a record in order of time, the triggering one first.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The record, any unit, either polarity.
-    sample_rate_hz : float
-        [Hz]
-    trigger_index : int
-        Sample near the first touch.
+    The record may have any unit and either polarity; ``trigger_index`` is a sample near the first
+    touch. Empty when nothing happens at the trigger.
 
-    Returns
-    -------
-    tuple of Landing
-        In order of time; empty when nothing happens at the trigger.
-
-    Notes
-    -----
     Source: own. An impact is a block whose range exceeds twice the quiet blocks' and three times
     that of the millisecond before it, so a falling ring, hum and drift are none. Validation:
     synthetic records with ring, hum, 1/f noise and spikes in ``tests/analysis/test_bounce.py``.
@@ -161,10 +141,6 @@ def bounce_indices(
 
     Parameters
     ----------
-    signal : ndarray, shape (n,)
-        The record.
-    sample_rate_hz : float
-        [Hz]
     trigger_index : int
         Sample near the first touch.
 
@@ -191,8 +167,6 @@ def restitution_from_bounce(
 
     Parameters
     ----------
-    signal : ndarray, shape (n,)
-        The record, any unit.
     sample_rate_hz : float
         Calibrated sample rate. [Hz]
     trigger_index : int
@@ -240,28 +214,10 @@ def restitution_from_rebound_height(
 
     .. math:: \epsilon_r = \sqrt{h_r / h}
 
-    Parameters
-    ----------
-    rebound_height_m : Quantity
-        Of the sphere's lowest point, > 0. [m]
-    drop_height_m : float
-        Likewise, > 0. [m]
-    speed_repeatability : float
-        Relative standard deviation of the impact speed. [1]
-
-    Returns
-    -------
-    Quantity
-        Ratio with standard uncertainty.
-
-    Raises
-    ------
-    ParameterOutOfRangeError
-        If a height is not positive, or the sphere came back higher than it fell from.
-
-    Notes
-    -----
-    Source: free fall, up and down. Validation: ``tests/analysis/test_bounce.py``.
+    Both heights are of the sphere's lowest point and > 0. A ParameterOutOfRangeError says that one
+    is not, or that the sphere came back higher than it fell from. ``speed_repeatability`` is the
+    relative standard deviation of the impact speed. Source: free fall, up and down. Validation:
+    ``tests/analysis/test_bounce.py``.
     """
     if not drop_height_m > 0:
         raise ParameterOutOfRangeError("drop_height_m", drop_height_m, "above 0")

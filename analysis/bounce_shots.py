@@ -61,13 +61,6 @@ def _chain(shot: Shot) -> list[Landing]:
 def bounce_shots(shot: Shot, gravity_m_per_s2: float) -> tuple[Shot, ...]:
     """Return the later landings of a record as shots.
 
-    Parameters
-    ----------
-    shot : Shot
-        A long record with its trigger on the first landing.
-    gravity_m_per_s2 : float
-        Local gravity, > 0. [m/s^2]
-
     Returns
     -------
     tuple of Shot
@@ -120,11 +113,6 @@ def bounce_shots(shot: Shot, gravity_m_per_s2: float) -> tuple[Shot, ...]:
 
 def with_bounces(campaign: Campaign) -> Campaign:
     """Return the campaign with the later bounces of its records as further shots.
-
-    Parameters
-    ----------
-    campaign : Campaign
-        Long records; short ones stay as they are.
 
     Returns
     -------

@@ -27,16 +27,12 @@ NEGLIGIBLE = 1e-12
 
 @dataclass(frozen=True)
 class Row:
-    """One source's line.
-
-    Attributes
-    ----------
-    parts : ndarray, shape (r,)
-        Change of the modulus' logarithm by each independent standard deviation of the source. [1]
-    """
+    """One source's line."""
 
     source: Source
     parts: Array
+    """Change of the modulus' logarithm by each independent standard deviation of the source. Shape
+    (r,). [1]"""
 
     @property
     def contribution(self) -> float:
@@ -54,22 +50,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Budget:
-    """What the uncertainty of one modulus is made of.
-
-    Attributes
-    ----------
-    name, measurand : str
-        The global, ``sphere.<name>`` or ``surface.<name>``, and which of its moduli.
-    value : float
-        [Pa]
-    rows : tuple of Row
-        Largest contribution first.
-    """
+    """What the uncertainty of one modulus is made of."""
 
     name: str
+    """The global, ``sphere.<name>`` or ``surface.<name>``."""
     measurand: str
+    """Which of its moduli."""
     value: float
+    """[Pa]"""
     rows: tuple[Row, ...]
+    """Largest contribution first."""
 
     @property
     def relative_u(self) -> float:
@@ -135,15 +125,9 @@ def _row_json(row: Row, total: float) -> Json:
 def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> list[Budget]:
     """Return the budgets of all moduli of a fit, two for a material whose Poisson's ratio is known.
 
-    Returns
-    -------
-    list of Budget
-        In the order of the materials; empty in reduced units and for single pairs.
-
-    Notes
-    -----
-    Source: JCGM 100 (GUM) 5.1, on the joint fit's own linear form. Validation: the contributions'
-    squares against the covariance, against ``uncertainties`` and against sampling in
+    In the order of the materials; none in reduced units and for single pairs. Source: JCGM 100
+    (GUM) 5.1, on the joint fit's own linear form. Validation: the contributions' squares against
+    the covariance, against ``uncertainties`` and against sampling in
     ``tests/analysis/test_budget.py``.
     """
     if fitted.failed:
@@ -163,21 +147,8 @@ def budgets_of(
 ) -> list[Budget]:
     """Return the budgets of all moduli among some parameters, from the sources of their covariance.
 
-    Parameters
-    ----------
-    logs : mapping of str to float
-        Parameters in the covariance's order; those of ``sphere.`` and ``surface.`` are ln E'.
-    covariance : ndarray, shape (g, g)
-        Of the parameters.
-    found : sequence of Source
-        Their spreads' squares add up to ``covariance``.
-    spheres, surfaces : mapping
-        What is stated of the materials.
-
-    Returns
-    -------
-    list of Budget
-        In the order of the parameters.
+    ``logs`` has the parameters in the covariance's order; those of ``sphere.`` and ``surface.`` are
+    ln E'. The squares of the spreads of ``found`` add up to ``covariance``, shape (g, g).
     """
     made = []
     for j, (name, log) in enumerate(logs.items()):
@@ -229,11 +200,8 @@ def _budget(
 def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> Json | None:
     """Return all budgets as a fit's JSON has them, by material and modulus; None without moduli.
 
-    Returns
-    -------
-    dict or None
-        ``{"format", "moduli": {material: {measurand: budget}}}``; a name that is both a sphere's
-        and a surface's is preceded by which it is, as under ``moduli``.
+    As ``{"format", "moduli": {material: {measurand: budget}}}``. A name that is both a sphere's and
+    a surface's is preceded by which it is, as under ``moduli``.
     """
     found = budgets(problem, fitted, degrees_of_freedom)
     return by_material(found, [b.name for b in found]) if found else None
@@ -242,10 +210,7 @@ def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: floa
 def by_material(found: Sequence[Budget], names: Sequence[str]) -> Json:
     """Return budgets as JSON has them, see `budgets_json`.
 
-    Parameters
-    ----------
-    names : sequence of str
-        All materials that are listed beside them, also such without a budget.
+    ``names`` are all materials that are listed beside them, also those without a budget.
     """
     plain = [name.partition(".")[2] for name in dict.fromkeys(names)]
     moduli: Json = {}

@@ -13,13 +13,7 @@ ENOUGH = 3.0
 
 
 def advice(budget: Budget) -> str:
-    """Return what would improve a modulus most.
-
-    Returns
-    -------
-    str
-        A sentence with what is to be done and the u that would be left.
-    """
+    """Return in a sentence what would improve a modulus most, and the u that would be left."""
     worst = max(_measurable(budget.rows), key=_combined, default=[])
     if _combined(worst) < budget.part(common=False):
         return _more_shots(budget)
@@ -47,7 +41,7 @@ def advice(budget: Budget) -> str:
 
 
 def _more_shots(budget: Budget) -> str:
-    """Return what lessens that which is not common to all shots."""
+    """Return what reduces the part that is not common to all shots."""
     total, averaged = budget.relative_u, budget.part(common=False)
     worst = max((r for r in budget.rows if not r.source.common), key=lambda r: r.contribution)
     if worst.source.remedy:
@@ -73,7 +67,7 @@ def _measurable(rows: tuple[Row, ...]) -> list[list[Row]]:
 
 
 def _rounded_down(u: float) -> float:
-    """Return one significant digit of an uncertainty, not more than it."""
+    """Return an uncertainty rounded down to one significant digit."""
     unit = 10.0 ** math.floor(math.log10(u))
     return math.floor(u / unit + 1e-9) * unit
 
@@ -83,7 +77,7 @@ def _percent(relative: float) -> str:
 
 
 def _share(part: float) -> str:
-    """Return what a part of u is of the variance."""
+    """Return in words which share of the variance a part of u is."""
     return f"{100 * part**2:.0f} % of its variance"
 
 

@@ -1,8 +1,8 @@
 """The budget by sampling (JCGM 101): draws of every source through the chain, and whole refits.
 
 Draws go through the joint problem linearised at its solution and from there exactly to every
-modulus; each source has its own distribution. Refits, which cost a joint fit each, also see what is
-not straight in the problem itself: records, statements and speeds are drawn anew and fitted anew.
+modulus; each source has its own distribution. Refits cost a joint fit each, and also see what is
+not linear in the problem itself: records, statements and speeds are drawn anew and fitted anew.
 """
 
 from __future__ import annotations
@@ -36,16 +36,11 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class Sampled:
-    """One modulus as its budget has it, and as draws have it.
-
-    Attributes
-    ----------
-    values : ndarray, shape (n,)
-        Draws. [Pa]
-    """
+    """One modulus as its budget has it, and as draws have it."""
 
     budget: Budget
     values: Array
+    """Draws. Shape (n,). [Pa]"""
 
     @property
     def relative_u(self) -> float:
@@ -89,25 +84,9 @@ def draw_of(known: Uncertainty, shape: tuple[int, ...], rng: np.random.Generator
 def monte_carlo(result: FitResult, draws: int, *, seed: int = 0) -> list[Sampled]:
     """Return every modulus by draws through the linearised joint problem.
 
-    Parameters
-    ----------
-    draws : int
-        At least `LEAST_DRAWS`; 10^4 take a second.
-
-    Returns
-    -------
-    list of Sampled
-        As `analysis.budget.budgets` orders them.
-
-    Raises
-    ------
-    ValueError
-        If ``draws`` is too small.
-
-    Notes
-    -----
-    Source: JCGM 101:2008, 7. Validation: against the linear budget and against `refits` in
-    ``tests/analysis/test_budget.py``.
+    They are in the order of `analysis.budget.budgets`. 10^4 draws take a second; fewer than
+    `LEAST_DRAWS` are a ValueError. Source: JCGM 101:2008, 7. Validation: against the linear budget
+    and against `refits` in ``tests/analysis/test_budget.py``.
     """
     if draws < LEAST_DRAWS:
         raise ValueError(f"{draws} draws say nothing of a 95 % interval; take {LEAST_DRAWS}.")
@@ -173,19 +152,8 @@ def refits(
 ) -> list[Sampled]:
     """Return every modulus by whole joint fits of records and statements drawn anew.
 
-    Parameters
-    ----------
-    result : FitResult
-        A joint fit with moduli, taken for the truth.
-    count : int
-        How many fits; those that do not converge are left out.
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    list of Sampled
-        As `analysis.budget.budgets` orders them.
+    ``result``, a joint fit with moduli, is taken for the truth. Fits that do not converge are left
+    out. The moduli are in the order of `analysis.budget.budgets`.
     """
     problem, fitted = result.problem, result.fitted
     rng = np.random.default_rng(seed)

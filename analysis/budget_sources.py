@@ -59,37 +59,23 @@ INPUT_LABELS = {
 
 @dataclass(frozen=True)
 class Source:
-    """One source of uncertainty.
-
-    Attributes
-    ----------
-    name, label : str
-        For programs and for people.
-    value : float or None
-        Best estimate in ``unit``; None where the source is no single number.
-    uncertainty : Uncertainty
-        In ``unit``.
-    unit : str
-        Of value and uncertainty.
-    relative : bool
-        Whether ``spread`` is by the source's logarithm.
-    common : bool
-        Acts on all shots alike, so that no repetition lessens it.
-    spread : ndarray, shape (g, r)
-        What r independent standard deviations of it do to the globals.
-    remedy : str
-        What lessens it, where that is not to measure or to repeat it.
-    """
+    """One source of uncertainty."""
 
     name: str
     label: str
     value: float | None
+    """Best estimate in ``unit``; None if the source is no single number."""
     uncertainty: Uncertainty
+    """In ``unit``."""
     unit: str
     relative: bool
+    """Whether ``spread`` is by the source's logarithm."""
     common: bool
+    """Acts on all shots alike, so that no repetition lessens it."""
     spread: Array = field(repr=False)
+    """What r independent standard deviations of it do to the globals. Shape (g, r)."""
     remedy: str = ""
+    """What reduces it, where that is not to measure or to repeat it."""
 
 
 def nu_slope(ratio: Quantity) -> float:
@@ -100,11 +86,8 @@ def nu_slope(ratio: Quantity) -> float:
 def sources(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) -> list[Source]:
     """Return all sources of the covariance of a fit.
 
-    Returns
-    -------
-    list of Source
-        Their spreads' squares add up to the covariance; Poisson's ratios follow as sources of their
-        own even where no modulus was stated, with a spread of zero.
+    Their spreads' squares add up to the covariance. Poisson's ratios follow as sources of their own
+    even where no modulus was stated, with a spread of zero.
     """
     covariance = fitted.covariance
     rest = problem.prior_precision.copy()
@@ -151,7 +134,7 @@ def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
 def _of_law(
     problem: JointProblem, covariance: Array, path: str, at: list[int]
 ) -> tuple[Array, Source]:
-    """Return one law's inexactness: all coefficients of its discrepancy together."""
+    """Return the inexactness of one law: all coefficients of its discrepancy together."""
     known = np.diag(problem.prior_precision)[at]
     precision = np.zeros_like(covariance)
     precision[at, at] = known
@@ -162,7 +145,7 @@ def _of_law(
 
 
 def _of_effects(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
-    """Yield what is stated of effects' numbers, as a coupon's thickness."""
+    """Yield what is stated of effects' numbers, such as a coupon's thickness."""
     size = covariance.shape[0]
     for j, one in stated_effects(problem):
         precision = float(problem.prior_precision[j, j])
@@ -182,19 +165,11 @@ def of_moduli(
     spheres: Mapping[str, Sphere],
     surfaces: Mapping[str, Surface],
 ) -> Iterator[tuple[Array, Source]]:
-    """Yield E and nu of every material: the prior on ln E' is their sum's.
+    """Yield E and nu of every material, each with the precision that it explains.
 
-    Parameters
-    ----------
-    names : sequence of str
-        Of the first parameters; those of ``sphere.`` and ``surface.`` count.
-    prior_precision, covariance : ndarray, shape (g, g)
-        Of the parameters before and after.
-
-    Yields
-    ------
-    tuple of ndarray and Source
-        The precision that it explains, and the source.
+    The prior on ln E' is that of their sum. ``names`` are of the first parameters; those of
+    ``sphere.`` and ``surface.`` count. The precision and the covariance, shape (g, g), are of the
+    parameters before and after.
     """
     size = covariance.shape[0]
     for j, name in enumerate(names):

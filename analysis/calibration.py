@@ -40,8 +40,6 @@ class CalibrationResult:
 
     Attributes
     ----------
-    model : str
-        Base model of the fit.
     fit : FitResult
         The joint fit of the known pairs.
     hsd : FitResult or None
@@ -139,7 +137,7 @@ def _hsd_json(hsd: FitResult | None) -> Json | None:
 
 
 def _why_not(shot: Shot, campaign: Campaign) -> str | None:
-    """Return why a shot cannot calibrate, None where it can."""
+    """Return why a shot cannot calibrate, None if it can."""
     sphere = campaign.spheres.get(shot.sphere or "")
     surface = campaign.surfaces.get(shot.surface or "")
     found = []
@@ -193,6 +191,8 @@ def calibrate(
 ) -> CalibrationResult:
     """Return the cell's parameters from drops of known spheres on known surfaces.
 
+    The result always has an outcome; look at it and at ``warnings`` before use.
+
     Parameters
     ----------
     campaign : Campaign
@@ -201,11 +201,6 @@ def calibrate(
         ``kv2`` or ``kv`` for Table 3's parameters, ``hsd`` for S alone.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    CalibrationResult
-        Always with an outcome; look at it and at ``warnings`` before use.
 
     Raises
     ------

@@ -19,13 +19,7 @@ STATED_AT_C = 23.0
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value with its standard uncertainty, in the unit its owner's name states.
-
-    Attributes
-    ----------
-    value : float
-        Best estimate.
-    """
+    """A value with its standard uncertainty, in the unit its owner's name states."""
 
     value: float
     u: float
@@ -37,24 +31,16 @@ UNKNOWN_POISSONS_RATIO = Quantity(0.35, 0.1)
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """The uncertainty of a stated number; the number itself is a separate field.
-
-    Attributes
-    ----------
-    u : float
-        Standard uncertainty, >= 0, in the unit of the number.
-    distribution : str
-        ``normal`` or ``rectangular``; a rectangle's half-width is sqrt(3) u.
-    degrees_of_freedom : float
-        Of ``u``; infinite where it is not an estimate from repetitions.
-    traceable_to : str or None
-        A certificate, a standard, an instrument.
-    """
+    """The uncertainty of a stated number; the number itself is a separate field."""
 
     u: float
+    """Standard uncertainty, >= 0, in the unit of the number."""
     distribution: str = "normal"
+    """``normal`` or ``rectangular``; a rectangle's half-width is sqrt(3) u."""
     degrees_of_freedom: float = math.inf
+    """Of ``u``; infinite where it is not an estimate from repetitions."""
     traceable_to: str | None = None
+    """A certificate, a standard, an instrument."""
 
 
 @dataclass(frozen=True)
@@ -154,16 +140,12 @@ class Shot:
         How messages call it (a file name or ``"shot 17"``).
     signal : ndarray, shape (n,)
         Volts, or newtons, or m/s^2 as ``quantity`` says.
-    sample_rate_hz : float
-        [Hz]
     trigger_index : int
         Sample near the first touch; 0 <= trigger_index < n.
     quantity : str
         ``voltage``, ``force_N`` or ``acceleration_m_per_s2``.
     sphere, surface : str or None
         Keys into the campaign's materials.
-    drop_height_m : float or None
-        [m]
     restitution : Quantity or None
         Rebound speed of the sphere over its impact speed. [1]
     quantum : float or None
@@ -180,8 +162,6 @@ class Shot:
         Of the time base, which all shots of a campaign share. [Hz]
     u_gain_relative : float
         Of the converter's volts per code, which all shots of a campaign share. [1]
-    environment : Environment or None
-        At this shot.
     path : str
         Where a campaign file tells of it (``$.shots[3]``); empty for what stands in none.
     """
@@ -207,19 +187,10 @@ class Shot:
 
 
 def shot_words(place: int, name: str) -> str:
-    """Return how people know a shot: ``shot 17 (a.npy)``, or its number in the archive alone.
+    """Return a shot's name within a sentence: ``shot 17 (a.npy)``, or its number in the archive.
 
-    Parameters
-    ----------
-    place : int
-        In the campaign, from 0.
-    name : str
-        Of the shot; the archive's begin with ``shot``, and a place beside them would mislead.
-
-    Returns
-    -------
-    str
-        For the middle of a sentence.
+    ``place`` counts from 0 in the campaign. The archive's names begin with ``shot``, and a place
+    beside them would mislead.
     """
     return name if name.startswith("shot ") else f"shot {place} ({name})"
 
@@ -241,18 +212,10 @@ class Campaign:
     ----------
     shots : tuple of Shot
         In order of time.
-    spheres, surfaces : dict
-        By name.
     sensor : Sensor
         Prior knowledge of the load cell.
-    gravity_m_per_s2 : float
-        [m/s^2]
     speed_repeatability : float or None
         Relative standard deviation of the impact speed from shot to shot. [1]
-    rejected : tuple of Rejected
-        Shots that were refused on the way in.
-    u_gravity_m_per_s2 : Uncertainty or None
-        [m/s^2]
     u_height_offset_m : Uncertainty or None
         Of an offset that all drop heights share, of best estimate 0. [m]
     u_sample_rate_relative : Uncertainty or None

@@ -41,11 +41,8 @@ class Documented(Protocol):
 def drift_basis(problem: JointProblem, fitted: Fitted) -> Json:
     """Return the part of a calibration's fit that a later comparison needs.
 
-    Returns
-    -------
-    dict
-        What was stated (logarithms, covariance), and for each combination of the cell how the fit
-        follows it (``sensitivity``) and the run's own standard uncertainty (``u_own``).
+    What was stated (logarithms, covariance), and for each combination of the cell how the fit
+    follows it (``sensitivity``) and the run's own standard uncertainty (``u_own``).
     """
     precision = problem.prior_precision
     stated = np.linalg.inv(precision + 1e-6 * np.eye(precision.shape[0]))
@@ -169,16 +166,9 @@ def drift(previous: Json | Documented, current: Json | Documented) -> Json:
 def drift_series(documents: Sequence[Json]) -> list[Json]:
     """Return each calibration's change since the one before and since the first.
 
-    Parameters
-    ----------
-    documents : sequence of dict
-        ``impactd-calibration/1`` of one cell, oldest first.
-
-    Returns
-    -------
-    list of dict
-        One entry each: the identifiable combinations, ``since_previous`` and ``since_first``
-        (as `drift`; None for the first).
+    ``documents`` are ``impactd-calibration/1`` of one cell, oldest first. Each entry has the
+    identifiable combinations, ``since_previous`` and ``since_first`` (as `drift`; None for the
+    first).
     """
     series = []
     for i, one in enumerate(documents):

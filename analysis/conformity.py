@@ -31,26 +31,18 @@ NAMES = {"youngs_modulus_Pa": "E", "plane_strain_modulus_Pa": "E/(1-nu^2)"}
 class Limits:
     """What was asked of a modulus, and how it is decided.
 
-    Attributes
-    ----------
-    lower_pa, upper_pa : float or None
-        Tolerance limits; at least one. [Pa]
-    rule : str
-        One of `RULES`.
-    guard_factor : float
-        Guard band over the expanded uncertainty (95 %): r of w = r U. 1 asks that the whole 95 %
-        interval conforms.
-
-    Raises
-    ------
-    AnalysisError
-        If no limit is given, one is no modulus, or they leave nothing between them.
+    An AnalysisError says that no limit is given, that one is no modulus, or that they leave nothing
+    between them.
     """
 
     lower_pa: float | None = None
     upper_pa: float | None = None
+    """Tolerance limits, ``lower_pa`` and this; at least one. [Pa]"""
     rule: str = "both"
+    """One of `RULES`."""
     guard_factor: float = 1.0
+    """Guard band over the expanded uncertainty (95 %): r of w = r U. 1 asks that the whole 95 %
+    interval conforms."""
 
     def __post_init__(self) -> None:
         given = [one for one in (self.lower_pa, self.upper_pa) if one is not None]
@@ -83,22 +75,8 @@ def probability_between(estimate: float, u: float, lower: float, upper: float) -
 
     .. math:: p_c = \Phi\left(\frac{T_U - y}{u}\right) - \Phi\left(\frac{T_L - y}{u}\right)
 
-    Parameters
-    ----------
-    estimate, u : float
-        Best estimate and standard uncertainty, ``u`` >= 0.
-    lower, upper : float
-        Limits; infinite where there is none.
-
-    Returns
-    -------
-    float
-        [1]
-
-    Notes
-    -----
-    Source: JCGM 106:2012, 7.2 to 7.4. Validation: its Table 1, its Zener diode and its motor oil in
-    ``tests/analysis/test_conformity.py``, and draws.
+    A limit is infinite if there is none. Source: JCGM 106:2012, 7.2 to 7.4. Validation: its Table
+    1, its Zener diode and its motor oil in ``tests/analysis/test_conformity.py``, and draws.
     """
     if u == 0.0:
         return float(lower <= estimate <= upper)
@@ -110,21 +88,10 @@ def probability_between(estimate: float, u: float, lower: float, upper: float) -
 def judge(name: str, value_pa: float, relative_u: float, limits: Limits) -> Json:
     """Decide whether a modulus conforms.
 
-    Parameters
-    ----------
-    value_pa, relative_u : float
-        Best estimate [Pa] and standard uncertainty of its logarithm.
-
-    Returns
-    -------
-    dict
-        ``decision`` (``pass``, ``fail`` or ``undecided``), ``probability`` of conformity, the
-        limits of acceptance and of rejection, the risk of a wrong decision, and a ``sentence``.
-
-    Notes
-    -----
-    Source: JCGM 106:2012, 8.2 and 8.3: w = r U, with U of 95 % (k = 1.96, where its examples
-    take 2).
+    The result has ``decision`` (``pass``, ``fail`` or ``undecided``), ``probability`` of
+    conformity, the limits of acceptance and of rejection, the risk of a wrong decision, and a
+    ``sentence``. Source: JCGM 106:2012, 8.2 and 8.3: w = r U, with U of 95 % (k = 1.96, where its
+    examples take 2).
     """
     low, high = limits.ends
     # only logarithms are compared; a limit that was not given is infinitely far
@@ -203,17 +170,8 @@ def _chance(p: float) -> str:
 def decide(budget: Json, material: str, measurand: str, limits: Limits) -> None:
     """Write a decision into ``impactd-budget/1``, under ``conformity`` of one modulus.
 
-    Parameters
-    ----------
-    budget : dict
-        Of all moduli; changed in place.
-    measurand : str
-        ``youngs_modulus_Pa`` or ``plane_strain_modulus_Pa``.
-
-    Raises
-    ------
-    AnalysisError
-        If the budget does not have that modulus.
+    ``budget``, of all moduli, is changed in place; ``measurand`` is ``youngs_modulus_Pa`` or
+    ``plane_strain_modulus_Pa``. An AnalysisError says that the budget does not have that modulus.
     """
     one = budget["moduli"].get(material, {}).get(measurand)
     if one is None:

@@ -18,17 +18,7 @@ class AnalysisError(Exception):
 
 
 class ParameterOutOfRangeError(AnalysisError):
-    """A quantity has a value that no such rig can have.
-
-    Parameters
-    ----------
-    name : str
-        The quantity, with its unit suffix.
-    value : object
-        What was given.
-    allowed : str
-        What would have been possible, in words.
-    """
+    """A quantity, named with its unit suffix, has a value that no such rig can have."""
 
     def __init__(self, name: str, value: object, allowed: str) -> None:
         self.name = name

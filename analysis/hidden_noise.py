@@ -1,7 +1,7 @@
-r"""Noise partly hidden by a converter's step, inferred from the codes that change.
+"""Noise partly hidden by a converter's step, inferred from the codes that change.
 
-Over a quiet stretch a coarse converter gives one code, and now and then its neighbour. How often
-bounds the noise, how these changes go together tells its colour.
+Over a quiet stretch a coarse converter gives one code, and now and then its neighbour. How often it
+does so bounds the noise; how these changes follow one another tells its colour.
 """
 
 from __future__ import annotations
@@ -61,12 +61,7 @@ class _Block:
 def hidden_noise(quiet: Sequence[Array], step: float) -> tuple[Coarse, Array] | None:
     """Return the noise that quiet stretches of a coarse converter allow.
 
-    Parameters
-    ----------
-    quiet : sequence of ndarray, shape (n_i,)
-        Samples before anything happened. [unit of the signal]
-    step : float
-        Of the converter. [unit of the signal]
+    The quiet stretches are samples before anything happened. [unit of the signal]
 
     Returns
     -------

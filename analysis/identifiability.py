@@ -58,25 +58,17 @@ SHORT_CONTACT_PERIODS = 0.5
 
 @dataclass(frozen=True)
 class Finding:
-    """What a fit determines of one quantity, and from which source.
-
-    Attributes
-    ----------
-    u : float
-        Standard uncertainty of its logarithm (of an effect: of its coordinate). [1]
-    u_prior : float or None
-        Before the fit; None where nothing was known.
-    u_shots : float or None
-        What the shots alone would give; None where they say nothing.
-    status : str
-        ``shots``, ``both``, ``prior`` or ``not_identifiable``.
-    """
+    """What a fit determines of one quantity, and from which source."""
 
     asked: Asked
     u: float
+    """Standard uncertainty of its logarithm (of an effect: of its coordinate). [1]"""
     u_prior: float | None
+    """Before the fit; None where nothing was known."""
     u_shots: float | None
+    """What the shots alone would give; None where they say nothing."""
     status: str
+    """``shots``, ``both``, ``prior`` or ``not_identifiable``."""
 
     def to_json(self) -> Json:
         """Return the finding as part of ``impactd-fit/1``."""
@@ -93,33 +85,21 @@ class Finding:
 
 @dataclass(frozen=True)
 class Identifiability:
-    """The report.
-
-    Attributes
-    ----------
-    findings : tuple of Finding
-        Identifiable combinations first.
-    splits : tuple of Split
-        Of every pair whose two moduli are parameters.
-    poisson : tuple of (str, float)
-        Material and what its stated ratio adds to u(ln E).
-    short : dict
-        Contact time in crystal periods, of the pairs whose contact is too short.
-    names : tuple of str
-        Globals, in the order of the matrices.
-    information : ndarray, shape (g, g)
-        Fisher information of the shots, their own parameters eliminated.
-    correlation : ndarray, shape (g, g)
-        Of the posterior.
-    """
+    """The report."""
 
     findings: tuple[Finding, ...]
+    """Identifiable combinations first."""
     splits: tuple[Split, ...]
     poisson: tuple[tuple[str, float], ...]
+    """Material and what its stated ratio adds to u(ln E)."""
     short: dict[str, float]
+    """Contact time in crystal periods, of the pairs whose contact is too short."""
     names: tuple[str, ...]
+    """Globals, in the order of the matrices."""
     information: Array
+    """Fisher information of the shots, their own parameters eliminated. Shape (g, g)."""
     correlation: Array
+    """Of the posterior. Shape (g, g)."""
     profiles: tuple[Profile, ...] = ()
 
     def finding(self, name: str) -> Finding:
@@ -204,18 +184,7 @@ def _profile_json(found: Profile) -> Json:
 
 
 def short_contacts(shots: Sequence[ShotFit], frequency_hz: float | None) -> dict[str, float]:
-    """Return the pairs whose contact is short compared with the crystal's period.
-
-    Parameters
-    ----------
-    frequency_hz : float or None
-        The crystal's natural frequency; None finds none. [Hz]
-
-    Returns
-    -------
-    dict
-        Median contact time in periods, by pair.
-    """
+    """Return by pair the median contact time in crystal periods, where it is short."""
     by_pair: dict[str, list[float]] = {}
     for s in shots:
         by_pair.setdefault(s.item.pair, []).append(s.contact_time_s)
@@ -244,23 +213,10 @@ def identifiability(
 ) -> Identifiability:
     """Return which quantities the shots fix and which rest on what was stated.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem as it was solved.
-    profiled : sequence of str
-        Globals whose profile likelihood is wanted; each costs some five further fits.
-
-    Returns
-    -------
-    Identifiability
-        In numbers and in words.
-
-    Notes
-    -----
+    ``profiled`` are globals whose profile likelihood is wanted; each costs some five further fits.
     Source: Fisher information of a Gaussian likelihood, in the logarithms the fit works in; where
-    the profile is no parabola it is more reliable. Validation: brute-force profiles and rigs
-    of one pair in ``tests/analysis/test_identifiability.py``.
+    the profile is no parabola it is more reliable. Validation: brute-force profiles and rigs of one
+    pair in ``tests/analysis/test_identifiability.py``.
     """
     prior = np.linalg.inv(problem.prior_precision + 1e-6 * np.eye(len(problem.names)))
     short = short_contacts(shots, crystal_frequency_hz(problem, fitted))

@@ -15,52 +15,32 @@ NEVER = "never"
 
 @dataclass(frozen=True)
 class Asked:
-    """A quantity as a direction in the space of the globals.
-
-    Attributes
-    ----------
-    name : str
-        As in the result's ``parameters``.
-    words : str
-        As a person calls it.
-    gradient : ndarray, shape (g,)
-        d(quantity) / d(globals).
-    kind : str
-        ``cell``, ``pair``, ``alone``, ``modulus``, ``delay`` or ``effect``.
-    pairs : tuple of str
-        Pairs that could show it; empty where every shot does.
-    log : bool
-        Whether it is a logarithm.
-    """
+    """A quantity as a direction in the space of the globals."""
 
     name: str
     words: str
     gradient: NDArray[np.float64]
+    """d(quantity) / d(globals). Shape (g,)."""
     kind: str
+    """``cell``, ``pair``, ``alone``, ``modulus``, ``delay`` or ``effect``."""
     pairs: tuple[str, ...] = ()
+    """Pairs that could show it; empty where every shot does."""
     log: bool = True
+    """Whether it is a logarithm."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Whether the data separate the two moduli of a pair, and by which other pairs.
-
-    Attributes
-    ----------
-    pair : str
-        ``sphere/surface``.
-    u_open : float
-        u of ln(E'_sphere / E'_surface) with the two's own stated moduli taken away. [1]
-    determined_by : str
-        ``network``, ``stated`` or ``nothing``.
-    stated : tuple of str
-        Which of the two had a stated modulus.
-    """
+    """Whether the data separate the two moduli of a pair, and by which other pairs."""
 
     pair: str
+    """``sphere/surface``."""
     u_open: float
+    """u of ln(E'_sphere / E'_surface) with the two's own stated moduli taken away. [1]"""
     determined_by: str
+    """``network``, ``stated`` or ``nothing``."""
     stated: tuple[str, ...]
+    """Which of the two had a stated modulus."""
 
 
 def _percent(u: float) -> str:
@@ -71,15 +51,7 @@ def _percent(u: float) -> str:
 def quantity_sentence(asked: Asked, u: float, u_prior: float | None, status: str) -> str:
     """Return what the shots say about one quantity.
 
-    Parameters
-    ----------
-    u : float
-        Standard uncertainty after the fit.
-
-    Returns
-    -------
-    str
-        One sentence, with what to do where something can be done.
+    It says what to do where something can be done. ``u`` is the standard uncertainty after the fit.
     """
     size = _percent(u) if asked.log else f"+-{u:.2g}"
     before = ""
@@ -119,12 +91,8 @@ def _remedy(asked: Asked) -> str:
 def alone_sentence(u: float, u_prior: float | None, status: str) -> str:
     """Return what the shots say about M, k, mu and c apart from their sharp combinations.
 
-    Parameters
-    ----------
-    u : float
-        Standard uncertainty of ln M after the fit; k, mu and c share it. [1]
-    u_prior : float or None
-        What the four stated values together say about it.
+    ``u`` is the standard uncertainty of ln M after the fit, which k, mu and c share; ``u_prior``
+    what the four stated values together say about it.
     """
     why = (
         "apart from frequency, damping ratio and gain the crystal shows only in the recoil of the "

@@ -1,6 +1,6 @@
 r"""From reduced moduli of pairs to moduli of materials: a network of spheres and surfaces.
 
-A contact knows only
+A contact shows only
 
 .. math:: 1/E^*_{ij} = 1/E'_i + 1/E'_j, \quad E' = E / (1 - \nu^2),
 
@@ -48,25 +48,19 @@ __all__ = [
 
 @dataclass(frozen=True)
 class Adjustment:
-    """An adjusted network with its equations.
-
-    Attributes
-    ----------
-    system : System
-        Its equations, dark uncertainty included.
-    random_share : ndarray, shape (rows,)
-        Share of each observation's random variance that its own fit stated; the rest is dark. [1]
-    covariance : ndarray, shape (n + c, n + c)
-        Of all columns of ``system``.
-    input_u : dict of float
-        Standard uncertainty of each stated input, as the latest fit took it; see `PairObservation`.
-    """
+    """An adjusted network with its equations."""
 
     result: ModuliResult
     system: System
+    """Its equations, dark uncertainty included."""
     random_share: NDArray[np.float64]
+    """Share of each observation's random variance that its own fit stated; the rest is dark. Shape
+    (rows,). [1]"""
     covariance: NDArray[np.float64]
+    """Of all columns of ``system``. Shape (n + c, n + c)."""
     input_u: Mapping[str, float]
+    """Standard uncertainty of each stated input, as the latest fit took it; see
+    `PairObservation`."""
 
 
 def adjust_moduli(
@@ -103,11 +97,6 @@ def adjust_network(
     calibrated_by : mapping of calibration to mapping, optional
         Change of ln(M, k, mu, c), or of ln S, by one u of each input that the calibration rests on:
         a sphere whose mass is wrong spoils the calibration and the shots in one.
-
-    Returns
-    -------
-    Adjustment
-        Moduli, full covariance, the network's chi2 and the pairs that contradict it.
 
     Raises
     ------

@@ -37,20 +37,9 @@ _OF_RIG = {
 def network_budgets(adjustment: Adjustment) -> list[Budget]:
     """Return the budgets of all moduli that a network states.
 
-    Parameters
-    ----------
-    adjustment : Adjustment
-        Of `analysis.moduli.adjust_network`.
-
-    Returns
-    -------
-    list of Budget
-        In the order of the materials; withheld moduli have none.
-
-    Notes
-    -----
-    Source: JCGM 100 (GUM) 5.1. Validation: the contributions' squares against the covariance, one
-    pair's rows against ``uncertainties``, and the whole against sampled networks in
+    In the order of the materials; withheld moduli have none. Source: JCGM 100 (GUM) 5.1.
+    Validation: the contributions' squares against the covariance, one pair's rows against
+    ``uncertainties``, and the whole against sampled networks in
     ``tests/analysis/test_moduli_budget.py``.
     """
     result = adjustment.result

@@ -27,15 +27,8 @@ LARGEST_DARK_U = 2.0
 def pair_checks(system: System) -> tuple[PairCheck, ...]:
     """Return how each pair's observations agree with all the rest.
 
-    Returns
-    -------
-    tuple of PairCheck
-        In the order of first appearance.
-
-    Notes
-    -----
-    The residuals' covariance is that of the observations less that of their adjusted values; a pair
-    that nothing else controls has none left and no score.
+    In the order of first appearance. The residuals' covariance is that of the observations less
+    that of their adjusted values; a pair that nothing else controls has none left and no score.
     """
     groups = grouped(system)
     x, covariance = solve(system, groups)
@@ -77,10 +70,7 @@ def pair_checks(system: System) -> tuple[PairCheck, ...]:
 def consistency(system: System) -> Network:
     """Return chi2 of observations, references and calibrations, and its degrees of freedom.
 
-    Returns
-    -------
-    Network
-        The weak prior of an unknown modulus is no observation.
+    The weak prior of an unknown modulus is no observation.
     """
     groups = grouped(system)
     x, covariance = solve(system, groups)
@@ -105,7 +95,7 @@ def anchored(system: System) -> list[bool]:
 
 
 def _without(system: System, pairs: Sequence[str]) -> System:
-    """Return the system with these pairs' observations given no weight to speak of."""
+    """Return the system with next to no weight on these pairs' observations."""
     out = np.array([f"{sphere}/{surface}" in pairs for sphere, surface in system.pairs])
     weight = np.where(out[system.pair], system.weight * 1e-12, system.weight)
     return dataclasses.replace(system, weight=weight)
@@ -114,15 +104,9 @@ def _without(system: System, pairs: Sequence[str]) -> System:
 def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
     """Return each pair's check and the pairs that contradict the rest, worst first.
 
-    Returns
-    -------
-    checks : tuple of PairCheck
-        A contradicting pair's score is the one it was set aside with.
-
-    Notes
-    -----
-    Source: W. Baarda's data snooping (1968): the worst pair is set aside and the rest judged again,
-    so that one bad pair does not make its sound neighbours look bad.
+    A contradicting pair's score is the one it was set aside with. Source: W. Baarda's data snooping
+    (1968): the worst pair is set aside and the rest judged again, so that one bad pair does not
+    make its sound neighbours look bad.
     """
     aside: dict[str, PairCheck] = {}
     while True:
@@ -137,19 +121,11 @@ def snoop(system: System) -> tuple[tuple[PairCheck, ...], tuple[str, ...]]:
 
 
 def with_dark_uncertainty(system: System) -> tuple[System, float]:
-    """Return the system with as much more uncertainty per recording as makes it hold together.
+    """Return the system with the uncertainty per recording that makes it consistent.
 
-    Returns
-    -------
-    system : System
-        With wider observations, unless it was consistent already.
-    dark_u : float
-        What was added to each u(ln E*) in quadrature; 0 where nothing was. [1]
-
-    Notes
-    -----
-    Source: Mandel & Paule (1970). Added, not multiplied: where models fail, the recordings with the
-    smallest noise are no better than others. The references' stated moduli are left as they are.
+    With it what was added to each u(ln E*) in quadrature; 0 where nothing was. Source: Mandel &
+    Paule (1970). Added, not multiplied: where models fail, the recordings with the smallest noise
+    are no better than others. The references' stated moduli are left as they are.
     """
 
     def wider(dark_u: float) -> System:

@@ -29,66 +29,48 @@ step could see it. With chi2 = 1e4 the step is 3e-5 of the standard uncertaintie
 
 @dataclass(frozen=True)
 class Block:
-    """The observations under one calibration, and how they follow common errors.
-
-    Attributes
-    ----------
-    rows : ndarray of int, shape (m,)
-        Which observations.
-    columns : ndarray of int, shape (width,)
-        Its calibration's errors, and those of stated inputs, among all common errors.
-    slopes : ndarray, shape (m, width)
-        d ln E* / d error.
-    """
+    """The observations under one calibration, and how they follow common errors."""
 
     rows: NDArray[np.int64]
+    """Which observations, shape (m,)."""
     columns: NDArray[np.int64]
+    """Its calibration's errors, and those of stated inputs, among all common errors. Shape
+    (width,)."""
     slopes: Array
+    """d ln E* / d error. Shape (m, width)."""
 
 
 @dataclass(frozen=True)
 class System:
-    """The adjustment's fixed part; its columns are materials, then the calibrations' errors.
-
-    Attributes
-    ----------
-    priors : list of Prior or None
-        Stated ln E' by material.
-    pairs : list of tuple of str
-        Sphere and surface of each pair, in the order of first appearance.
-    pair : ndarray of int, shape (rows,)
-        Each observation's pair.
-    left, right : ndarray of int, shape (pairs,)
-        Columns of sphere and surface.
-    group : ndarray of int, shape (rows,)
-        Each observation's pair and calibration, as one number below ``groups``.
-    group_pair : ndarray of int, shape (groups,)
-        Each group's pair.
-    observed : ndarray, shape (rows,)
-        ln E*.
-    weight : ndarray, shape (rows,)
-        1 / u_random^2.
-    precision, mean : ndarray, shape (n + c, n + c), (n + c,)
-        Of what is known of the columns beforehand.
-    calibrations, inputs : tuple of str
-        Names behind the columns of errors: each block's calibration, then the stated inputs.
-    """
+    """The adjustment's fixed part; its columns are materials, then the calibrations' errors."""
 
     names: list[str]
     priors: list[Prior | None]
+    """Stated ln E' by material."""
     pairs: list[tuple[str, str]]
+    """Sphere and surface of each pair, in the order of first appearance."""
     pair: NDArray[np.int64]
+    """Each observation's pair. Shape (rows,)."""
     left: NDArray[np.int64]
+    """Each pair's column of the sphere. Shape (pairs,)."""
     right: NDArray[np.int64]
+    """Each pair's column of the surface. Shape (pairs,)."""
     group: NDArray[np.int64]
+    """Each observation's pair and calibration, as one number below ``groups``. Shape (rows,)."""
     group_pair: NDArray[np.int64]
+    """Each group's pair. Shape (groups,)."""
     blocks: tuple[Block, ...]
     observed: Array
+    """ln E*, shape (rows,)."""
     weight: Array
+    """1 / u_random^2. Shape (rows,)."""
     precision: Array
+    """Of what is known of the columns beforehand, shape (n + c, n + c)."""
     mean: Array
+    """Of the same, shape (n + c,)."""
     calibrations: tuple[str, ...]
     inputs: tuple[str, ...]
+    """Names of the last columns; the columns of the calibrations' errors come before these."""
 
 
 @dataclass(frozen=True)
@@ -103,35 +85,23 @@ class Groups:
 
     whose last three terms are the observations about their group's mean. It is exact, and an
     iteration costs as many rows as there are groups, however many shots were dropped.
-
-    Attributes
-    ----------
-    weight, observed : ndarray, shape (groups,)
-        Sum of weights and weighted mean of ln E*.
-    common : ndarray, shape (groups, c)
-        Weighted mean of how observations follow the calibrations' errors.
-    scatter : ndarray, shape (c, c)
-        S.
-    slope : ndarray, shape (c,)
-        b.
     """
 
     weight: Array
+    """Sum of weights, shape (groups,)."""
     observed: Array
+    """Weighted mean of ln E*, shape (groups,)."""
     common: Array
+    """Weighted mean of how observations follow the calibrations' errors. Shape (groups, c)."""
     scatter: Array
+    """S, shape (c, c)."""
     slope: Array
+    """b, shape (c,)."""
     rest: float
 
 
 def grouped(system: System) -> Groups:
-    """Return a system's observations summed by group.
-
-    Returns
-    -------
-    Groups
-        In the order of the groups' numbers.
-    """
+    """Return a system's observations summed by group, in the order of the groups' numbers."""
     count, errors = system.group_pair.size, system.precision.shape[0] - len(system.names)
     weight = np.asarray(np.bincount(system.group, system.weight, count), dtype=np.float64)
     observed = np.bincount(system.group, system.weight * system.observed, count) / weight
@@ -231,28 +201,10 @@ def build(
     covariance: SensorCovariance | None,
     calibrated_by: Mapping[str, CalibrationInputs] | None = None,
 ) -> System:
-    """Return the network's equations.
+    """Return the network's equations, ready for `solve`.
 
-    Parameters
-    ----------
-    observations : sequence of PairObservation
-        At least one.
-    spheres, surfaces : mapping
-        By name.
-    covariance : ndarray, mapping or None
-        As `analysis.moduli.adjust_moduli` takes it.
-    calibrated_by : mapping, optional
-        As `analysis.moduli.adjust_moduli` takes it.
-
-    Returns
-    -------
-    System
-        Ready for `solve`.
-
-    Raises
-    ------
-    AnalysisError
-        If a material is unknown or a sensitivity does not fit the covariance.
+    ``covariance`` and ``calibrated_by`` are as `analysis.moduli.adjust_moduli` takes them. An
+    AnalysisError says that a material is unknown or that a sensitivity does not fit the covariance.
     """
     names = sorted({f"sphere.{o.sphere}" for o in observations})
     names += sorted({f"surface.{o.surface}" for o in observations})
@@ -305,17 +257,9 @@ def build(
 def linearise(system: System, groups: Groups, x: Array) -> tuple[Array, Array]:
     """Return residuals and design of the groups' means at x.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + c,)
-        ln E' of the materials, then the calibrations' errors.
-
-    Returns
-    -------
-    residual : ndarray, shape (groups,)
-        Observed minus computed ln E*.
-    design : ndarray, shape (groups, n + c)
-        d computed / d x.
+    x has ln E' of the materials, then the calibrations' errors, shape (n + c,). The residuals are
+    observed minus computed ln E*, shape (groups,); the design is d computed / d x,
+    shape (groups, n + c).
     """
     left, right = system.left[system.group_pair], system.right[system.group_pair]
     rows = np.arange(left.size)
@@ -331,17 +275,7 @@ def linearise(system: System, groups: Groups, x: Array) -> tuple[Array, Array]:
 def chi2(system: System, groups: Groups, x: Array, known: Array) -> float:
     """Return the weighted squares of the observations and of what is known beforehand.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + c,)
-        Where.
-    known : ndarray, shape (n + c, n + c)
-        Precision of what is known of the columns.
-
-    Returns
-    -------
-    float
-        [1]
+    ``known`` is the precision of what is known of the columns, shape (n + c, n + c).
     """
     r, _ = linearise(system, groups, x)
     d, e = x - system.mean, x[len(system.names) :]
@@ -352,17 +286,7 @@ def chi2(system: System, groups: Groups, x: Array, known: Array) -> float:
 def information(system: System, groups: Groups, design: Array, known: Array) -> Array:
     """Return the normal matrix of the observations with what is known beforehand.
 
-    Parameters
-    ----------
-    design : ndarray, shape (groups, n + c)
-        From `linearise`.
-    known : ndarray, shape (n + c, n + c)
-        Precision of what is known of the columns.
-
-    Returns
-    -------
-    ndarray, shape (n + c, n + c)
-        The inverse of a covariance.
+    ``design`` is from `linearise`; ``known`` and the result have shape (n + c, n + c).
     """
     found = design.T @ (groups.weight[:, None] * design) + known
     n = len(system.names)
@@ -371,13 +295,7 @@ def information(system: System, groups: Groups, design: Array, known: Array) -> 
 
 
 def solve(system: System, groups: Groups) -> tuple[Array, Array]:
-    """Return the adjusted values and their covariance (Gauss-Newton, steps halved if uphill).
-
-    Returns
-    -------
-    x, covariance : ndarray, shape (n + c,), (n + c, n + c)
-        By column.
-    """
+    """Return the adjusted values and their covariance (Gauss-Newton, steps halved if uphill)."""
 
     def cost_at(place: Array) -> float:
         """Return what is minimised."""
@@ -411,15 +329,7 @@ def solve(system: System, groups: Groups) -> tuple[Array, Array]:
 def linearise_rows(system: System, x: Array) -> Iterator[tuple[Block, Array]]:
     """Yield each calibration's block with the design of its observations one by one.
 
-    Parameters
-    ----------
-    x : ndarray, shape (n + c,)
-        ln E' of the materials, then errors, on which the design does not depend.
-
-    Yields
-    ------
-    tuple of Block and ndarray, shape (m, n + c)
-        d computed / d x.
+    The design has shape (m, n + c) and does not depend on the errors in ``x``.
     """
     n = len(system.names)
     for block in system.blocks:
@@ -434,18 +344,7 @@ def linearise_rows(system: System, x: Array) -> Iterator[tuple[Block, Array]]:
 
 
 def errors_of_rows(system: System, x: Array) -> Array:
-    """Return what the calibrations' errors make of every observation.
-
-    Parameters
-    ----------
-    x : ndarray, shape (n + c,)
-        By column.
-
-    Returns
-    -------
-    ndarray, shape (rows,)
-        Of ln E*.
-    """
+    """Return what the calibrations' errors make of ln E* of every observation."""
     found, errors = np.zeros(system.observed.size), x[len(system.names) :]
     for block in system.blocks:
         found[block.rows] = block.slopes @ errors[block.columns]

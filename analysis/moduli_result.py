@@ -23,30 +23,21 @@ NETWORK_P = 0.01
 
 
 def contradiction_limit(pairs: int) -> float:
-    """Return the score beyond which a pair contradicts, so that a sound network rarely has one.
+    """Return the score beyond which one of so many pairs contradicts.
 
-    Parameters
-    ----------
-    pairs : int
-        How many are looked at.
+    A sound network rarely has one.
     """
     return float(norm.isf(CONTRADICTION_P / (2 * max(pairs, 1))))
 
 
 @dataclass(frozen=True)
 class Network:
-    """How well the observations hold together.
-
-    Attributes
-    ----------
-    chi2 : float
-        Weighted squares of observations, stated moduli and calibrations.
-    degrees_of_freedom : int
-        How many of them were more than needed.
-    """
+    """How well the observations hold together."""
 
     chi2: float
+    """Weighted squares of observations, stated moduli and calibrations."""
     degrees_of_freedom: int
+    """Number of redundant observations."""
 
     @property
     def p_value(self) -> float | None:
@@ -58,28 +49,21 @@ class Network:
 
 @dataclass(frozen=True)
 class PairCheck:
-    """A pair's observations, and the same by the network.
-
-    Attributes
-    ----------
-    log_observed, log_adjusted : float
-        Weighted mean of ln E* observed, and with the network's moduli and calibration errors.
-    u_observed : float
-        Random standard uncertainty of the mean. [1]
-    score : float or None
-        Difference over its own standard deviation; None where nothing controls the pair.
-    scatter_chi2 : float
-        Weighted squares of the observations about their mean; ``observations - 1`` expected.
-    """
+    """A pair's observations, and the same by the network."""
 
     sphere: str
     surface: str
     observations: int
     log_observed: float
+    """Weighted mean of ln E*."""
     log_adjusted: float
+    """The same with the network's moduli and calibration errors."""
     u_observed: float
+    """Random standard uncertainty of the mean. [1]"""
     score: float | None
+    """Difference over its own standard deviation; None where nothing controls the pair."""
     scatter_chi2: float
+    """Weighted squares of the observations about their mean; ``observations - 1`` expected."""
 
     @property
     def pair(self) -> str:
@@ -93,16 +77,12 @@ class ModuliResult:
 
     Attributes
     ----------
-    model : str
-        Model of the fits.
     names : tuple of str
         ``sphere.<name>`` and ``surface.<name>``.
     log_plane_strain : ndarray, shape (n,)
         ln E', E' in Pa.
     covariance : ndarray, shape (n, n)
         Of ``log_plane_strain``, dark uncertainty included.
-    network : Network
-        Consistency of the whole with the uncertainties as the fits stated them.
     dark_u : float
         Added to each u(ln E*) so that the network holds together; 0 where it does. [1]
     checks : tuple of PairCheck
@@ -111,10 +91,6 @@ class ModuliResult:
         Pairs that contradict the rest, worst first.
     anchored : tuple of bool
         Whether a material hangs together with a reference at all.
-    spheres, surfaces : dict
-        As stated beforehand.
-    shots, calibrations : tuple of str
-        What it rests on.
     """
 
     model: str
@@ -132,17 +108,9 @@ class ModuliResult:
     calibrations: tuple[str, ...]
 
     def plane_strain(self, name: str) -> tuple[float, float]:
-        """Return ln E' and its standard uncertainty.
+        """Return ln E', E' in Pa, and its standard uncertainty.
 
-        Parameters
-        ----------
-        name : str
-            ``sphere.<name>`` or ``surface.<name>``.
-
-        Returns
-        -------
-        tuple of float
-            ln E' with E' in Pa, and u.
+        The name is ``sphere.<name>`` or ``surface.<name>``.
         """
         j = self.names.index(name)
         u = math.sqrt(float(self.covariance[j, j]))
@@ -173,14 +141,9 @@ class ModuliResult:
         return entry
 
     def why_withheld(self, name: str, u: float) -> str | None:
-        """Return why a material's modulus is not stated, None where it is.
+        """Return why a material's modulus is not stated, None if it is.
 
-        Parameters
-        ----------
-        name : str
-            ``sphere.<name>`` or ``surface.<name>``.
-        u : float
-            Relative standard uncertainty of its modulus.
+        The name is ``sphere.<name>`` or ``surface.<name>``; u is the relative standard uncertainty.
         """
         j = self.names.index(name)
         if not self.anchored[j]:

@@ -53,55 +53,39 @@ PROMISED_SHARE = 0.5
 
 @dataclass(frozen=True)
 class NoiseModel:
-    """Autoregressive noise.
-
-    Attributes
-    ----------
-    coefficients : ndarray, shape (p,)
-        a_1 .. a_p; empty for white noise. [1]
-    innovation_rms : float
-        Standard deviation of e. [unit of the signal]
-    rms : float
-        Standard deviation of the noise itself. [unit of the signal]
-    samples : int
-        Quiet samples it was learned from.
-    source : str
-        ``"pre-trigger"``, or ``"differences"`` where no record has a quiet stretch.
-    short : ndarray, shape (q,), optional
-        Coefficients of what is not 1/f; ``coefficients`` themselves where nothing is. [1]
-    head : ndarray, shape (p, p), optional
-        Whitens the first p samples from those before each, in units of ``innovation_rms``; without
-        it they only serve as history. A long filter needs it: what dies away within its length
-        would be free. [1]
-    corner : float
-        Where a 1/f part is as strong as the rest at low frequency, 0 without one. [1/sample]
-    corner_below : float or None
-        Largest corner that the quiet stretches allow, whether or not one was found; None where
-        they say nothing. [1/sample]
-    drift_rms : float or None
-        Rms of what was taken off the quiet stretches as slow, means aside; None where nothing was.
-        [unit of the signal]
-    drift_expected_rms : float
-        What the noise itself would leave there. [unit of the signal]
-    coarse : Coarse or None
-        What a converter's step hides; None where rounding is as good as white noise.
-    calm_share : float
-        Of the quiet stretches, from their beginning: what follows is a precursor, no noise.
-    """
+    """Autoregressive noise."""
 
     coefficients: NDArray[np.float64]
+    """a_1 .. a_p; empty for white noise. [1]"""
     innovation_rms: float
+    """Standard deviation of e. [unit of the signal]"""
     rms: float
+    """Standard deviation of the noise itself. [unit of the signal]"""
     samples: int
+    """Quiet samples it was learned from."""
     source: str
+    """``"pre-trigger"``, or ``"differences"`` where no record has a quiet stretch."""
     short: NDArray[np.float64] | None = None
+    """Coefficients of what is not 1/f, shape (q,); ``coefficients`` themselves where nothing is.
+    [1]"""
     head: NDArray[np.float64] | None = None
+    """Whitens the first p samples from those before each, in units of ``innovation_rms``; shape (p,
+    p). Without it they only serve as history. A long filter needs it: what dies away within its
+    length would be free. [1]"""
     corner: float = 0.0
+    """Where a 1/f part is as strong as the rest at low frequency, 0 without one. [1/sample]"""
     corner_below: float | None = None
+    """Largest corner that the quiet stretches allow, whether or not one was found; None where they
+    say nothing. [1/sample]"""
     drift_rms: float | None = None
+    """Rms of what was taken off the quiet stretches as slow, means aside; None where nothing was.
+    [unit of the signal]"""
     drift_expected_rms: float = 0.0
+    """What the noise itself would leave there. [unit of the signal]"""
     coarse: Coarse | None = None
+    """What a converter's step hides; None where rounding is as good as white noise."""
     calm_share: float = 1.0
+    """Of the quiet stretches, from their beginning: what follows is a precursor, no noise."""
 
     @property
     def order(self) -> int:
@@ -116,15 +100,8 @@ class NoiseModel:
     def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return innovations in units of their standard deviation.
 
-        Parameters
-        ----------
-        values : ndarray, shape (n,) or (n, k)
-            Residuals, or columns of a Jacobian, equally spaced in time along axis 0.
-
-        Returns
-        -------
-        ndarray, shape (n - h,) or (n - h, k)
-            Whitened values; the first h samples, ``history``, serve only as such. [1]
+        ``values``, shape (n,) or (n, k), are residuals or columns of a Jacobian, equally spaced in
+        time along axis 0. The first h samples, ``history``, serve only as such: n - h are returned.
         """
         if self.head is not None:
             return self._whiten_long(values, self.head)
@@ -139,15 +116,7 @@ class NoiseModel:
     def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the inner products of rows of samples once they are white.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (k, n)
-            Residuals, or derivatives, each equally spaced in time.
-
-        Returns
-        -------
-        ndarray, shape (k, k)
-            Of what `whiten` makes of them. [1]
+        ``rows``, shape (k, n), are residuals or derivatives, each equally spaced in time.
         """
         if self.head is None:
             found: NDArray[np.float64] = white_products(
@@ -160,7 +129,7 @@ class NoiseModel:
     def _whiten_long(
         self, values: NDArray[np.float64], head: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Return the same for all samples, the filter applied by Fourier transform."""
+        """Return the innovations of all samples, the filter applied by Fourier transform."""
         n, p = values.shape[0], min(self.order, values.shape[0])
         size = next_fast_len(n, real=True)  # what wraps around falls on the head
         taps = np.concatenate([[1.0], -self.coefficients])[:n]
@@ -205,7 +174,9 @@ def estimate_noise(
     quantum: float | None = None,
     sample_rate_hz: float | None = None,
 ) -> NoiseModel | None:
-    """Return the noise model of quiet stretches, or None where they say too little.
+    """Return the noise model of quiet stretches.
+
+    None if there are fewer than `MIN_QUIET_SAMPLES` in all.
 
     Parameters
     ----------
@@ -217,11 +188,6 @@ def estimate_noise(
     sample_rate_hz : float, optional
         Of the records. With it, what is slow enough to be mains hum is not taken for noise, and a
         1/f part is looked for; without it, only means are taken off.
-
-    Returns
-    -------
-    NoiseModel or None
-        None when there are fewer than `MIN_QUIET_SAMPLES` in all.
 
     Notes
     -----
@@ -326,21 +292,9 @@ def _rising(seen: Spectrum, flat: Slow, gamma: NDArray[np.float64]) -> Slow | No
 def noise_from_differences(signals: Sequence[NDArray[np.float64]]) -> NoiseModel:
     """Return a white noise level for records that have no quiet stretch.
 
-    Parameters
-    ----------
-    signals : sequence of ndarray, shape (n_i,)
-        Whole records. [unit of the signal]
-
-    Returns
-    -------
-    NoiseModel
-        White, ``source = "differences"``: an upper bound with smooth signals, no knowledge of
-        colour.
-
-    Notes
-    -----
-    Source: median absolute third difference over sqrt(20) x 0.6745, which a smooth pulse hardly
-    touches. Colour cannot be seen this way and is not claimed.
+    ``signals`` are whole records. The level is an upper bound with smooth signals. Source: median
+    absolute third difference over sqrt(20) x 0.6745, which a smooth pulse hardly touches. Colour
+    cannot be seen this way and is not claimed.
     """
     third = np.concatenate([np.abs(np.diff(s, 3)) for s in signals])
     level = float(np.median(third)) / 0.6745 / math.sqrt(20.0)

@@ -1,4 +1,4 @@
-"""Inner products of whitened rows: a normal matrix without the whitened Jacobian ever in memory."""
+"""Inner products of whitened rows: a normal matrix without the whitened Jacobian in memory."""
 
 from __future__ import annotations
 
@@ -60,19 +60,9 @@ def _add_products(found, white):  # type: ignore[no-untyped-def]
 def white_products(rows, coefficients, innovation_rms):  # type: ignore[no-untyped-def]
     """Return the inner products of rows that an autoregressive filter makes white.
 
-    Parameters
-    ----------
-    rows : ndarray of float64, shape (k, n)
-        Each equally spaced in time. [unit of the signal]
-    coefficients : ndarray of float64, shape (p,)
-        As in ``analysis.noise.NoiseModel``.
-    innovation_rms : float
-        The same. [unit of the signal]
-
-    Returns
-    -------
-    ndarray, shape (k, k)
-        Of the n - p innovations, in units of their variance. [1]
+    ``rows``, shape (k, n), are equally spaced in time; ``coefficients`` and ``innovation_rms`` are
+    as in ``analysis.noise.NoiseModel``. The products are those of the n - p innovations, in units
+    of their variance.
     """
     count, n = rows.shape
     found = np.zeros((count, count))

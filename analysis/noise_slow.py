@@ -43,24 +43,16 @@ _CLIMBED = 1e-3
 
 @dataclass(frozen=True)
 class Slow:
-    """Autoregressive noise with a 1/f part.
-
-    Attributes
-    ----------
-    short : ndarray, shape (p,)
-        Coefficients of the autoregressive part.
-    innovation : float
-        Variance of its innovations. [unit of the signal squared]
-    amplitude : float
-        A; 0 without a 1/f part. [unit of the signal squared]
-    likelihood : float
-        Logarithm, constants left out.
-    """
+    """Autoregressive noise with a 1/f part."""
 
     short: Array
+    """Coefficients of the autoregressive part, shape (p,)."""
     innovation: float
+    """Variance of its innovations. [unit of the signal squared]"""
     amplitude: float
+    """A; 0 without a 1/f part. [unit of the signal squared]"""
     likelihood: float
+    """Logarithm, constants left out."""
 
     @property
     def corner(self) -> float:
@@ -141,18 +133,9 @@ def _scores(seen: Spectrum, at: Slow, turns: Array) -> tuple[Array, Array]:
 def promised_gain(seen: Spectrum, short: Array) -> float:
     """Return by how much twice the likelihood's logarithm would rise by a 1/f part (score test).
 
-    Parameters
-    ----------
-    short : ndarray, shape (p,)
-        Coefficients of autoregressive noise, from which it is reckoned.
+    ``short`` are the coefficients of autoregressive noise from which it is computed. The gain is
+    that of a likelihood that is a parabola, 0 where a 1/f part would have to be negative.
 
-    Returns
-    -------
-    float
-        Of a likelihood that is a parabola, 0 where a 1/f part would have to be negative.
-
-    Notes
-    -----
     Source: Rao's score test. For lines above what is expected of them it promises more than they
     bring (x - 1 squared, where the likelihood has 2 (x - 1 - ln x)).
     """
@@ -200,17 +183,9 @@ def _climb(seen: Spectrum, ratio: float, turns: Array) -> Slow:
 
 
 def with_slow_part(seen: Spectrum, short: Array) -> Slow:
-    """Return the best autoregressive noise of an order with a 1/f part.
+    """Return the best autoregressive noise of the order of ``short`` with a 1/f part.
 
-    Parameters
-    ----------
-    short : ndarray, shape (p,)
-        Coefficients without a 1/f part, of the order that is wanted.
-
-    Returns
-    -------
-    Slow
-        At the largest likelihood, looked for from these coefficients and from white noise.
+    It is the largest likelihood found from these coefficients and from white noise.
     """
     starts = [np.zeros(short.size)]
     if short.size:
@@ -226,15 +201,8 @@ def with_slow_part(seen: Spectrum, short: Array) -> Slow:
 def largest_corner(seen: Spectrum, short: Array) -> float:
     """Return how large a 1/f part may be, found or not. [cycles per sample]
 
-    Parameters
-    ----------
-    short : ndarray, shape (p,)
-        Coefficients of the autoregressive part, which stay.
-
-    Returns
-    -------
-    float
-        The corner at which the likelihood, at its best level, has fallen by `DOUBTED`.
+    At this corner the likelihood, at its best level, has fallen by `DOUBTED`. The autoregressive
+    part ``short`` stays.
     """
     at_zero = float(_shape(short, np.zeros(1))[0])
     found = _profile(seen, _shape(short, seen.frequency) / at_zero)
@@ -245,19 +213,9 @@ def largest_corner(seen: Spectrum, short: Array) -> float:
 def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float, Array]:
     """Return the long autoregression that noise with a 1/f part obeys, and how it begins.
 
-    Parameters
-    ----------
-    taps : int
-        How many samples back.
-
-    Returns
-    -------
-    coefficients : ndarray, shape (taps,)
-        a_1 .. a_p.
-    variance : float
-        Of what they cannot foretell. [unit of the signal squared]
-    head : ndarray, shape (taps, taps)
-        Lower triangle that whitens the first samples to that variance.
+    That is the coefficients a_1 .. a_p, the variance of what they cannot predict [unit of the
+    signal squared], and the lower triangle that whitens the first samples to that variance, shape
+    (taps, taps).
     """
     density = model.innovation * _shape(model.short, np.arange(_GRID // 2 + 1) / _GRID)
     gamma = irfft(density, _GRID)[: taps + 1] + model.amplitude * slow_covariance(taps)
@@ -271,10 +229,7 @@ def whitening_filter(model: Slow, taps: int = LONG_ORDER) -> tuple[Array, float,
 def variance_within(model: Slow, samples: int) -> float:
     """Return the variance of noise within a stretch about the stretch's own mean.
 
-    Returns
-    -------
-    float
-        [unit of the signal squared]
+    [unit of the signal squared]
     """
     density = _shape(model.short, np.arange(_GRID // 2 + 1) / _GRID)
     gamma = slow_covariance(samples - 1)

@@ -11,27 +11,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Term:
-    """One quantity.
-
-    Attributes
-    ----------
-    symbol : str
-        As equations write it.
-    name : str
-        As the code calls it where it crosses a function boundary.
-    unit : str
-        SI; ``1`` for a ratio.
-    meaning : str
-        In words.
-    source : str
-        Equation of the paper, or another origin.
-    """
+    """One quantity."""
 
     symbol: str
     name: str
+    """As the code calls it where it crosses a function boundary."""
     unit: str
+    """SI; ``1`` for a ratio."""
     meaning: str
     source: str
+    """Equation of the paper, or another origin."""
 
 
 GLOSSARY: tuple[Term, ...] = (
@@ -79,18 +68,7 @@ GLOSSARY: tuple[Term, ...] = (
 
 
 def term(symbol: str) -> Term:
-    """Return the entry of a symbol.
-
-    Parameters
-    ----------
-    symbol : str
-        As in `GLOSSARY`.
-
-    Raises
-    ------
-    KeyError
-        If there is no such symbol.
-    """
+    """Return the entry of a symbol of `GLOSSARY`."""
     for entry in GLOSSARY:
         if entry.symbol == symbol:
             return entry

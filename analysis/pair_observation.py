@@ -20,8 +20,6 @@ class PairObservation:
 
     Attributes
     ----------
-    sphere, surface : str
-        Names of the materials.
     log_reduced_modulus : float
         ln E*, E* in Pa.
     u_random : float
@@ -29,8 +27,6 @@ class PairObservation:
     sensitivity : ndarray, shape (4,) or (1,)
         d ln E* / d ln(M, k, mu, c) for KV, d ln E* / d ln S for HSD: how E* follows an error of
         the calibration.
-    shot : str
-        Which recording.
     u_calibration : float
         Standard uncertainty of ln E* from the calibration, used where no covariance of the cell is
         at hand; then counted as one error common to all observations of a calibration. [1]
@@ -73,8 +69,6 @@ def observations_from_fit(
     fit : FitResult or dict
         A fit with ``by_pair=True`` (else the fit has already used the references' moduli, which
         the network would use again), or its JSON.
-    shot : str
-        How messages call the recording.
     calibration : str
         Which calibration the cell's values came from.
 
@@ -128,17 +122,8 @@ def observation_from_fit(
 ) -> PairObservation | None:
     """Return what a fit of one shot says about its pair.
 
-    Parameters
-    ----------
-    shot : str
-        How messages call the recording.
-    calibration : str
-        Which calibration the cell's values came from.
-
-    Returns
-    -------
-    PairObservation or None
-        None where the fit did not converge or is in reduced units.
+    None where the fit did not converge or is in reduced units. ``shot`` and ``calibration`` are as
+    for `observations_from_fit`.
     """
     found = observations_from_fit(fit, shot=shot, calibration=calibration)
     return found[0] if found else None

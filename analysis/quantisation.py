@@ -34,18 +34,9 @@ _OFF_STEP = 0.1
 def step_of(signal: Array, declared: float | None = None) -> float | None:
     """Return the step of the converter that made a record.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        A record with a pulse in it. [unit of the signal]
-    declared : float, optional
-        The step as stated. Records of fewer bits in codes of more have a larger one.
-
-    Returns
-    -------
-    float or None
-        The smallest difference of its values where all small differences are multiples of it; else
-        as declared.
+    The smallest difference of its values where all small differences are multiples of it; else as
+    declared. The record has a pulse in it. Records of fewer bits in codes of more have a larger
+    step than is declared.
     """
     values = np.unique(signal[:_LOOKED])
     if values.size < LEVELS:
@@ -67,19 +58,14 @@ def step_of(signal: Array, declared: float | None = None) -> float | None:
 
 @dataclass(frozen=True)
 class Coarse:
-    """A converter whose step hides the noise in part.
-
-    Attributes
-    ----------
-    step : float
-        [unit of the signal]
-    noise, least_noise : float
-        Standard deviation, the largest and the smallest that the codes allow. [step]
-    """
+    """A converter whose step hides the noise in part."""
 
     step: float
+    """[unit of the signal]"""
     noise: float
     least_noise: float
+    """``noise`` and this are standard deviations, the largest and the smallest that the codes
+    allow. [step]"""
 
     @property
     def kept(self) -> float:
@@ -101,20 +87,9 @@ def kept_share(noise: float) -> float:
 
     .. math:: \frac{6}{\pi^2} \sum_k k^{-2} e^{-4 \pi^2 k^2 s^2}
 
-    Parameters
-    ----------
-    noise : float
-        Its standard deviation s. [step]
-
-    Returns
-    -------
-    float
-        1 without noise.
-
-    Notes
-    -----
-    Source: the Fourier series of the rounding error, averaged over the noise, its square averaged
-    over all levels (Widrow & Kollar 2008).
+    s is the standard deviation of the noise in steps; the share is 1 without noise. Source: the
+    Fourier series of the rounding error, averaged over the noise, its square averaged over all
+    levels (Widrow & Kollar 2008).
     """
     k = np.arange(1.0, 201.0)
     share = 6.0 / np.pi**2 * np.sum(np.exp(-((2.0 * np.pi * k * noise) ** 2)) / k**2)
@@ -135,42 +110,22 @@ def _starts(codes, most):  # type: ignore[no-untyped-def]
 
 
 def stretches(signal: Array, coarse: Coarse) -> NDArray[np.int64]:
-    """Return where the stretches begin in which a record is at rest for all that its codes say.
+    """Return the first samples of the stretches in which the codes say that a record is at rest.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The record. [unit of the signal]
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
-        First samples, the first of all among them. Where the signal moves by more than
-        ``coarse.codes`` a sample, each sample is a stretch of its own.
+    Sample 0 is among them. Where the signal moves by more than ``coarse.codes`` a sample, each
+    sample is a stretch of its own.
     """
     codes = np.rint((signal - signal[0]) / coarse.step).astype(np.int64)
     return np.asarray(_starts(codes, coarse.codes))
 
 
 def combined(white: Array, starts: NDArray[np.int64], *, kept: float, memory: float = 1.0) -> Array:
-    """Return whitened values with each stretch put together to one.
+    """Return whitened values, shape (n,) or (n, k), with each stretch put together to one.
 
-    Parameters
-    ----------
-    white : ndarray, shape (n,) or (n, k)
-        Along axis 0, each of variance 1 if the signal moved.
-    starts : ndarray of int, shape (m,)
-        From `stretches`.
-    kept : float
-        Share of the variance that a resting signal keeps. [1]
-    memory : float
-        What whitening makes of a constant of one standard deviation. [1]
-
-    Returns
-    -------
-    ndarray, shape (m,) or (m, k)
-        One row a stretch, of variance 1 or less: sum / sqrt(l (1 + kept memory^2 (l - 1))) for l
-        values. What they say of one another is left out.
+    Each has variance 1 if the signal moved; ``kept`` is the share of it that a resting signal
+    keeps, ``memory`` what whitening makes of a constant of one standard deviation. One row a
+    stretch, of variance 1 or less: sum / sqrt(l (1 + kept memory^2 (l - 1))) for l values. What
+    they say of one another is left out.
     """
     lengths = np.diff(starts, append=white.shape[0]).astype(np.float64)
     scale = np.sqrt(lengths * (1.0 + kept * memory**2 * (lengths - 1.0)))

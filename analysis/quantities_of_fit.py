@@ -27,10 +27,7 @@ _ALONE = (
 def asked_of(problem: JointProblem, fitted: Fitted) -> list[Asked]:
     """Return what a report on a fit speaks about, identifiable combinations first.
 
-    Returns
-    -------
-    list of Asked
-        The cell's combinations, the pairs' stiffness, the cell's single numbers, moduli, effects.
+    The cell's combinations, the pairs' stiffness, the cell's single numbers, moduli, effects.
     """
     names = problem.names
     unit = np.eye(len(names))

@@ -43,46 +43,33 @@ _EXACT_LINES = 384
 
 @dataclass(frozen=True)
 class Spectrum:
-    """Pooled powers of quiet stretches with their drift taken off.
-
-    Attributes
-    ----------
-    frequency : ndarray, shape (k,)
-        In cycles per sample. [1]
-    lines : ndarray, shape (k,)
-        How many were put together, more of them at high frequency.
-    power : ndarray, shape (k,)
-        Mean over pieces and lines. [unit of the signal squared]
-    white, slow : ndarray, shape (k,)
-        What it is expected to be for a density of 1 and of 1/f. [1]
-    pieces, samples : int
-        How many were pooled, of which length.
-    drift : float
-        Mean square of what was taken off, means aside. [unit of the signal squared]
-    drift_white, drift_slow : float
-        What it is expected to be for a density of 1 and of 1/f. [1]
-    """
+    """Pooled powers of quiet stretches with their drift taken off."""
 
     frequency: Array
+    """In cycles per sample, shape (k,)."""
     lines: Array
+    """How many were put together, more of them at high frequency. Shape (k,)."""
     power: Array
+    """Mean over pieces and lines. Shape (k,). [unit of the signal squared]"""
     white: Array
     slow: Array
+    """This and ``white`` are what the power is expected to be for a density of 1/f and of 1, shape
+    (k,). [1]"""
     pieces: int
     samples: int
+    """Of each of the ``pieces`` that were pooled."""
     drift: float
+    """Mean square of what was taken off, means aside. [unit of the signal squared]"""
     drift_white: float
     drift_slow: float
+    """This and ``drift_white`` are what it is expected to be for a density of 1/f and of 1. [1]"""
     degree: int
 
 
 def drift_degree(samples: int, sample_rate_hz: float) -> int:
     """Return the degree of polynomial that follows anything below `DRIFT_HZ`.
 
-    Returns
-    -------
-    int
-        About four per period of the fastest, and a few; at most a sixteenth of the samples.
+    About four per period of the fastest, and a few; at most a sixteenth of the samples.
     """
     radians = 2.0 * math.pi * DRIFT_HZ * samples / sample_rate_hz
     wanted = math.ceil(DEGREE_PER_RADIAN * radians) + LEAST_DEGREE
@@ -92,15 +79,7 @@ def drift_degree(samples: int, sample_rate_hz: float) -> int:
 def without_long_drift(stretch: Array, sample_rate_hz: float) -> Array:
     """Return a stretch, or its last `LONGEST` samples where its drift is of too many degrees.
 
-    Parameters
-    ----------
-    stretch : ndarray, shape (n,)
-        Samples.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Of a drift that a polynomial of at most `MOST_DEGREE` follows.
+    A polynomial of at most `MOST_DEGREE` follows the drift of what is returned.
     """
     if drift_degree(stretch.size, sample_rate_hz) <= MOST_DEGREE:
         return stretch
@@ -111,10 +90,7 @@ def without_long_drift(stretch: Array, sample_rate_hz: float) -> Array:
 def drift_basis(samples: int, degree: int) -> Array:
     """Return orthonormal polynomials over a stretch, the constant first.
 
-    Returns
-    -------
-    ndarray, shape (samples, degree + 1)
-        Read only. [1]
+    Shape (samples, degree + 1), read only.
     """
     x = np.linspace(-1.0, 1.0, samples)
     q = np.linalg.qr(np.polynomial.legendre.legvander(x, degree))[0]
@@ -123,20 +99,7 @@ def drift_basis(samples: int, degree: int) -> Array:
 
 
 def without_drift(stretch: Array, degree: int) -> Array:
-    """Return a stretch less its best polynomial.
-
-    Parameters
-    ----------
-    stretch : ndarray, shape (n,)
-        Samples.
-    degree : int
-        Of the polynomial; 0 takes off the mean.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        What is left.
-    """
+    """Return a stretch less its best polynomial; degree 0 takes off the mean."""
     if degree == 0:
         return np.asarray(stretch - stretch.mean())
     q = drift_basis(stretch.size, degree)
@@ -149,15 +112,8 @@ def slow_covariance(lags: int) -> Array:
     .. math:: \gamma_j = 2 \int_{f_0}^{1/2} \cos(2 \pi f j) / f \, df
         = 2 [Ci(\pi j) - Ci(2 \pi f_0 j)]
 
-    Returns
-    -------
-    ndarray, shape (lags + 1,)
-        Flat below `LOWEST`. [1]
-
-    Notes
-    -----
-    Source: the cosine integral. Validation: against a sum over lines in
-    ``tests/analysis/test_quiet_spectrum.py``.
+    Shape (lags + 1,); the density is flat below `LOWEST`. Source: the cosine integral. Validation:
+    against a sum over lines in ``tests/analysis/test_quiet_spectrum.py``.
     """
     j = np.arange(1, lags + 1)
     tail = 2.0 * (sici(np.pi * j)[1] - sici(2.0 * np.pi * LOWEST * j)[1])
@@ -166,17 +122,9 @@ def slow_covariance(lags: int) -> Array:
 
 
 def slow_powers(columns: Array) -> Array:
-    """Return the variance of noise with density 1/f along columns.
+    """Return the variance of noise with density 1/f along columns, shape (n, k).
 
-    Parameters
-    ----------
-    columns : ndarray, shape (n, k)
-        Over the samples of a stretch. [1]
-
-    Returns
-    -------
-    ndarray, shape (k,)
-        c' G c with G the covariance of `slow_covariance`, by Fourier transform. [1]
+    Each is c' G c with G the covariance of `slow_covariance`, by Fourier transform.
     """
     samples = columns.shape[0]
     size = next_fast_len(2 * samples - 1)
@@ -206,15 +154,7 @@ def _expected(samples: int, degree: int) -> tuple[Array, Array, float]:
 def pooled_spectrum(segments: Sequence[Array], sample_rate_hz: float) -> Spectrum | None:
     """Return the powers of quiet stretches with their drift taken off.
 
-    Parameters
-    ----------
-    segments : sequence of ndarray, shape (n_i,)
-        Quiet stretches. [unit of the signal]
-
-    Returns
-    -------
-    Spectrum or None
-        None where they are too short to tell drift from noise.
+    None where they are too short to tell drift from noise.
     """
     sizes = sorted((s.size for s in segments), reverse=True)
     if not sizes or sizes[0] < SHORTEST:

@@ -32,58 +32,37 @@ DISAGREES_ABOVE = 3.0
 
 @dataclass(frozen=True)
 class Reading:
-    """One weight and what the cell read.
-
-    Attributes
-    ----------
-    mass_kg : float
-        >= 0; 0 is the empty cell. [kg]
-    volts : float
-        [V]
-    u_volts : float or None
-        Standard uncertainty, > 0; None where nobody stated it. [V]
-    """
+    """One weight and what the cell read."""
 
     mass_kg: float
+    """>= 0; 0 is the empty cell. [kg]"""
     volts: float
     u_volts: float | None = None
+    """Standard uncertainty, > 0; None where nobody stated it. [V]"""
 
 
 @dataclass(frozen=True)
 class StaticCalibration:
-    """The gain from weights.
-
-    Attributes
-    ----------
-    gain_n_per_v, u_gain_n_per_v : float
-        S of Eq. 7 as read, no discharge corrected. [N/V]
-    offset_v, u_offset_v : float
-        Reading of the empty cell. [V]
-    chi2_per_dof : float or None
-        Of the straight line; None with two readings.
-    residuals_v : ndarray, shape (n,)
-        Readings less the line. [V]
-    left : float or None
-        Share of the step left when it was read; None where the time constant is not known.
-    hold_time_s : float
-        From putting the weight down to reading. [s]
-    discharge_time_constant_s : float or None
-        [s]
-    warnings : tuple of str
-        What a user must know, in words.
-    """
+    """The gain from weights."""
 
     gain_n_per_v: float
+    """S of Eq. 7 as read, no discharge corrected. [N/V]"""
     u_gain_n_per_v: float
     offset_v: float
+    """Reading of the empty cell. [V]"""
     u_offset_v: float
     chi2_per_dof: float | None
+    """Of the straight line; None with two readings."""
     residuals_v: NDArray[np.float64]
+    """Readings less the line. Shape (n,). [V]"""
     left: float | None
+    """Share of the step left when it was read; None where the time constant is not known."""
     readings: tuple[Reading, ...]
     hold_time_s: float
+    """From putting the weight down to reading. [s]"""
     discharge_time_constant_s: float | None
     warnings: tuple[str, ...]
+    """What a user must know, in words."""
 
     @property
     def status(self) -> str:
@@ -138,6 +117,8 @@ def static_calibration(
 ) -> StaticCalibration:
     """Return the cell's gain from weights, by weighted least squares with an intercept.
 
+    Uncertainties are widened where the readings scatter more than stated.
+
     Parameters
     ----------
     readings : sequence of Reading
@@ -146,13 +127,6 @@ def static_calibration(
         From putting a weight down to its reading, >= 0. [s]
     discharge_time_constant_s : float or None
         Of cell and conditioner, > 0; None where it is not known. [s]
-    gravity_m_per_s2 : float
-        Local gravity, > 0. [m/s^2]
-
-    Returns
-    -------
-    StaticCalibration
-        Uncertainties are widened where the readings scatter more than stated.
 
     Raises
     ------
@@ -274,18 +248,9 @@ def _check(readings: Sequence[Reading], hold_s: float, tau_s: float | None, grav
 def compare(static: Json, dynamic: Json) -> Json:
     """Return how the gain from weights lies to that of a calibration with drops.
 
-    Parameters
-    ----------
-    static : dict
-        ``impactd-static-calibration/1``.
-    dynamic : dict
-        ``impactd-calibration/1``.
-
-    Returns
-    -------
-    dict
-        Against S = k c of the crystal and against S of the rigid-cell model, where each is known:
-        ``change`` (static over dynamic, less one) and ``in_u``; and a ``sentence``.
+    From ``impactd-static-calibration/1`` and ``impactd-calibration/1``: against S = k c of the
+    crystal and against S of the rigid-cell model, where each is known, ``change`` (static over
+    dynamic, less one) and ``in_u``; and a ``sentence``.
     """
     one = (static.get("hsd") or {}).get("gain_N_per_V")
     hsd = (dynamic.get("hsd") or {}).get("gain_N_per_V")

@@ -33,13 +33,8 @@ class Landing:
 def at_temperature_of_shots(campaign: Campaign) -> tuple[Campaign, tuple[str, ...]]:
     """Return a campaign whose stated moduli are those at the temperature of their shots.
 
-    Returns
-    -------
-    campaign : Campaign
-        Itself where no coefficient is stated; else without coefficients, so that doing it again
-        changes nothing.
-    told : tuple of str
-        What had to be assumed, in words.
+    It is the same campaign if no coefficient is stated; else it has no coefficients, so that doing
+    it again changes nothing. What had to be assumed is told in words.
     """
     landings = [Landing(s.sphere, s.surface, _temperature(campaign, s)) for s in campaign.shots]
     spheres, of_spheres = spheres_at(campaign.spheres, landings)
@@ -55,19 +50,8 @@ def spheres_at(
 ) -> tuple[Mapping[str, Sphere], list[str]]:
     """Return spheres whose stated moduli are those at the temperature of their landings.
 
-    Parameters
-    ----------
-    spheres : mapping
-        By name, as stated.
-    landings : sequence of Landing
-        Those of other spheres do not matter.
-
-    Returns
-    -------
-    spheres : mapping
-        The same object where no coefficient is stated; else without coefficients.
-    told : list of str
-        What had to be assumed, in words.
+    They are the same object if no coefficient is stated; else they have no coefficients. What had
+    to be assumed is told in words.
     """
     return _moved(spheres, [(one.sphere, one.temperature_c) for one in landings], "sphere")
 

@@ -28,25 +28,18 @@ NOTHING_U = 1e4
 
 @dataclass(frozen=True)
 class Undetermined:
-    """A modulus that was sought and that no quieter record would tell.
-
-    Attributes
-    ----------
-    key : str
-        As under ``moduli`` of a result.
-    side, material : str
-        ``sphere`` or ``surface``, and its name.
-    missing : str
-        ``reference`` (a stated modulus), ``gain`` (newtons per volt) or ``sphere`` (radius, mass).
-    sentence : str
-        What is missing, and what to add.
-    """
+    """A modulus that was sought and that no quieter record would tell."""
 
     key: str
+    """As under ``moduli`` of a result."""
     side: str
+    """``sphere`` or ``surface``."""
     material: str
     missing: str
+    """``reference`` (a stated modulus), ``gain`` (newtons per volt) or ``sphere`` (radius,
+    mass)."""
     sentence: str
+    """What is missing, and what to add."""
 
     def to_json(self) -> dict[str, str]:
         """Return it as part of ``impactd-diagnosis/1``."""
@@ -61,15 +54,8 @@ class Undetermined:
 def undetermined(problem: JointProblem, fitted: Fitted) -> list[Undetermined]:
     """Return the moduli that were sought and that quieter records would not tell either.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A fit; how a pair's compliance is divided is taken from it, nothing else.
-
-    Returns
-    -------
-    list of Undetermined
-        Empty where no modulus was sought, and for single pairs.
+    None where no modulus was sought, and for single pairs. How a pair's compliance is divided is
+    taken from the fit, nothing else.
     """
     if problem.by_pair:
         return []
@@ -78,13 +64,7 @@ def undetermined(problem: JointProblem, fitted: Fitted) -> list[Undetermined]:
 
 
 def tells_no_modulus(problem: JointProblem, fitted: Fitted) -> bool:
-    """Tell whether moduli were sought, and not one of them can be told.
-
-    Returns
-    -------
-    bool
-        False where one can, or none was sought.
-    """
+    """Tell whether moduli were sought, and not one of them can be told."""
     found = undetermined(problem, fitted)
     names = [n for n in problem.names if n.startswith(("sphere.", "surface."))]
     sought = {n for n in names if _material(problem.campaign, n).youngs_modulus_pa is None}
@@ -175,8 +155,8 @@ def _in_reduced_units(problem: JointProblem) -> list[Undetermined]:
 def _is_sought(campaign: Campaign, side: str, short: str | None) -> bool:
     """Tell whether somebody wants the modulus of a material without one.
 
-    Poisson's ratio and references serve nothing else; recordings of strangers, in reduced units on
-    purpose, state neither.
+    Poisson's ratio and references serve nothing else. Recordings that are in reduced units on
+    purpose state neither.
     """
     listed: dict[str, Sphere] | dict[str, Surface]
     listed = campaign.spheres if side == "sphere" else campaign.surfaces

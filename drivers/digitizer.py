@@ -12,88 +12,60 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class DigitizerIdentity:
-    """Which board answered, and with which images.
-
-    Attributes
-    ----------
-    model, serial_number, firmware_version : str
-        As the board states them.
-    firmware_sha256, fpga_sha256 : str or None
-        Hash of the images this process loaded, ``None`` when the board was already loaded.
-    note : str
-        What a user must know about it, e.g. ``"untested on a 3500"``.
-    """
+    """Which board answered, and with which images."""
 
     model: str
     serial_number: str
     firmware_version: str
     firmware_sha256: str | None
+    """Hash of the image this process loaded, ``None`` when the board was already loaded."""
     fpga_sha256: str | None
+    """The same of the FPGA's image."""
     note: str
+    """What a user must know about it, e.g. ``"untested on a 3500"``."""
 
 
 @dataclass(frozen=True)
 class TriggerSettings:
-    """When a record begins and how long it is.
-
-    Attributes
-    ----------
-    level_v : float
-        The signal must reach this level above the baseline (sign gives the slope). [V]
-    hysteresis_v : float
-        It must have been below ``level_v - hysteresis_v`` before. [V]
-    pre_trigger_samples : int
-        Samples kept before the trigger. [1]
-    record_samples : int
-        Samples in the whole record. [1]
-    """
+    """When a record begins and how long it is."""
 
     level_v: float
+    """The signal must reach this level above the baseline (sign gives the slope). [V]"""
     hysteresis_v: float
+    """It must have been below ``level_v - hysteresis_v`` before. [V]"""
     pre_trigger_samples: int
+    """Samples kept before the trigger. [1]"""
     record_samples: int
+    """Of the whole record."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """One digitised impact, whole or not at all.
-
-    Attributes
-    ----------
-    codes : ndarray of int16, shape (n,)
-        Raw converter codes (offset binary minus 32768), never corrected.
-    volts_per_code, offset_v : float
-        ``volts = codes * volts_per_code + offset_v``, calibration included. [V]
-    calibrated : bool
-        Whether the board's own calibration table was valid and is in the two numbers above.
-    sample_rate_hz, sample_rate_u_hz : float
-        Calibrated rate and its standard uncertainty. [Hz]
-    range_v : float
-        The converter's range, +/-. [V]
-    trigger_index : int
-        Sample at which the trigger condition was met. [1]
-    first_sample_index : int
-        Position of ``codes[0]`` in the stream since it was started. [1]
-    trigger_monotonic_ns : int
-        Host clock when the trigger was recognised. [ns]
-    status_words : tuple of int
-        Acquisition status at start and end.
-    samples_streamed : int
-        Samples received since the stream began; a whole number of transfers. [1]
-    """
+    """One digitised impact, whole or not at all."""
 
     codes: NDArray[np.int16]
+    """Raw converter codes (offset binary minus 32768), never corrected. Shape (n,)."""
     volts_per_code: float
     offset_v: float
+    """``volts = codes * volts_per_code + offset_v``, calibration included."""
     calibrated: bool
+    """Whether the board's own calibration table was valid and is in the two numbers above."""
     sample_rate_hz: float
+    """Calibrated."""
     sample_rate_u_hz: float
+    """Its standard uncertainty."""
     range_v: float
+    """Half the converter's range, which is +/- this."""
     trigger_index: int
+    """Sample at which the trigger condition was met. [1]"""
     first_sample_index: int
+    """Position of ``codes[0]`` in the stream since it was started. [1]"""
     trigger_monotonic_ns: int
+    """Host clock when the trigger was recognised. [ns]"""
     status_words: tuple[int, ...] = field(default=())
+    """Acquisition status at start and end."""
     samples_streamed: int = 0
+    """Samples received since the stream began; a whole number of transfers. [1]"""
 
 
 @runtime_checkable

@@ -91,12 +91,7 @@ class FirmwareError(DriverError):
 class RecordError(DriverError):
     """A record must not be used.
 
-    Parameters
-    ----------
-    what, why, remedy : str
-        As in `DriverError`.
-    record : Record, optional
-        What was captured nevertheless: evidence to keep apart, never a shot.
+    ``record`` is what was captured nevertheless: evidence to keep apart, never a shot.
     """
 
     def __init__(

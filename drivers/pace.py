@@ -42,38 +42,22 @@ _LEARNING_RUNS = 3
 
 @dataclass
 class Latency:
-    """What is usual of one opened board.
-
-    Attributes
-    ----------
-    shortest_s : float
-        The least that ever passed from the start command to a first sample on the host, that
-        sample's age taken off. [s]
-    start_s : float
-        The shortest start command. [s]
-    runs : int
-        How many runs it was learned from. [1]
-    """
+    """The usual delays of one opened board."""
 
     shortest_s: float = float("inf")
+    """The least that ever passed from the start command to a first sample on the host, that
+    sample's age taken off."""
     start_s: float = float("inf")
+    """The shortest start command. [s]"""
     runs: int = 0
+    """Number of runs it was learned from."""
 
 
 class Pace:
-    """Holds the count of one run's samples against the host's clock.
+    """Compares the count of one run's samples with the host's clock.
 
-    Parameters
-    ----------
-    sample_rate_hz, sample_rate_u_hz : float
-        Calibrated rate and its standard uncertainty. [Hz]
-    latency : Latency, optional
-        Shared by all runs of an opened board.
-
-    Attributes
-    ----------
-    late_s : float
-        By how much the last transfer came later than one can that follows no gap. [s]
+    ``latency`` is shared by all runs of an opened board. ``late_s`` is by how much the last
+    transfer came later than one can that follows no gap.
     """
 
     def __init__(
@@ -97,7 +81,7 @@ class Pace:
 
     @property
     def provable_s(self) -> float:
-        """So long a run can be proved whole: later the rate's error may pass for a packet. [s]"""
+        """The longest run that can be proved whole; later the rate's error may be a packet's."""
         return self._packet_s / self._drift if self._drift else float("inf")
 
     @property
@@ -111,17 +95,9 @@ class Pace:
         return self._doubt_s < 0.0
 
     def started(self, before_s: float, after_s: float) -> bool:
-        """Note between which moments the converter was started.
+        """Note between which times on the monotonic clock the converter was started.
 
-        Parameters
-        ----------
-        before_s, after_s : float
-            Around the command that starts it, on the monotonic clock. [s]
-
-        Returns
-        -------
-        bool
-            ``False`` where the command took so long that another start is worth its while.
+        ``False`` means that the command took so long that another start is worth its while.
         """
         took_s = after_s - before_s
         usual_s = max(_SHARP_START_S, _USUAL_STARTS * self._usual.start_s)
@@ -131,14 +107,9 @@ class Pace:
         return took_s <= usual_s
 
     def arrived(self, samples: int, now_s: float) -> None:
-        """Note a transfer.
+        """Note a transfer that arrived at ``now_s`` on the monotonic clock.
 
-        Parameters
-        ----------
-        samples : int
-            Samples received since the run began, this transfer included. [1]
-        now_s : float
-            When it arrived, on the monotonic clock. [s]
+        ``samples`` were received since the run began, those of this transfer included.
         """
         if self._began_s is None:
             self._began_s = now_s if self._start_s is None else self._start_s
@@ -163,18 +134,7 @@ class Pace:
 
 
 def check_pace(pace: Pace, record: Record) -> None:
-    """Refuse a record that no transfer proved whole.
-
-    Parameters
-    ----------
-    record : Record
-        The error carries it as evidence.
-
-    Raises
-    ------
-    OverrunError
-        If samples are missing.
-    """
+    """Refuse a record that no transfer proved whole: an OverrunError carries it as evidence."""
     if pace.on_time:
         return
     if pace.lasted_s > pace.provable_s:
@@ -201,17 +161,7 @@ def check_pace(pace: Pace, record: Record) -> None:
 def check_repeats(record: Record, transfer_samples: int) -> None:
     """Refuse a record in which a packet or a transfer stands twice.
 
-    Parameters
-    ----------
-    record : Record
-        The error carries it as evidence.
-    transfer_samples : int
-        Length of one transfer. [1]
-
-    Raises
-    ------
-    OverrunError
-        With the place of the first repetition.
+    An OverrunError with the place of the first repetition carries it as evidence.
     """
     for length in sorted({PACKET_SAMPLES, transfer_samples}):
         at = repeated_at(record.codes, length)
@@ -225,20 +175,9 @@ def check_repeats(record: Record, transfer_samples: int) -> None:
 
 
 def repeated_at(codes: NDArray[np.int16], length: int) -> int | None:
-    """Return where a block begins that repeats the one before it bit for bit.
+    """Return the first sample of a block that repeats the one before it bit for bit.
 
-    Parameters
-    ----------
-    codes : ndarray of int16, shape (n,)
-        Samples of one record.
-    length : int
-        Of the block, > 0. [1]
-
-    Returns
-    -------
-    int or None
-        Its first sample. A block of one single code does not count: a clipped or silent input
-        looks like that by nature.
+    A block of one single code does not count: a clipped or silent input looks like that by nature.
     """
     if codes.size < 2 * length:
         return None

@@ -11,22 +11,9 @@ from drivers.errors import ConfigurationError, RecordError
 class RingBuffer:
     """The last samples of a stream, addressed by their position in the stream.
 
-    Positions count from 0 at the start of the stream and never wrap; only the memory does.
-
-    Parameters
-    ----------
-    capacity_samples : int
-        Samples kept, > 0. [1]
-
-    Raises
-    ------
-    ConfigurationError
-        If the capacity is not positive.
-
-    Notes
-    -----
-    One writer, no lock: a copy is valid if its samples were still inside the ring after it
-    was made, which `copy` checks.
+    Positions count from 0 at the start of the stream and never wrap; only the memory does. One
+    writer, no lock: a copy is valid if its samples were still inside the ring after it was made,
+    which `copy` checks. A capacity that is not positive is a ConfigurationError.
     """
 
     def __init__(self, capacity_samples: int) -> None:
@@ -60,17 +47,9 @@ class RingBuffer:
         self._written = 0
 
     def append(self, block: NDArray[np.uint16]) -> int:
-        """Append a block.
+        """Append a block and return the position of its first sample in the stream.
 
-        Parameters
-        ----------
-        block : ndarray of uint16, shape (n,)
-            Samples in order. Only the last `capacity_samples` of them can survive.
-
-        Returns
-        -------
-        int
-            Position of ``block[0]`` in the stream. [1]
+        Only its last `capacity_samples` samples can survive.
         """
         first = self._written
         capacity = self._memory.size
@@ -85,24 +64,9 @@ class RingBuffer:
         return first
 
     def copy(self, first: int, count: int) -> NDArray[np.uint16]:
-        """Return samples ``[first, first + count)``.
+        """Return a copy of samples ``[first, first + count)`` that later writing cannot change.
 
-        Parameters
-        ----------
-        first : int
-            Position of the first sample in the stream. [1]
-        count : int
-            How many. [1]
-
-        Returns
-        -------
-        ndarray of uint16, shape (count,)
-            A copy that later writing cannot change.
-
-        Raises
-        ------
-        RecordError
-            If some of them were not written yet or are overwritten already.
+        A RecordError says that some of them were not written yet or are overwritten already.
         """
         if first < 0 or count < 0 or first + count > self._written:
             raise RecordError(

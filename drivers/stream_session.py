@@ -1,6 +1,6 @@
 """One run at a time on a streaming board: collect, arm, wait, stop, from any thread.
 
-What every streaming digitizer of this house does the same way; a board adds its source of bytes
+This is the same for every streaming digitizer of this project; a board adds its source of bytes
 and its start and stop sequences.
 """
 
@@ -37,25 +37,9 @@ _BREAKING = (DeviceLostError, DeviceTimeoutError, ProtocolError)
 class StreamSession:
     """Runs of one board, never two at once; each method raises whatever ended its run early.
 
-    Parameters
-    ----------
-    ring : RingBuffer
-        Where samples go.
-    sample_rate_hz : float
-        For limits of time. [Hz]
-    transfer_bytes : int
-        Size of one read. [B]
-    observe : callable, optional
-        Sees each block inside the ring: ``(ring, first, count)``.
-    make_pace : callable, optional
-        Makes what holds the count of a record's samples against the clock.
-
-    Attributes
-    ----------
-    last_capture : TriggeredCapture or None
-        Of the run that ended last or is on: what came of it before it broke is in the ring.
-    last_pace : Pace or None
-        Of the same run.
+    ``observe`` sees each block inside the ring: ``(ring, first, count)``. ``make_pace`` makes what
+    compares the count of a record's samples with the clock. ``last_capture`` and ``last_pace`` are
+    of the run that ended last or is on: what came of it before it broke is in the ring.
     """
 
     def __init__(
@@ -81,7 +65,7 @@ class StreamSession:
 
     @property
     def broken(self) -> bool:
-        """Whether the last run ended in a way that calls for opening the board again."""
+        """Whether the last run ended in such a way that the board must be opened again."""
         run = self._run
         return self._broken or (run is not None and isinstance(run.error, _BREAKING))
 
@@ -90,17 +74,7 @@ class StreamSession:
     ) -> tuple[NDArray[np.uint16], tuple[int, ...]]:
         """Run until so many samples are there.
 
-        Parameters
-        ----------
-        source : BulkSource
-            Where bytes come from.
-        samples : int
-            How many. [1]
-
-        Returns
-        -------
-        tuple
-            Offset-binary codes, shape (samples,), and the status words.
+        Return offset-binary codes, shape (samples,), and the status words.
         """
         self._check_fits(samples)
         collector = Collector(samples)
@@ -119,17 +93,7 @@ class StreamSession:
         trigger: TriggerSettings,
         volts_per_code: float,
     ) -> None:
-        """Start a run that ends with one record, and wait until an impact would be seen.
-
-        Parameters
-        ----------
-        source : BulkSource
-            Where bytes come from.
-        trigger : TriggerSettings
-            When the record begins and how long it is.
-        volts_per_code : float
-            Size of a code. [V]
-        """
+        """Start a run that ends with one record, and wait until an impact would be seen."""
         capture = TriggeredCapture(trigger, volts_per_code)
         self._check_fits(max(trigger.record_samples, capture.fill_samples))
         run = self._start(source, board, capture, capture)
@@ -137,24 +101,10 @@ class StreamSession:
             self._await(run, lambda: capture.armed, capture.fill_samples)
 
     def wait_trigger(self, timeout_s: float, abort: threading.Event) -> int:
-        """Return the host clock at the trigger.
+        """Return the host's monotonic clock at the trigger. [ns]
 
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-        abort : threading.Event
-            Ends the wait when set.
-
-        Returns
-        -------
-        int
-            Monotonic clock. [ns]
-
-        Raises
-        ------
-        DriverError
-            Whatever ended the wait; the run is stopped then.
+        ``abort`` ends the wait when set. The run is stopped after any DriverError, which says what
+        ended the wait.
         """
         run, capture = self._awaited()
         with self._stopped_on_error():
@@ -165,24 +115,10 @@ class StreamSession:
     def wait_capture(
         self, timeout_s: float, abort: threading.Event
     ) -> tuple[TriggeredCapture, tuple[int, ...]]:
-        """Wait for the trigger and the rest of the record.
+        """Return the complete capture and the status words.
 
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait for the trigger. [s]
-        abort : threading.Event
-            Ends the wait when set.
-
-        Returns
-        -------
-        tuple
-            The complete capture and the status words.
-
-        Raises
-        ------
-        DriverError
-            Whatever ended the wait; the run is stopped then.
+        ``timeout_s`` is for the trigger; ``abort`` ends the wait when set. The run is stopped after
+        any DriverError, which says what ended the wait.
         """
         run, capture = self._awaited()
         with self._stopped_on_error():
@@ -197,10 +133,8 @@ class StreamSession:
     def stop(self) -> None:
         """End the present run, if any, and wait for its end.
 
-        Raises
-        ------
-        DeviceTimeoutError
-            If the stream's thread does not end, which no transfer time-out allows.
+        A DeviceTimeoutError says that the stream's thread does not end, which no transfer time-out
+        allows.
         """
         with self._switching:
             run = self._run

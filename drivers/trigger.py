@@ -15,13 +15,7 @@ _HIGHEST_CODE = 65535
 
 
 def check_trigger(trigger: TriggerSettings) -> None:
-    """Refuse trigger settings that describe no record.
-
-    Raises
-    ------
-    ConfigurationError
-        With the value that cannot be.
-    """
+    """Refuse trigger settings that describe no record, with a ConfigurationError."""
     finite = math.isfinite(trigger.level_v) and math.isfinite(trigger.hysteresis_v)
     if not finite or trigger.level_v == 0.0:
         raise ConfigurationError(
@@ -45,25 +39,12 @@ def check_trigger(trigger: TriggerSettings) -> None:
 class LevelTrigger:
     """Finds the first sample that reaches a level after having been away from it.
 
-    Parameters
-    ----------
-    baseline_code : float
-        Code of the idle input, offset binary. [1]
-    level_codes : float
-        Level above the baseline; its sign gives the slope. [1]
-    hysteresis_codes : float
-        Distance from the level, towards the baseline, that the signal must have been
-        beyond before. [1]
+    The baseline is the offset-binary code of the idle input. The level is above it; its sign gives
+    the slope. Before, the signal must have been beyond the hysteresis' distance from the level,
+    towards the baseline. A ConfigurationError says that no converter code can reach the level.
 
-    Raises
-    ------
-    ConfigurationError
-        If no converter code can reach the level.
-
-    Notes
-    -----
-    An armed trigger stays armed until it fires, so each block costs one maximum (or minimum)
-    and, once per record, one search.
+    An armed trigger stays armed until it fires, so each block costs one maximum (or minimum) and,
+    once per record, one search.
     """
 
     def __init__(self, baseline_code: float, level_codes: float, hysteresis_codes: float) -> None:
@@ -86,17 +67,10 @@ class LevelTrigger:
         self._armed = False
 
     def search(self, block: NDArray[np.uint16]) -> int | None:
-        """Return where the trigger fires inside a block, if it does.
+        """Return the index of the first sample at or beyond the level, if the trigger fires in a
+        block.
 
-        Parameters
-        ----------
-        block : ndarray of uint16, shape (n,)
-            The samples that follow those of the last call.
-
-        Returns
-        -------
-        int or None
-            Index into `block` of the first sample at or beyond the level.
+        The block has the samples that follow those of the last call.
         """
         start = 0
         if not self._armed:

@@ -1,6 +1,6 @@
 """From a stream of blocks to the samples of one record: fill, arm, trigger, complete.
 
-Knows nothing of any board; what it works on are offset-binary codes and their size in volts.
+Nothing here depends on a board: it works on offset-binary codes and their size in volts.
 """
 
 from __future__ import annotations
@@ -20,34 +20,17 @@ MINIMUM_BASELINE_SAMPLES = 1000
 
 
 class Collector:
-    """Keeps the first samples of a run.
-
-    Parameters
-    ----------
-    samples : int
-        How many, > 0. [1]
-    """
+    """Keeps the first samples of a run."""
 
     def __init__(self, samples: int) -> None:
         self._wanted = samples
         self.codes: NDArray[np.uint16] | None = None
 
     def take(self, block: NDArray[np.uint16], first: int, ring: RingBuffer) -> Progress:
-        """Take a copy once enough samples are in the ring.
+        """Take a copy once enough samples are in the ring; ``DONE`` with the last sample.
 
-        Parameters
-        ----------
-        block : ndarray of uint16, shape (n,)
-            The newest samples.
-        first : int
-            Position of ``block[0]`` in the stream. [1]
-        ring : RingBuffer
-            Holds the block and those before it.
-
-        Returns
-        -------
-        Progress
-            ``DONE`` with the last sample.
+        ``block`` holds the newest samples, the first of them at position ``first`` of the stream;
+        the ring has them already.
         """
         if first + block.size < self._wanted:
             return Progress.NOTHING
@@ -56,23 +39,11 @@ class Collector:
 
 
 class TriggeredCapture:
-    """One record around a trigger.
+    """One record around a trigger; ConfigurationError if the settings describe none.
 
     The baseline is the median of the samples streamed before the trigger is armed, at least
     `MINIMUM_BASELINE_SAMPLES` and at least the pre-trigger part, so a record never lacks any of
     that part.
-
-    Parameters
-    ----------
-    trigger : TriggerSettings
-        When the record begins and how long it is.
-    volts_per_code : float
-        Size of a code, calibration included. [V]
-
-    Raises
-    ------
-    ConfigurationError
-        If the settings describe no record.
     """
 
     def __init__(self, trigger: TriggerSettings, volts_per_code: float) -> None:
@@ -109,21 +80,11 @@ class TriggeredCapture:
         return self.trigger_position - self._settings.pre_trigger_samples
 
     def take(self, block: NDArray[np.uint16], first: int, ring: RingBuffer) -> Progress:
-        """Look at the next block.
+        """Look at the next block: ``CHANGED`` when it armed or triggered, ``DONE`` with the last
+        sample.
 
-        Parameters
-        ----------
-        block : ndarray of uint16, shape (n,)
-            The newest samples.
-        first : int
-            Position of ``block[0]`` in the stream. [1]
-        ring : RingBuffer
-            Holds the block and those before it.
-
-        Returns
-        -------
-        Progress
-            ``CHANGED`` when it armed or triggered, ``DONE`` with the last sample.
+        ``block`` holds the newest samples, the first of them at position ``first`` of the stream;
+        the ring has them already.
         """
         progress = Progress.NOTHING
         if self._search is None:

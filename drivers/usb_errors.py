@@ -80,17 +80,9 @@ _UNCODED = _Meaning(ProtocolError, "pyusb gave no code.", _REPLUG)
 
 
 def translate(error: usb.core.USBError, doing: str) -> DriverError:
-    """Return our error for one of pyusb's.
+    """Return our error for one of pyusb's, to be raised from it.
 
-    Parameters
-    ----------
-    doing : str
-        What the driver was doing, e.g. ``"reading register 0x00"``.
-
-    Returns
-    -------
-    DriverError
-        To be raised from `error`.
+    ``doing`` says what the driver was doing, e.g. ``"reading register 0x00"``.
     """
     code = error.backend_error_code
     meaning = _MEANINGS.get(code, _UNCODED) if code is not None else _UNCODED
@@ -100,18 +92,7 @@ def translate(error: usb.core.USBError, doing: str) -> DriverError:
 
 @contextmanager
 def translated(doing: str) -> Iterator[None]:
-    """Turn every pyusb error of the enclosed block into ours.
-
-    Parameters
-    ----------
-    doing : str
-        What the driver is doing there.
-
-    Raises
-    ------
-    DriverError
-        The subclass that fits the backend's code.
-    """
+    """Turn every pyusb error of the enclosed block into the DriverError of its code."""
     try:
         yield
     except usb.core.NoBackendError as error:

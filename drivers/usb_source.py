@@ -17,21 +17,9 @@ READ_TIMEOUT_S = 0.1
 class SynchronousBulkSource:
     """A `drivers.usb_stream.BulkSource` of blocking reads.
 
-    Parameters
-    ----------
-    device : usb.core.Device
-        Opened and claimed device.
-    endpoint : int
-        Address of the bulk IN endpoint.
-    timeout_s : float, optional
-        Longest a read may block. [s]
-    in_use : callable, optional
-        Returns what a read is done within; it may refuse, e.g. once the board was given back.
-
-    Notes
-    -----
-    libusb returns what it has when time is up and reports a time-out at zero bytes only.
-    Between two reads nothing is queued: a board whose FIFO is shorter than that gap overruns
+    Every read is done within what ``in_use`` returns, which may refuse, e.g. once the board was
+    given back. libusb returns what it has when time is up and reports a time-out at zero bytes
+    only. Between two reads nothing is queued: a board whose FIFO is shorter than that gap overruns
     (FIFO depth of the 3500: NOT KNOWN).
     """
 
@@ -52,13 +40,7 @@ class SynchronousBulkSource:
         """Do nothing: a synchronous read cannot be queued."""
 
     def read_into(self, buffer: array.array[int]) -> int:
-        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out.
-
-        Parameters
-        ----------
-        buffer : array of unsigned bytes
-            Its length is the most that is read.
-        """
+        """Fill `buffer` from its start and return the number of bytes, 0 after a time-out."""
         with self._in_use(), translated(f"reading samples from endpoint {self._endpoint:#04x}"):
             try:
                 return int(self._device.read(self._endpoint, buffer, self._timeout_ms))

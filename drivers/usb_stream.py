@@ -45,10 +45,8 @@ class BulkSource(Protocol):
 class StreamingBoard(Protocol):
     """A board whose converter can be started and stopped.
 
-    Attributes
-    ----------
-    pacer_on_s : tuple of float or None
-        Just before and just after the command that started it, on the monotonic clock. [s]
+    ``pacer_on_s`` is just before and just after the command that started it, on the monotonic
+    clock.
     """
 
     pacer_on_s: tuple[float, float] | None
@@ -85,26 +83,13 @@ Observer = Callable[[RingBuffer, int, int], None]
 class SampleStream:
     """One run of the converter: start, read, hand to the consumer, stop.
 
-    The thread sends every command of the run itself, so the order on the wire never depends on
-    who waits for what. Errors are kept for the thread that waits.
+    The thread sends every command of the run itself, so the order on the wire never depends on who
+    waits for what. Errors are kept for the thread that waits.
 
-    Parameters
-    ----------
-    source : BulkSource
-        Where the bytes come from.
-    ring : RingBuffer
-        Where the samples go; cleared at the start.
-    consumer : BlockConsumer
-        Who decides when the run is over.
-    transfer_bytes : int
-        Size of one read, a multiple of 512. [B]
-    observe : callable, optional
-        Sees each block inside the ring; for counting and live displays.
-    pace : Pace, optional
-        Holds the count of samples against the clock.
-    proved : bool, optional
-        Whether the run goes on behind its last sample until a transfer proves that none was lost,
-        as long as `drivers.pace` has patience.
+    The ring is cleared at the start; ``transfer_bytes`` is a multiple of 512. ``observe`` sees each
+    block inside the ring; ``pace`` compares the count of samples with the clock. If ``proved``, the
+    run goes on behind its last sample until a transfer proves that none was lost, as long as
+    `drivers.pace` has patience.
     """
 
     def __init__(
@@ -166,13 +151,7 @@ class SampleStream:
         self._stop.set()
 
     def join(self, timeout_s: float) -> bool:
-        """Wait for the end of the run.
-
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-        """
+        """Wait for the end of the run, at most so long."""
         self._thread.join(timeout_s)
         return not self._thread.is_alive()
 
@@ -183,30 +162,11 @@ class SampleStream:
         abort: threading.Event | None = None,
         poll_s: float = 0.005,
     ) -> bool:
-        """Wait until a condition holds.
+        """Wait until a condition holds; ``False`` means that time is up.
 
-        Parameters
-        ----------
-        condition : callable
-            Checked after every change and every `poll_s`.
-        timeout_s : float
-            Longest wait. [s]
-        abort : threading.Event, optional
-            Ends the wait when set.
-        poll_s : float, optional
-            Longest time until a set `abort` is seen. [s]
-
-        Returns
-        -------
-        bool
-            Whether the condition holds; ``False`` when time is up.
-
-        Raises
-        ------
-        AbortedError
-            If `abort` was set, or the run was stopped before the condition held.
-        Exception
-            Whatever ended the run.
+        It is checked after every change and every ``poll_s``. An AbortedError says that ``abort``
+        was set, or that the run was stopped before the condition held; any other error is what
+        ended the run.
         """
         deadline_s = time.monotonic() + timeout_s
         with self.changed:
@@ -236,7 +196,7 @@ class SampleStream:
             self._end()
 
     def _start(self) -> int:
-        """Start the converter, again where the host was interrupted: nothing is lost by it yet."""
+        """Start the converter, again if the host was interrupted: no sample counts yet."""
         for _ in range(_STARTS):
             status = self._board.start_acquiring()
             began_s = self._board.pacer_on_s

@@ -12,47 +12,31 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True)
 class ValveReport:
-    """What a command did, as far as the board lets us know.
-
-    Attributes
-    ----------
-    vacuum_on : bool
-        The state that was commanded.
-    confirmed : bool
-        Whether the board read back that state. LCUS-1 boards never can.
-    began_monotonic_ns : int
-        Host clock before the command's first byte: the valve did not move before. [ns]
-    sent_monotonic_ns : int
-        Host clock when the command's last byte had been handed over; a busy host may look at its
-        clock late. [ns]
-    garbage : bytes
-        Bytes that were tolerated and belong to no reply.
-    """
+    """What a command did, as far as the board lets us know."""
 
     vacuum_on: bool
+    """The state that was commanded."""
     confirmed: bool
+    """Whether the board read back that state. LCUS-1 boards never can."""
     began_monotonic_ns: int
+    """Host clock before the command's first byte: the valve did not move before. [ns]"""
     sent_monotonic_ns: int
+    """Host clock when the command's last byte had been handed over; a busy host may look at its
+    clock late. [ns]"""
     garbage: bytes = b""
+    """Bytes that were tolerated and belong to no reply."""
 
 
 @dataclass(frozen=True)
 class VacuumReading:
-    """The vacuum gauge.
-
-    Attributes
-    ----------
-    code : int
-        The board's converter code. [1]
-    volts : float
-        ``code`` times the calibrated volts per code. [V]
-    held : bool
-        Whether a sphere closes the tube, by the calibrated threshold.
-    """
+    """The vacuum gauge."""
 
     code: int
+    """Of the board's converter."""
     volts: float
+    """``code`` times the calibrated volts per code."""
     held: bool
+    """Whether a sphere closes the tube, by the calibrated threshold."""
 
 
 @runtime_checkable

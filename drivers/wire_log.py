@@ -90,14 +90,8 @@ class _Tracked:
 class CapturingBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
     """A backend that writes down what another one does.
 
-    Parameters
-    ----------
-    path : Path
-        Where to write; a number is added to the name rather than overwrite a file.
-    inner : usb.backend.IBackend, optional
-        The backend that does it; ``None`` for libusb 1.0.
-    keep_data : bool, optional
-        Whether bulk data are written too, not only their hash.
+    A number is added to the path's name rather than overwrite a file. If ``keep_data``, bulk data
+    are written too, not only their hash.
     """
 
     def __init__(self, path: Path, inner: Any = None, *, keep_data: bool = False) -> None:
@@ -196,7 +190,7 @@ class CapturingBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
         data: Any,
         timeout: int,
     ) -> Any:
-        """Do and write down a control transfer."""
+        """Perform and write down a control transfer."""
         entry = {
             "kind": "control",
             "device": dev_handle.number,
@@ -219,7 +213,7 @@ class CapturingBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
         return count
 
     def bulk_read(self, dev_handle: Any, ep: int, intf: int, buff: Any, timeout: int) -> Any:
-        """Do and write down a bulk read."""
+        """Perform and write down a bulk read."""
         entry = {
             "kind": "bulk_in",
             "device": dev_handle.number,
@@ -238,7 +232,7 @@ class CapturingBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has 
         return count
 
     def bulk_write(self, dev_handle: Any, ep: int, intf: int, data: Any, timeout: int) -> Any:
-        """Do and write down a bulk write."""
+        """Perform and write down a bulk write."""
         entry = {
             "kind": "bulk_out",
             "device": dev_handle.number,

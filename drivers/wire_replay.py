@@ -27,22 +27,11 @@ class WireLogError(Exception):
 
 
 class ReplayBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
-    """Answers from a log, transfer by transfer.
+    """Answers from a log that was captured with its data, transfer by transfer.
 
-    Parameters
-    ----------
-    path : Path
-        A log captured with its data.
-
-    Raises
-    ------
-    WireLogError
-        If the file is no such log.
-
-    Notes
-    -----
-    Control and bulk transfers must come in the order of the log with the same parameters and
-    data. What is on the bus changes where it changed in the log. Time is not replayed.
+    A WireLogError says that the file is no such log. Control and bulk transfers must come in the
+    order of the log with the same parameters and data. What is on the bus changes where it changed
+    in the log. Time is not replayed.
     """
 
     def __init__(self, path: Path) -> None:
@@ -55,13 +44,7 @@ class ReplayBackend(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no 
         self._read(path)
 
     def finish(self) -> None:
-        """Check that the whole log was used.
-
-        Raises
-        ------
-        WireLogError
-            If transfers are left over.
-        """
+        """Check that the whole log was used; WireLogError if transfers are left over."""
         left = len(self._transfers) - self._next
         if left:
             raise WireLogError(

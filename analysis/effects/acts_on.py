@@ -10,19 +10,14 @@ KINDS = ("surface", "sphere")
 
 @dataclass(frozen=True)
 class ActsOn:
-    """Some materials of one kind; the effect is on their shots and on no others.
-
-    Attributes
-    ----------
-    names : tuple of str
-        At least one, sorted.
-    """
+    """Some materials of one kind; the effect is on their shots and on no others."""
 
     kind: str
     names: tuple[str, ...]
+    """At least one, sorted."""
 
     def __post_init__(self) -> None:
-        """Refuse what is no grouping; put names in order, so that equal ones compare equal."""
+        """Refuse what is no grouping; sort the names, so that equal groupings compare equal."""
         if self.kind not in KINDS or not self.names:
             raise ValueError(f"An effect acts on surfaces or spheres, not {self.kind} {self.names}")
         object.__setattr__(self, "names", tuple(sorted(set(self.names))))
@@ -46,17 +41,9 @@ class ActsOn:
         return cls(said[0], tuple(said[1:]))
 
     def words(self, present: Collection[str]) -> str:
-        """Return it in words.
+        """Return it in words, ``present`` being all materials of the kind in the campaign.
 
-        Parameters
-        ----------
-        present : collection of str
-            All materials of the kind in the campaign.
-
-        Returns
-        -------
-        str
-            E.g. "on the surfaces ptfe and specimen", or, of many, "on all surfaces but ptfe".
+        E.g. "on the surfaces ptfe and specimen", or, of many, "on all surfaces but ptfe".
         """
         others = sorted(set(present) - set(self.names))
         if others and len(others) < len(self.names) - 1:

@@ -58,21 +58,10 @@ _TERMS = {"elastic": _elastic, "rate": _rate, "loss": _loss}
 def contact_closure(
     form: str, indentation_m: float, speed_m_per_s: float, scope: str = "rig"
 ) -> Effect:
-    """Return a free contact force as an effect with four numbers.
+    """Return a free contact force, one of `FORMS`, as an effect with four numbers, neutral at zero.
 
-    Parameters
-    ----------
-    form : str
-        One of `FORMS`.
-    indentation_m, speed_m_per_s : float
-        Usual sizes of the campaign. [m, m/s]
-    scope : str
-        Who owns the numbers: rig, surface or sphere.
-
-    Returns
-    -------
-    Effect
-        To be added to a model; neutral at zero.
+    ``indentation_m`` and ``speed_m_per_s`` are the usual sizes of the campaign, ``scope`` says who
+    owns the numbers: rig, surface or sphere.
     """
     powers = ELASTIC_POWERS if form == "elastic" else RATE_POWERS
     rate = 1.0 if form == "elastic" else 1.0 / speed_m_per_s

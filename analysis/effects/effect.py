@@ -51,57 +51,36 @@ SCOPES = ("rig", "surface", "sphere", "pair", "shot")
 
 @dataclass(frozen=True)
 class ShotContext:
-    """The properties of a shot that an effect may use.
-
-    Attributes
-    ----------
-    sample_rate_hz : float
-        [Hz]
-    window_start_s : float
-        First sample of the window after the record's first sample. [s]
-    mass_kg : float
-        Sphere mass, 1 in reduced units. [kg]
-    stiffness : float
-        K of the pair. [N m^-1.5]
-    speed_m_per_s : float
-        Impact speed. [m/s]
-    touch_down_s : float
-        After the window's first sample. [s]
-    radius_m, drop_height_m, coupon_mass_kg : float or None
-        None where unknown.
-    gravity_m_per_s2 : float
-        [m/s^2]
-    restitution : float
-        Eq. 6's restitution of this shot, which sets the base model's dashpot. [1]
-    closed : bool
-        The base model obeys the third law and its contact ends when the force does (``kv2``).
-    coupon_on_crystal_kg : float
-        What the base model adds to the crystal's mass; 0 in the paper's models. [kg]
-    coupon_share : float or None
-        The coupon's part in the compliance of the two bodies, (1/E2') / (1/E1' + 1/E2'); None for
-        effects that do not ask for it. [1]
-    coupon_poissons_ratio : float
-        nu of the coupon, 0.35 where unknown. [1]
-    place : float
-        Of the shot in the order of its campaign: -0.5 the first, 0.5 the last. [1]
-    """
+    """The properties of a shot that an effect may use."""
 
     sample_rate_hz: float
     window_start_s: float
+    """First sample of the window after the record's first sample. [s]"""
     mass_kg: float
+    """Sphere mass, 1 in reduced units. [kg]"""
     stiffness: float
+    """K of the pair. [N m^-1.5]"""
     speed_m_per_s: float
     touch_down_s: float
+    """After the window's first sample. [s]"""
     radius_m: float | None
+    """None where unknown, as ``drop_height_m`` and ``coupon_mass_kg``."""
     drop_height_m: float | None
     coupon_mass_kg: float | None
     gravity_m_per_s2: float
     restitution: float = 1.0
+    """Eq. 6's restitution of this shot, which sets the base model's dashpot. [1]"""
     closed: bool = False
+    """The base model obeys the third law and its contact ends when the force does (``kv2``)."""
     coupon_on_crystal_kg: float = 0.0
+    """What the base model adds to the crystal's mass; 0 in the paper's models. [kg]"""
     coupon_share: float | None = None
+    """The coupon's part in the compliance of the two bodies, (1/E2') / (1/E1' + 1/E2'); None for
+    effects that do not ask for it. [1]"""
     coupon_poissons_ratio: float = UNKNOWN_POISSONS_RATIO.value
+    """nu of the coupon, 0.35 where unknown. [1]"""
     place: float = 0.0
+    """Of the shot in the order of its campaign: -0.5 the first, 0.5 the last. [1]"""
 
     @property
     def alpha(self) -> float:
@@ -111,17 +90,9 @@ class ShotContext:
         return damping_coefficient(self.restitution)
 
     def known(self, name: str) -> float:
-        """Return a field that the effect cannot do without.
+        """Return a field that the effect cannot do without, else raise ParameterOutOfRangeError.
 
-        Parameters
-        ----------
-        name : str
-            E.g. ``radius_m``; an effect lists it under ``needs``.
-
-        Raises
-        ------
-        ParameterOutOfRangeError
-            If the shot does not know it.
+        An effect lists the field's name, e.g. ``radius_m``, under ``needs``.
         """
         value = getattr(self, name)
         if value is None:
@@ -131,59 +102,44 @@ class ShotContext:
 
 @dataclass(frozen=True)
 class EffectParameter:
-    """One number of an effect.
-
-    Attributes
-    ----------
-    name : str
-        With its unit suffix.
-    unit : str
-        In words for people, SI.
-    scope : str
-        What it belongs to: rig, surface, sphere, pair, or shot; a shot's own number is eliminated
-        with the shot's speed and touch-down, and nothing is known of it before.
-    form : str
-        The coordinate it is fitted in: ``log`` (ln of the value), ``linear`` (value / scale;
-        neutral at 0) or ``inverse`` (scale / value; neutral at infinity, coordinate 0).
-    scale : float
-        Of the coordinate; a value of this size is neither tiny nor huge.
-    low, high : float
-        Physical bounds of the value; a fit that ends outside has not found this effect.
-    starts : tuple of float
-        Values from which a fit is started.
-    peak_starts : tuple of float
-        Starts as multiples of the largest excursion in the campaign, for a parameter that has the
-        signal's own unit; where given they are better than ``starts``.
-    threshold : bool
-        Nothing happens on the far side of it, and nothing there has a slope towards it.
-    resolved : bool
-        The effect is told by it: a fit that ends beyond its bounds has found another, however
-        little the data say of the number itself.
-    valleys : tuple of float
-        Multiples of a value at which the squares may have another valley, as where it says when
-        something comes back: a fit that ends in structure begins there once more.
-    stated : str
-        Which number of a campaign's surface is this one measured beforehand; empty for none.
-    usual_u : float
-        Standard deviation of the coordinate about neutral where nobody states it, because rigs are
-        built so; infinite where nothing is known.
-    """
+    """One number of an effect."""
 
     name: str
+    """With its unit suffix."""
     unit: str
+    """In words for people, SI."""
     scope: str
+    """What it belongs to: rig, surface, sphere, pair, or shot; a shot's own number is eliminated
+    with the shot's speed and touch-down, and nothing is known of it before."""
     form: str
+    """The coordinate it is fitted in: ``log`` (ln of the value), ``linear`` (value / scale; neutral
+    at 0) or ``inverse`` (scale / value; neutral at infinity, coordinate 0)."""
     scale: float
+    """Of the coordinate; a value of this size is neither tiny nor huge."""
     low: float
     high: float
+    """``low`` and ``high`` are physical bounds of the value; a fit that ends outside has not found
+    this effect."""
     starts: tuple[float, ...]
+    """Values from which a fit is started."""
     description: str
     peak_starts: tuple[float, ...] = ()
+    """Starts as multiples of the largest excursion in the campaign, for a parameter that has the
+    signal's own unit; where given they are better than ``starts``."""
     threshold: bool = False
+    """Nothing happens on the far side of it, and nothing there has a slope towards it."""
     resolved: bool = False
+    """The effect is told by it: a fit that ends beyond its bounds has found another, however little
+    the data say of the number itself."""
     valleys: tuple[float, ...] = ()
+    """Multiples of a value at which the squares may have another valley, as where it says when
+    something comes back: a fit that ends in structure begins there once more."""
     stated: str = ""
+    """Name of the number of a campaign's surface that is this one, measured beforehand; empty for
+    none."""
     usual_u: float = math.inf
+    """Standard deviation of the coordinate about neutral where nobody states it, because rigs are
+    built so; infinite where nothing is known."""
 
     def value(self, coordinate: float) -> float:
         """Return the physical value at a coordinate."""
@@ -212,12 +168,9 @@ class EffectParameter:
     def interval(self, coordinate: float, reach: float) -> tuple[float, float]:
         """Return the values within a reach of a coordinate, in which the fit is Gaussian.
 
-        Returns
-        -------
-        tuple of float
-            Lower and upper end. Of a quantity whose ``low`` is not negative, what lies below 0 is
-            left out: the truth never lies there, so that an interval covers it as often as before.
-            The upper end is infinite where the quantity may be as large as it likes.
+        Of a quantity whose ``low`` is not negative, what lies below 0 is left out: the truth never
+        lies there, so that an interval covers it as often as before. The upper end is infinite
+        where the quantity has no upper limit.
         """
         first, last = coordinate - reach, coordinate + reach
         if self.form == "log":
@@ -234,62 +187,32 @@ class EffectParameter:
 
 @dataclass(frozen=True)
 class Effect:
-    """Something a real rig does and the base model lacks.
-
-    Attributes
-    ----------
-    id, slot, title : str
-        Name, place in the instrument, one line for people.
-    tell_tale : str
-        How it shows in a residual.
-    source, validation : str
-        Where the equation is from; how it was checked, or "not validated".
-    order : int
-        Outputs are applied in rising order along the signal's way.
-    needs : tuple of str
-        Fields of the context that must be known, else the effect cannot be tried.
-    bases : tuple of str
-        Base models it can be added to; a structure below the sphere exists only in ``kv`` and
-        ``kv2``.
-    replaces_base : str
-        Base model that adding this effect turns the present one into; its parameters are then that
-        base's own. Empty for every effect that has a hook.
-    variants : tuple of Effect
-        Other forms of the same effect, tried beside it under ids ``<id>:<form>``; the library lists
-        them under this one.
-    lookalikes : tuple of Effect
-        What nobody would list but the name must be told from, under ids ``<id>:<form>``; never
-        tried by itself.
-    only : ActsOn or None
-        Whose shots it acts on; None for all.
-    rides : bool
-        Its second contact meets the structure as the first has left it, ringing.
-    by_coupon_share : bool
-        It depends on the coupon's share in the compliance of the two bodies, a local parameter
-        ``<id>.coupon_share`` that follows from the moduli and is nobody's own.
-    memories : int
-        How often its contact term is called, each time with a memory and four numbers of its own;
-        the forces add up.
-    parts_by_force : bool
-        Its force could pull: on the paper's base models, which otherwise end a contact where the
-        indentation ends, the contact then ends where the elastic force does.
-    by_name : bool
-        Fitted only in a model that names it; the search for effects does not try it.
-    """
+    """An effect of a real rig that the base model lacks."""
 
     id: str
     slot: str
+    """Place in the instrument."""
     title: str
+    """One line for people."""
     tell_tale: str
+    """How it shows in a residual."""
     source: str
+    """Where the equation is from."""
     validation: str
+    """How it was checked, or "not validated"."""
     parameters: tuple[EffectParameter, ...]
     order: int = 0
+    """Outputs are applied in rising order along the signal's way."""
     needs: tuple[str, ...] = ()
+    """Fields of the context that must be known, else the effect cannot be tried."""
     contact: Any = None
     pack: Callable[[Values, ShotContext], tuple[float, ...]] | None = None
     memories: int = 1
+    """How often its contact term is called, each time with a memory and four numbers of its own;
+    the forces add up."""
     parts_by_force: bool = False
+    """Its force could pull: on the paper's base models, which otherwise end a contact where the
+    indentation ends, the contact then ends where the elastic force does."""
     share: Callable[[Values], float] | None = None
     mobility: Callable[[Values], float] | None = None
     bears: Callable[[Values, ShotContext], float] | None = None
@@ -302,20 +225,33 @@ class Effect:
     basis_size: int = field(default=0)
     steps: Callable[[Values, ShotContext], float] | None = None
     bases: tuple[str, ...] = ("hsd", "kv", "kv2")
+    """Base models it can be added to; a structure below the sphere exists only in ``kv`` and
+    ``kv2``."""
     replaces_base: str = ""
+    """Base model that adding this effect turns the present one into; its parameters are then that
+    base's own. Empty for every effect that has a hook."""
     variants: tuple[Effect, ...] = ()
+    """Other forms of the same effect, tried beside it under ids ``<id>:<form>``; the library lists
+    them under this one."""
     lookalikes: tuple[Effect, ...] = ()
+    """What nobody would list but the name must be told from, under ids ``<id>:<form>``; never tried
+    by itself."""
     only: ActsOn | None = None
+    """Whose shots it acts on; None for all."""
     rides: bool = False
+    """Its second contact meets the structure as the first has left it, ringing."""
     by_coupon_share: bool = False
+    """It depends on the coupon's share in the compliance of the two bodies, a local parameter
+    ``<id>.coupon_share`` that follows from the moduli and is nobody's own."""
     by_name: bool = False
+    """Fitted only in a model that names it; the search for effects does not try it."""
 
     def acts_on(self, sphere: str | None, surface: str | None) -> bool:
         """Tell whether a shot of this sphere on this surface feels it."""
         return self.only is None or self.only.includes(sphere, surface)
 
     def silent(self) -> Effect:
-        """Return it with its numbers and without what they do, for shots that do not feel it."""
+        """Return it with its numbers but no consequence, for shots that do not feel it."""
         return replace(
             self,
             contact=None,
@@ -339,21 +275,9 @@ class Effect:
 
 
 def damping_ratio(start: float, *, most: float, of: str) -> EffectParameter:
-    """Return the damping ratio of a mode, which is no mode where it is damped by more.
+    """Return the damping ratio of a mode of the rig, a logarithm; beyond ``most`` it is no mode.
 
-    Parameters
-    ----------
-    start : float
-        Where a fit begins; the scale as well. [1]
-    most : float
-        Largest of such a mode. [1]
-    of : str
-        Whose it is, in words.
-
-    Returns
-    -------
-    EffectParameter
-        The rig's, as a logarithm.
+    ``start`` is the scale as well. ``of`` says in words whose it is.
     """
     return EffectParameter(
         "damping_ratio", "1", "rig", "log", start, 1e-6, most, (start,), of, resolved=True
@@ -361,24 +285,13 @@ def damping_ratio(start: float, *, most: float, of: str) -> EffectParameter:
 
 
 def resolving_steps(rate_per_s: float, context: ShotContext) -> float:
-    """Return how many solver steps over the contact resolve something as fast as this.
+    """Return how many solver steps over a loss-free Hertz contact resolve a rate.
 
-    Parameters
-    ----------
-    rate_per_s : float
-        Angular frequency of a mode, or the inverse of a decay time. [1/s]
-
-    Returns
-    -------
-    float
-        Steps over a loss-free Hertz contact.
-
-    Notes
-    -----
-    The growth is that of ``analysis.model.solver.contact_steps`` as long as the motion is seen.
-    What is faster than 30 radians per contact barely moves and has only to be stable: the scheme
-    bears steps of 1 / rate on an undamped mode (3 / rate on a decay), and its largest step is 4.4
-    contact times over the steps.
+    The rate is the angular frequency of a mode, or the inverse of a decay time. The growth is that
+    of ``analysis.model.solver.contact_steps`` as long as the motion is seen. What is faster than 30
+    radians per contact barely moves and has only to be stable: the scheme bears steps of 1 / rate
+    on an undamped mode (3 / rate on a decay), and its largest step is 4.4 contact times over the
+    steps.
     """
     phase = rate_per_s * contact_time(context.stiffness, context.mass_kg, context.speed_m_per_s)
     return CONTACT_STEPS + 5.0 * phase + 0.1 * min(phase, 30.0) ** 2

@@ -27,17 +27,9 @@ def library() -> dict[str, Effect]:
 
 
 def effect_named(name: str) -> Effect:
-    """Return an effect by its id.
+    """Return an effect by its id, else raise an UnknownModelError that lists those there are.
 
-    Parameters
-    ----------
-    name : str
-        E.g. ``coupler_highpass``, or a variant's, ``amplifier_lowpass:second_order``.
-
-    Raises
-    ------
-    UnknownModelError
-        If the library has no such effect; the message lists those it has.
+    E.g. ``coupler_highpass``, or a variant, ``amplifier_lowpass:second_order``.
     """
     known = {
         e.id: e

@@ -17,19 +17,9 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def free_oscillation(angle, zeta):  # type: ignore[no-untyped-def]
-    """Return the propagator of one sample, ``angle = omega dt`` (time counted in samples).
+    """Return the propagator of one sample, time counted in samples.
 
-    Parameters
-    ----------
-    angle : float
-        Natural angular frequency times the sample interval, > 0. [rad]
-    zeta : float
-        Damping ratio. [1]
-
-    Returns
-    -------
-    tuple of float
-        Rows of expm: (E11, E12, E21, E22).
+    The angle is omega dt, > 0. The result is the rows of expm: (E11, E12, E21, E22).
     """
     loss = zeta * angle
     bend = angle * math.sqrt(abs(1.0 - zeta * zeta))
@@ -49,20 +39,11 @@ def free_oscillation(angle, zeta):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def curvature(x, i):  # type: ignore[no-untyped-def]
-    """Return the second derivative of a signal between samples i - 1 and i.
+    """Return the second derivative of a signal between samples i - 1 and i, 0 < i < n.
 
-    Parameters
-    ----------
-    x : ndarray of float64, shape (n,)
-        Samples, n > 1.
-    i : int
-        From 1 to n - 1.
-
-    Returns
-    -------
-    float
-        Mean of the second differences at both ends, as a cubic through the four samples around
-        has it; at rest before the first sample, straight behind the last. [unit of x per sample^2]
+    It is the mean of the second differences at both ends, as a cubic through the four samples
+    around has it; at rest before the first sample, straight behind the last. [unit of x per
+    sample^2]
     """
     before = x[i - 2] if i > 1 else x[0]
     after = x[i + 1] if i + 1 < x.size else 2.0 * x[i] - x[i - 1]
@@ -73,20 +54,9 @@ def curvature(x, i):  # type: ignore[no-untyped-def]
 def resonance(x, angle, zeta):  # type: ignore[no-untyped-def]
     """Return the response to samples ``x``, at rest on ``x[0]`` before them.
 
-    Parameters
-    ----------
-    x : ndarray of float64, shape (n,)
-        Input.
-    angle : float
-        Natural angular frequency times the sample interval. Infinite: the input itself. Negative,
-        as a step across that neutral point gives it: the delay 2 zeta / angle turned round. [rad]
-    zeta : float
-        Damping ratio. [1]
-
-    Returns
-    -------
-    ndarray of float64, shape (n,)
-        Output.
+    ``angle`` is the natural angular frequency times the sample interval [rad], ``zeta`` the damping
+    ratio. An infinite angle gives the input itself; a negative one, as a step across that neutral
+    point gives it, turns the delay 2 zeta / angle round.
     """
     out = np.empty_like(x)
     q, v = x[0], 0.0

@@ -15,34 +15,26 @@ from analysis.model.impact_model import ImpactModel, Prediction
 
 @dataclass(frozen=True)
 class ShotBlock:
-    """The normal equations of one shot at one point, nuisances last.
-
-    Attributes
-    ----------
-    matrix : ndarray, shape (s + q, s + q)
-        Whitened J^T J, knowledge of the nuisances included.
-    vector : ndarray, shape (s + q,)
-        Whitened -J^T r.
-    chain : ndarray, shape (s, g)
-        Shared local parameters by the globals; behind them the inputs that the shot depends on.
-    chi2 : float
-        Whitened squares of the samples alone.
-    cost : float
-        Whitened squares with the nuisances' priors.
-    known : ndarray, shape (k, s + q)
-        The rows of what is known of this shot, which ``matrix`` contains; see `prior_rows`.
-    """
+    """The normal equations of one shot at one point, nuisances last."""
 
     matrix: Array
+    """Whitened J^T J, knowledge of the nuisances included. Shape (s + q, s + q)."""
     vector: Array
+    """Whitened -J^T r. Shape (s + q,)."""
     chain: Array
+    """The shared local parameters by the globals, shape (s, g); further columns are the inputs that
+    the shot depends on."""
     chi2: float
+    """Whitened squares of the samples alone."""
     cost: float
+    """Whitened squares with the nuisances' priors."""
     known: Array
+    """The rows of what is known of this shot, which ``matrix`` contains; see `prior_rows`. Shape
+    (k, s + q)."""
 
 
 def _speed_shift_gradient(model: ImpactModel, item: FitShot, local: Array) -> Array:
-    """Return minus the derivative of the effects' shift of ln v0; zeros without such an effect."""
+    """Return minus the derivative of the effects' shift of ln v0; zeros if no effect shifts it."""
     row = np.zeros(local.size)
     if not any(e.speed is not None for e in model.effects):
         return row
@@ -63,22 +55,6 @@ def rebound_as_seen(
 
     .. math:: r_{seen} = r - g\, t_{seen} / v_0
 
-    Parameters
-    ----------
-    model : ImpactModel
-        Says where the parameters are.
-    local : ndarray, shape (p,)
-        Local parameters.
-    rebound, gradient : float, ndarray of shape (p,)
-        Ratio at lift-off, and its derivative.
-
-    Returns
-    -------
-    tuple
-        Ratio and gradient, both as seen.
-
-    Notes
-    -----
     Source: free flight. A camera, or a simulation's last sample, sees the sphere when gravity has
     already slowed it; at low drops a few milliseconds are several per cent.
     """
@@ -116,19 +92,8 @@ def prior_rows(
 ) -> tuple[Array, Array]:
     """Return residuals of what is known of this shot's nuisances, and their gradients.
 
-    Parameters
-    ----------
-    model : ImpactModel
-        Says where the parameters are.
-    local : ndarray, shape (p,)
-        Local parameters.
-    rebound, gradient : float, ndarray of shape (p,)
-        Ratio at lift-off, and its derivative.
-
-    Returns
-    -------
-    tuple of ndarray, shape (k,) and (k, p)
-        Speed, restitution, effects' numbers of this shot, free sizes.
+    The k rows are speed, restitution, effects' numbers of this shot and free sizes; the gradients
+    have shape (k, p). ``rebound`` is the ratio at lift-off, ``gradient`` its derivative.
     """
     residuals = prior_residuals(model, item, local, rebound)
     rows = np.zeros((residuals.size, local.size))
@@ -154,19 +119,9 @@ def prior_rows(
 def linearise_shot(
     problem: JointProblem, item: FitShot, theta: Array, nuisance: Array
 ) -> ShotBlock | None:
-    """Return one shot's normal equations, None where the model cannot be evaluated.
+    """Return one shot's normal equations at globals ``theta`` and the shot's own ``nuisance``.
 
-    Parameters
-    ----------
-    theta : ndarray, shape (g,)
-        Globals.
-    nuisance : ndarray, shape (q,)
-        The shot's own, in the order of ``model.nuisances``.
-
-    Returns
-    -------
-    ShotBlock or None
-        None when the contact did not end, or its squares have no number.
+    None if the contact did not end, or its squares are not finite.
     """
     problem.checkpoint()
     stated, item = item, problem.item_at(item, theta)
@@ -210,24 +165,11 @@ def input_slopes(
 ) -> Array | None:
     """Return what a shot's inputs change beyond its local parameters, which are held.
 
-    Parameters
-    ----------
-    items : tuple of FitShot
-        The shot as stated, and as `JointProblem.item_at` has it.
-    local : ndarray, shape (p,)
-        Local parameters.
-    linear : tuple
-        The trace and its derivatives, as `ImpactModel.linearise` returns them.
-    known : ndarray, shape (k,)
-        Residuals of what is known of this shot.
-    signal : ndarray, shape (i, n)
-        Zeros; overwritten with the derivative of the trace by each input. [unit of the signal per
-        coordinate]
-
-    Returns
-    -------
-    ndarray, shape (k, i)
-        Derivative of the residuals. None where a neighbour cannot be evaluated.
+    That is the derivative of the residuals ``known`` of what is known of this shot, shape (k, i);
+    None where a neighbour cannot be evaluated. The zeros ``signal``, shape (i, n), are overwritten
+    with the derivative of the trace by each input. [unit of the signal per coordinate] ``items``
+    are the shot as stated, and as `JointProblem.item_at` has it; ``linear`` is what
+    `ImpactModel.linearise` returns.
     """
     stated, item = items
     found, model = linear[0], problem.model
@@ -262,9 +204,9 @@ def input_slopes(
 
 
 def shot_cost(problem: JointProblem, item: FitShot, theta: Array, nuisance: Array) -> float:
-    """Return one shot's whitened squares with its priors; infinite where there is no trace.
+    """Return one shot's whitened squares with its priors.
 
-    So they are for a step so hopeless that its squares have no number.
+    Infinite if there is no trace, or if its squares are not finite.
     """
     problem.checkpoint()
     item = problem.item_at(item, theta)

@@ -1,4 +1,4 @@
-"""The one way from a campaign to a fit: window, noise, start, joint fit, held-out check."""
+"""One function makes a fit from a campaign: window, noise, start, joint fit, held-out check."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def _chi2_per_dof(problem: JointProblem, fitted: joint.Fitted) -> float:
 
 
 def _widen(problem: JointProblem, factor: float) -> None:
-    """Multiply the noise variance, so that priors keep their weight against a wrong model."""
+    """Multiply the noise variance by a factor, so that priors keep their weight."""
     root = math.sqrt(factor)
     problem.shots = [
         dataclasses.replace(
@@ -54,21 +54,9 @@ def _widen(problem: JointProblem, factor: float) -> None:
 def solve(
     problem: JointProblem, nuisances: Array, progress: Progress | None = None
 ) -> tuple[joint.Fitted, float]:
-    """Return the fit and the variance factor its residual asked for.
+    """Return the fit and the factor on the noise variance, 1 where the model explains the data.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Prepared; its noise is widened in place where the residual exceeds it.
-    nuisances : ndarray, shape (shots, 4)
-        Where the shots' nuisances start.
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    scale : float
-        Factor on the noise variance, 1 where the model explains the data.
+    ``problem`` is prepared; its noise is widened in place where the residual exceeds it.
     """
     fitted = joint.fit(problem, nuisances, progress=progress)
     scale = 1.0
@@ -94,7 +82,7 @@ def solve(
 
 
 def heldout_folds(problem: JointProblem) -> list[list[int]]:
-    """Return shots to hold out together: by height, else every third."""
+    """Return the shots that are held out together: those of one height, else every third shot."""
     heights = [s.shot.drop_height_m for s in problem.shots]
     distinct = sorted({h for h in heights if h is not None})
     if len(distinct) >= 2 and None not in heights:
@@ -106,23 +94,11 @@ def heldout_folds(problem: JointProblem) -> list[list[int]]:
 
 
 def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
-    """Return the residual of shots the shared parameters were not fitted to.
+    """Return the pooled residual of shots that the shared parameters were not fitted to.
 
-    Parameters
-    ----------
-    fitted : Fitted
-        Its solution over all shots.
-
-    Returns
-    -------
-    float or None
-        Pooled root mean square. [unit of the signal] None for a single shot.
-
-    Notes
-    -----
-    Folds by drop height, else every third shot. Shared parameters are fitted to the other shots,
-    from the full solution on and never uphill; the fold's own nuisances are then fitted anew with
-    everything shared fixed.
+    In the unit of the signal; None for a single shot. Shared parameters are fitted to the other
+    shots, from the full solution on and never uphill; the fold's own nuisances are then fitted anew
+    with everything shared fixed.
     """
     squares, count = 0.0, 0
     for fold, learned in heldout_fits(problem, fitted):
@@ -183,10 +159,10 @@ def fit_campaign(
 ) -> FitResult:
     """Fit all shots of a campaign together.
 
+    The result always has an outcome; a fit that does not converge is no exception.
+
     Parameters
     ----------
-    campaign : Campaign
-        Recordings and what is known.
     model : str
         ``hsd``, ``kv`` or ``kv2``, with effects added by ``+``.
     by_pair : bool
@@ -195,11 +171,6 @@ def fit_campaign(
         Also compute the error on held-out shots.
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    FitResult
-        Always, with an outcome; a fit that does not converge is no exception.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Which stated number contradicts the shots: found one by one, named, and left out for a check."""
+"""Statements that contradict the shots: found one by one, named, and left out for a check."""
 
 from __future__ import annotations
 
@@ -32,28 +32,21 @@ end; what has not wanders, too."""
 
 @dataclass(frozen=True)
 class Conflict:
-    """One statement that the shots, with all other statements, contradict.
-
-    Attributes
-    ----------
-    path : str
-        Where a campaign states it.
-    stated, found : Quantity
-        As stated, and as everything else says. [``unit``]
-    score : float
-        Their difference over its own standard uncertainty.
-    """
+    """One statement that the shots, with all other statements, contradict."""
 
     name: str
     path: str
+    """Where a campaign states it."""
     stated: Quantity
     found: Quantity
+    """What everything else says. [``unit``]"""
     unit: str
     score: float
+    """The difference over its own standard uncertainty."""
 
     @property
     def sentence(self) -> str:
-        """Return who contradicts whom, and what to look at."""
+        """Return what contradicts what, and what to look at."""
         kind, _, owner = self.path.partition(".")
         what, _, key = owner.rpartition(".")
         thing = f"{key.rpartition('_')[0].replace('_', ' ')} of {what}" if what else self.path
@@ -83,7 +76,7 @@ class Conflict:
 
 
 def _statements(problem: JointProblem) -> list[int]:
-    """Return the globals about which a campaign makes a statement that shots can contradict."""
+    """Return the globals that a campaign states and that shots can contradict."""
     found = []
     for j, name in enumerate(problem.names):
         side, _, short = name.partition(".")
@@ -101,7 +94,7 @@ def _statements(problem: JointProblem) -> list[int]:
 def _without(
     problem: JointProblem, theta: Array, information: Array, j: int
 ) -> tuple[Array, Array]:
-    """Return globals and information when one statement says next to nothing, to first order."""
+    """Return globals and information, to first order, when one statement says next to nothing."""
     own = float(problem.prior_precision[j, j])
     less = own - UNKNOWN_LOG_U**-2
     after = information.copy()
@@ -114,16 +107,10 @@ def _without(
 def conflicts(problem: JointProblem, fitted: Fitted) -> list[Conflict]:
     """Return the statements that contradict the shots, worst first.
 
-    Returns
-    -------
-    list of Conflict
-        After each the rest is judged without it, so that it does not make its neighbours look bad.
-
-    Notes
-    -----
+    After each one the rest is judged without it, so that it does not make its neighbours look bad.
     Source: W. Baarda's data snooping (1968), as for the network of moduli. The difference of a
-    statement and what everything else says has the variance of both; where shots take nothing off
-    a statement's own they cannot contradict it.
+    statement and what everything else says has the variance of both. Where the shots do not reduce
+    a statement's variance they cannot contradict it.
     """
     if fitted.failed:
         return []
@@ -178,22 +165,11 @@ def _conflict(problem: JointProblem, j: int, seen: tuple[float, float], score: f
 def fit_without(
     problem: JointProblem, fitted: Fitted, found: list[Conflict], *, widened: float
 ) -> tuple[JointProblem, Fitted] | None:
-    """Return the fit again with the conflicting statements saying next to nothing.
+    """Return the fit again with the conflicting statements ``found`` saying next to nothing.
 
-    Parameters
-    ----------
-    found : list of Conflict
-        From `conflicts`.
-    widened : float
-        Factor on the noise's variance in this fit. [1]
-
-    Returns
-    -------
-    problem : JointProblem
-        With those priors widened.
-    fitted : Fitted
-        Its solution. None where there is none, or none near the shots: the model misses something
-        else, and what it says without the statements means nothing.
+    ``widened`` is the factor on the noise's variance in this fit. The result is None if there is no
+    solution, or none near the shots: the model then misses something else, and what it says without
+    the statements means nothing.
     """
     precision = problem.prior_precision.copy()
     for one in found:

@@ -22,31 +22,14 @@ CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
 
 
 def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, float]:
-    """Return a global and its standard uncertainty.
-
-    Parameters
-    ----------
-    name : str
-        One of ``problem.names``.
-
-    Returns
-    -------
-    tuple of float
-        Logarithm (or an effect's coordinate) and u.
-    """
+    """Return a global's logarithm (or an effect's coordinate) and its standard uncertainty."""
     gradient = problem.gradient_of(name)
     u = math.sqrt(float(gradient @ fitted.covariance @ gradient))
     return problem.value_of(name, fitted.theta), u
 
 
 def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | None:
-    """Return ln(M, k, mu, c) and covariance, None unless all four are parameters.
-
-    Returns
-    -------
-    tuple of ndarray, shapes (4,) and (4, 4), or None
-        In the order of ``SENSOR_FIELDS``.
-    """
+    """Return ln(M, k, mu, c) and covariance, None unless all four are parameters."""
     at = problem.positions(CELL)
     if at is None:
         return None
@@ -59,10 +42,7 @@ def sensor_logs(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array] | 
 def covariance_of_numbers(problem: JointProblem, fitted: Fitted) -> Array:
     """Return the covariance of what the globals' names stand for, see `gradient_of` of the problem.
 
-    Returns
-    -------
-    ndarray, shape (g, g)
-        In the order of ``problem.names``.
+    Shape (g, g), in the order of ``problem.names``.
     """
     rows = np.array([problem.gradient_of(name) for name in problem.names])
     return np.asarray(rows @ fitted.covariance @ rows.T)
@@ -73,10 +53,7 @@ def pair_modulus(
 ) -> tuple[float, float, Array] | None:
     """Return ln E*, its standard uncertainty and its gradient by the globals.
 
-    Returns
-    -------
-    tuple or None
-        None in reduced units, where a stiffness is no modulus.
+    None in reduced units, where a stiffness is no modulus.
     """
     if item.radius_m is None:
         return None
@@ -125,12 +102,9 @@ def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tu
 
 
 def through_calibration(problem: JointProblem, fitted: Fitted, item: FitShot) -> dict[str, float]:
-    """Return how ln E* follows each input by way of the cell's calibration alone.
+    """Return by input how ln E* follows it through the cell's calibration alone.
 
-    Returns
-    -------
-    dict of float
-        By input, per unit of its coordinate: a part of what `input_parts` returns.
+    Per unit of the input's coordinate: a part of what `input_parts` returns.
     """
     found = pair_modulus(problem, fitted, item)
     at = [j for j, n in enumerate(problem.names) if n.startswith("sensor.")]
@@ -148,22 +122,11 @@ def through_calibration(problem: JointProblem, fitted: Fitted, item: FitShot) ->
 def input_parts(
     problem: JointProblem, fitted: Fitted, rows: Array
 ) -> dict[str, tuple[Array, float]]:
-    r"""Return how directions in the globals follow what was stated of masses, radii and the like.
+    r"""Return how directions in the globals follow the stated masses, radii and the like.
 
-    Parameters
-    ----------
-    rows : ndarray, shape (k, g)
-        Gradients of what is asked for.
-
-    Returns
-    -------
-    dict of tuple
-        By input: change of each row per unit of the stated coordinate, shape (k,), and the standard
-        uncertainty of that coordinate.
-
-    Notes
-    -----
-    As in `calibration_part`: an error d of a stated value moves the fit by :math:`\Sigma P d`.
+    ``rows`` has shape (k, g). By input: the change of each row per unit of the stated coordinate,
+    shape (k,), and the standard uncertainty of that coordinate. As in `calibration_part`, an error
+    d of a stated value moves the fit by :math:`\Sigma P d`.
     """
     found = {}
     first = len(problem.names) - len(problem.inputs)

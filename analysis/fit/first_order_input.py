@@ -18,19 +18,13 @@ from analysis.fit.inputs import Input
 
 @dataclass(frozen=True)
 class FirstOrderInput(Input):
-    """A number that was stated as 0 and adds so much of a known signal to each shot.
-
-    Attributes
-    ----------
-    added : mapping of float to ndarray of shape (n,)
-        What a coordinate of 1 adds to each shot that has it, by the shot's place in the campaign.
-        [unit of the signal]
-    faster : mapping of float to float
-        What it adds to the promised ln v0.
-    """
+    """A number that was stated as 0 and adds so much of a known signal to each shot."""
 
     added: Mapping[float, Array] = field(default_factory=dict)
+    """What a coordinate of 1 adds to each shot that has it, shape (n,), by the shot's place in the
+    campaign. [unit of the signal]"""
     faster: Mapping[float, float] = field(default_factory=dict)
+    """What it adds to the promised ln v0."""
 
     @property
     def scale(self) -> float:

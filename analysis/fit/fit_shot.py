@@ -26,40 +26,28 @@ HEAVY_CRYSTAL = 1e4
 
 @dataclass(frozen=True)
 class FitShot:
-    """A shot as the fit sees it.
-
-    Attributes
-    ----------
-    noise : NoiseModel
-        Of this shot's instrument.
-    fixed_gain : float or None
-        ln S where the gain is no parameter.
-    heavy_crystal : float or None
-        ln M where the crystal's mass is no parameter.
-    radius_m : float or None
-        Where the pair's stiffness is a modulus.
-    speed_prior : Prior or None
-        On ln v0.
-    in_air : bool
-        Whether it is the speed of a fall through air (``kv2``) or through nothing.
-    mass_is_stated : bool
-        Else the sphere counts as 1 kg.
-    """
+    """A shot as the fit sees it."""
 
     shot: Shot
     window: Window
     frame: ShotFrame
     noise: NoiseModel
     fixed_gain: float | None
+    """ln S where the gain is no parameter."""
     heavy_crystal: float | None
+    """ln M where the crystal's mass is no parameter."""
     radius_m: float | None
+    """Known where the pair's stiffness is a modulus."""
     speed_prior: Prior | None
+    """On ln v0."""
     in_air: bool = False
+    """Whether that is the speed of a fall through air (``kv2``) or through nothing."""
     mass_is_stated: bool = True
+    """Else the sphere counts as 1 kg."""
 
     @property
     def in_si(self) -> bool:
-        """Return whether its speed, depth and stiffness over mass are such, and no reduced units.
+        """Return whether speed, depth and stiffness over mass are in SI, not in reduced units.
 
         A force says m v, an acceleration v itself, volts without a gain neither.
         """
@@ -88,16 +76,9 @@ class FitShot:
     def whiten(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return values over the window as independent ones, in units of their deviation.
 
-        Parameters
-        ----------
-        values : ndarray, shape (n,) or (n, k)
-            Residuals, or columns of a Jacobian.
-
-        Returns
-        -------
-        ndarray, shape (m,) or (m, k)
-            As `NoiseModel.whiten` does; of a coarse converter's record one row for each stretch
-            that stays within a step. [1]
+        ``values``, shape (n,) or (n, k), are residuals or columns of a Jacobian. They are whitened
+        as by `NoiseModel.whiten`; of a coarse converter's record there is one row for each stretch
+        that stays within a step.
         """
         white = self.noise.whiten(values)
         if self._stretches is None:
@@ -110,15 +91,8 @@ class FitShot:
     def products(self, rows: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the inner products of rows over the window, in units of the noise.
 
-        Parameters
-        ----------
-        rows : ndarray, shape (k, n)
-            Residuals, or derivatives.
-
-        Returns
-        -------
-        ndarray, shape (k, k)
-            Of what `whiten` makes of them; not finite where a row is not. [1]
+        Of shape (k, k) for the k rows of what `whiten` makes of them; not finite where a row is
+        not. [1]
         """
         with np.errstate(over="ignore", invalid="ignore"):
             if self.noise.coarse is None:
@@ -134,7 +108,7 @@ class FitShot:
 
 
 def poissons_ratio(surface: Surface | None) -> float:
-    """Return a coupon's Poisson's ratio, or what counts for one that nobody states."""
+    """Return a coupon's Poisson's ratio, or the usual one if nobody states it."""
     stated = surface.poissons_ratio if surface else None
     return (stated or UNKNOWN_POISSONS_RATIO).value
 
@@ -193,21 +167,9 @@ def fit_shot(
 ) -> FitShot:
     """Return a shot with everything about it that the fit does not vary.
 
-    Parameters
-    ----------
-    known_gain : bool
-        Whether volts can be turned into newtons at all.
-    kv : bool
-        Whether the model has a crystal.
-    closed : bool
-        Whether the sphere falls in air and the coupon rides on the crystal (``kv2``).
-    place : float
-        In the order of the campaign, from `places`. [1]
-
-    Returns
-    -------
-    FitShot
-        In reduced units where radius or mass are not known, or volts are all there is.
+    It is in reduced units if radius or mass are not known, or if volts cannot be turned into
+    newtons (``known_gain`` false). ``kv`` says that the model has a crystal, ``closed`` that the
+    sphere falls in air and the coupon rides on the crystal (``kv2``); ``place`` is from `places`.
     """
     sphere = campaign.spheres.get(shot.sphere or "")
     window = cut(shot)
@@ -253,13 +215,7 @@ def fit_shot(
 
 
 def noise_by_instrument(shots: tuple[Shot, ...]) -> dict[tuple[str, float], NoiseModel]:
-    """Return one noise model per instrument, by quantity and sample rate.
-
-    Returns
-    -------
-    dict
-        By (quantity, sample rate in Hz).
-    """
+    """Return one noise model per instrument, by (quantity, sample rate in Hz)."""
     groups: dict[tuple[str, float], list[Shot]] = {}
     for shot in shots:
         groups.setdefault((shot.quantity, shot.sample_rate_hz), []).append(shot)
@@ -267,9 +223,9 @@ def noise_by_instrument(shots: tuple[Shot, ...]) -> dict[tuple[str, float], Nois
 
 
 def places(campaign: Campaign) -> dict[int, float]:
-    """Return where each shot stands in the order of time, by ``id``: -0.5 the first, 0.5 the last.
+    """Return each shot's place in the order of time, by ``id``: -0.5 the first, 0.5 the last.
 
-    What a campaign lost on the way in still took its time, but nobody knows when.
+    Shots that were lost on the way in still took their time, but nobody knows when.
     """
     last = max(len(campaign.shots) - 1, 1)
     middle = 0.5 if len(campaign.shots) > 1 else 0.0
@@ -279,10 +235,7 @@ def places(campaign: Campaign) -> dict[int, float]:
 def usable_shots(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:
     """Return the shots that hold a pulse, and the others with the reason.
 
-    Returns
-    -------
-    shots, rejected : list
-        What the campaign itself rejected comes first.
+    What the campaign itself rejected comes first.
     """
     shots, rejected = [], list(campaign.rejected)
     for shot in campaign.shots:
@@ -298,15 +251,7 @@ def usable_shots(campaign: Campaign) -> tuple[list[Shot], list[Rejected]]:
 def gain_is_observable(campaign: Campaign, *, kv: bool) -> bool:
     """Tell whether volts can be turned into newtons at all: by certificate or by known speeds.
 
-    Parameters
-    ----------
-    kv : bool
-        Whether the model has a crystal.
-
-    Returns
-    -------
-    bool
-        False means reduced units.
+    False means reduced units. ``kv`` says whether the model has a crystal.
     """
     sensor = campaign.sensor
     if kv and sensor.compliance_m_per_v and sensor.crystal_stiffness_n_per_m:

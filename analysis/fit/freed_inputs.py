@@ -1,4 +1,4 @@
-"""Frees the inputs of a fit that took stated numbers as exact, each with its stated u."""
+"""A fit that took stated numbers as exact is repeated with each free within its stated u."""
 
 from __future__ import annotations
 
@@ -23,17 +23,9 @@ LEAST_SHARE = 1e-12
 
 
 def with_inputs(problem: JointProblem) -> JointProblem:
-    """Return a problem with the campaign's uncertain numbers appended as globals.
+    """Return a prepared problem with the campaign's uncertain numbers appended as globals.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Prepared by ``analysis.fit.start``.
-
-    Returns
-    -------
-    JointProblem
-        The problem itself where every number is exact.
+    It is the problem itself if every number is exact.
     """
     inputs, _ = stated_numbers(
         problem.campaign, problem.shots, by_ratio=problem.model.coupon_share_at is not None
@@ -44,21 +36,9 @@ def with_inputs(problem: JointProblem) -> JointProblem:
 
 
 def widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> JointProblem:
-    """Return a problem with inputs appended as globals.
+    """Return a problem with inputs appended as its last globals, starting where they are stated.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Without any of them.
-    inputs : tuple of Input
-        Each with its standard uncertainty.
-    own : ndarray, shape (g, g)
-        Precision of what is known of the problem's own globals.
-
-    Returns
-    -------
-    JointProblem
-        The inputs are its last globals, from where they are stated.
+    ``own`` is the precision of what is known of the problem's own globals, shape (g, g).
     """
     size, more = len(problem.names), len(inputs)
     precision = np.zeros((size + more, size + more))
@@ -78,15 +58,7 @@ def widened_by(problem: JointProblem, inputs: tuple[Input, ...], own: Array) -> 
 def numbers_of_shots(problem: JointProblem) -> tuple[Input, ...]:
     """Return the uncertain numbers that tell shots apart: all but the converter's gain.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        With a campaign that states them.
-
-    Returns
-    -------
-    tuple of Input
-        The converter's gain is missing: to all shots alike it is the cell's.
+    That gain is the same for all shots and counts as the cell's.
     """
     by_ratio = problem.model.coupon_share_at is not None
     stated, _ = stated_numbers(problem.campaign, problem.shots, by_ratio=by_ratio)
@@ -98,16 +70,8 @@ def with_free_inputs(
 ) -> tuple[JointProblem, joint.Fitted] | None:
     """Return a fit in which masses, heights and the like are free within what is stated of them.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        Where they are exactly as stated.
-
-    Returns
-    -------
-    tuple of JointProblem and Fitted, or None
-        Each number is one more global. None where no number has an uncertainty, or there is no
-        solution.
+    Each number is one more global. None if no number has an uncertainty, or if there is no
+    solution.
     """
     inputs = numbers_of_shots(problem)
     if not inputs or problem.inputs or fitted.failed:
@@ -128,7 +92,7 @@ def with_free_inputs(
 def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
     """Return the squares that are left where masses, heights and the like may be off as stated.
 
-    Those of the fit itself where it is far from the shots: no such number brings it near.
+    Those of the fit itself if it is far from the shots: no such number brings it near.
     """
     if joint.is_hopeless(problem, fitted.cost):
         return fitted.cost
@@ -139,23 +103,11 @@ def cost_with_free_inputs(problem: JointProblem, fitted: joint.Fitted) -> float:
 def _with_calibration(
     problem: JointProblem, inputs: tuple[Input, ...]
 ) -> tuple[tuple[Input, ...], Array]:
-    r"""Return inputs that know what their errors did to the cell's calibration.
+    """Return inputs with the cell's slopes: what their errors did to the cell's calibration.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Its cell's covariance is the whole one.
-
-    Returns
-    -------
-    inputs : tuple of Input
-        With the cell's slopes.
-    precision : ndarray, shape (g, g)
-        Of what is known of the problem's own globals: the cell's without what the inputs carry.
-
-    Notes
-    -----
-    A calibration that follows its inputs by G per standard uncertainty leaves the cell at
+    With them the precision of what is known of the problem's own globals, shape (g, g): the cell's
+    covariance is the whole one in ``problem``, and here is without what the inputs carry. A
+    calibration that follows its inputs by G per standard uncertainty leaves the cell at
     :math:`s = s_0 + G z + e` with z the inputs' errors and e of covariance :math:`C - G G^T`.
     """
     sensor, precision = problem.campaign.sensor, problem.prior_precision
@@ -193,19 +145,10 @@ def _with_slopes(
 
 
 def without_inputs(covariance: Array, follows: Array) -> Array:
-    """Return a cell's covariance without the part that inputs carry.
+    """Return a cell's covariance of logarithms without the part that inputs carry.
 
-    Parameters
-    ----------
-    covariance : ndarray, shape (n, n)
-        Of the cell's logarithms.
-    follows : ndarray, shape (k, n)
-        Their change by one u of each input.
-
-    Returns
-    -------
-    ndarray, shape (n, n)
-        Positive definite.
+    It is positive definite. ``follows``, shape (k, n), is the change of the logarithms by one u of
+    each input.
     """
     values, vectors = np.linalg.eigh(covariance - follows.T @ follows)
     # what rounding takes below zero is a direction that the inputs alone leave open
@@ -216,15 +159,8 @@ def without_inputs(covariance: Array, follows: Array) -> Array:
 def inputs_freed(result: FitResult) -> FitResult:
     """Return a fit in which masses, radii, heights and the like are as uncertain as stated.
 
-    Parameters
-    ----------
-    result : FitResult
-        A fit that took them as exact: where this one starts, a step or two from its end.
-
-    Returns
-    -------
-    FitResult
-        Itself where no such number has an uncertainty, or the fit has no solution.
+    It starts from ``result`` and ends a step or two from there. It is ``result`` itself if no such
+    number has an uncertainty, or if the fit has no solution.
     """
     problem = with_inputs(result.problem)
     if problem is result.problem or result.fitted.failed:

@@ -42,34 +42,20 @@ LARGEST_LOG = 300.0
 
 @dataclass(frozen=True)
 class Input:
-    """One stated number with an uncertainty, and how it moves a shot.
-
-    Attributes
-    ----------
-    kind : str
-        Behind ``input.`` in the table above.
-    owner : str or None
-        Sphere or surface; None for what all shots share.
-    value : float
-        As stated. [``unit``]
-    unit : str
-        Of ``value``.
-    uncertainty : Uncertainty
-        Of ``value``, in the same unit.
-    path : str
-        Where a campaign states it.
-    cell : mapping of str to float
-        Change of the cell's local parameters by the coordinate: what an error of this number has
-        done to the calibration of the cell.
-    """
+    """One stated number with an uncertainty, and how it moves a shot."""
 
     kind: str
+    """Behind ``input.`` in the table above."""
     owner: str | None
+    """Sphere or surface; None for what all shots share."""
     value: float
     unit: str
     uncertainty: Uncertainty
     path: str
+    """Where a campaign states it."""
     cell: Mapping[str, float] = field(default_factory=dict)
+    """Change of the cell's local parameters by the coordinate: what an error of this number has
+    done to the calibration of the cell."""
 
     @property
     def name(self) -> str:
@@ -103,11 +89,11 @@ class Input:
         return math.exp(coordinate)
 
     def is_thinkable(self, coordinate: float) -> bool:
-        """Tell whether the coordinate stands for a number that a double holds."""
+        """Tell whether the coordinate stands for a finite number."""
         return self.kind == "height_offset" or abs(coordinate - self.stated) < LARGEST_LOG
 
     def acts_on(self, item: FitShot) -> bool:
-        """Tell whether a shot depends on it, by itself or through the cell's calibration."""
+        """Tell whether a shot depends on it, directly or through the cell's calibration."""
         return bool(self.cell) or self.belongs_to(item)
 
     def belongs_to(self, item: FitShot) -> bool:
@@ -123,18 +109,18 @@ class Input:
         return True
 
     def moved(self, item: FitShot, by: float) -> FitShot:
-        """Return a shot with this input's coordinate moved from where it was."""
+        """Return a shot with this input's coordinate changed by ``by``."""
         change = _MOVES.get(self.kind)
         if change is None or by == 0.0 or not self.belongs_to(item):
             return item
         return change(item, by)
 
     def signal(self, item: FitShot) -> Array | None:
-        """Return what it adds to a shot's record per unit of its coordinate, None of most."""
+        """Return what it adds to a shot's record per unit of its coordinate; mostly None."""
         return None
 
     def faster_by(self, item: FitShot) -> float:
-        """Return what one that adds a signal adds to the promised ln v0 of a shot per unit."""
+        """Return what an input that adds a signal adds to the promised ln v0 of a shot per unit."""
         raise NotImplementedError
 
     def local_slopes(
@@ -142,10 +128,7 @@ class Input:
     ) -> list[tuple[int, float]]:
         """Return which shared local parameters follow it, and by how much.
 
-        Parameters
-        ----------
-        by_moduli : bool
-            Whether the stiffness is made of moduli and the radius.
+        ``by_moduli`` says whether the stiffness is made of moduli and the radius.
         """
         if not self.belongs_to(item):
             return []
@@ -164,15 +147,8 @@ class Input:
     def cell_slopes(self, item: FitShot, names: Sequence[str]) -> list[tuple[int, float]]:
         """Return which of a shot's parameters of the cell follow it, and by how much.
 
-        Parameters
-        ----------
-        names : sequence of str
-            Of the shared local parameters.
-
-        Returns
-        -------
-        list of tuple
-            Place and derivative; nothing where the shot fixes that parameter.
+        Each is a place in ``names`` (the shared local parameters) and a derivative; there is none
+        for a parameter that the shot fixes.
         """
         fixed = {"ln_S": item.fixed_gain, "ln_M": item.heavy_crystal}
         return [(names.index(n), slope) for n, slope in self.cell.items() if fixed.get(n) is None]
@@ -184,7 +160,7 @@ def _fell(item: FitShot) -> bool:
 
 
 def _refallen(item: FitShot, frame: ShotFrame, by: float) -> FitShot:
-    """Return a shot of another frame, its speed of fall with it; ``by`` without air. [ln m/s]"""
+    """Return a shot of another frame with its speed of fall; ``by`` without air. [ln m/s]"""
     prior = item.speed_prior
     if prior is not None and _fell(item):
         mean = log_speed_in_air(frame) if item.in_air else prior.mean + by
@@ -321,22 +297,11 @@ def _time_base_u(campaign: Campaign, items: Sequence[FitShot]) -> Uncertainty | 
 def stated_numbers(
     campaign: Campaign, items: Sequence[FitShot], *, by_ratio: bool
 ) -> tuple[tuple[Input, ...], tuple[str, ...]]:
-    """Return a campaign's numbers that have an uncertainty, and where those stand that have none.
+    """Return a campaign's numbers that have an uncertainty, and the paths of those that have none.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        What is known.
-    items : sequence of FitShot
-        The shots that are fitted; what none of them depends on is left out.
-    by_ratio : bool
-        Whether a contact law asks for the coupons' Poisson's ratios. Their part in E = E'(1 - nu^2)
-        is taken as independent of this one.
-
-    Returns
-    -------
-    inputs : tuple of Input
-        In the order of spheres, surfaces, rig.
+    The inputs are in the order of spheres, surfaces, rig. What none of ``items`` depends on is left
+    out. ``by_ratio`` says whether a contact law asks for the coupons' Poisson's ratios; their part
+    in E = E'(1 - nu^2) is taken as independent of this one.
     """
     known = (
         *_of_materials(campaign, items, by_ratio=by_ratio),

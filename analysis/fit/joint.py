@@ -54,32 +54,20 @@ STALLED_GAIN = 0.05
 
 @dataclass(frozen=True)
 class Fitted:
-    """Where the iteration ended.
-
-    Attributes
-    ----------
-    theta : ndarray, shape (g,)
-        Globals.
-    nuisances : ndarray, shape (shots, 4)
-        Per shot.
-    blocks : list of ShotBlock
-        At the end point.
-    covariance : ndarray, shape (g, g)
-        Of the globals, noise as estimated, nuisances marginalised.
-    cost : float
-        Sum of whitened squares and priors.
-    iterations : int
-        Accepted and rejected steps.
-    converged : bool
-        Whether the tolerance was met.
-    """
+    """Where the iteration ended."""
 
     theta: Array
+    """Globals, shape (g,)."""
     nuisances: Array
+    """Shape (shots, 4)."""
     blocks: list[ShotBlock]
+    """At the end point."""
     covariance: Array
+    """Of the globals, shape (g, g): noise as estimated, nuisances marginalised."""
     cost: float
+    """Sum of whitened squares and priors."""
     iterations: int
+    """Accepted and rejected steps."""
     converged: bool
 
     @property
@@ -99,7 +87,7 @@ class _Schur:
 
 
 def _alike(blocks: Sequence[ShotBlock]) -> list[list[int]]:
-    """Return the places of blocks of one shape each, which are worked on together."""
+    """Return the places of blocks of one shape each: these are worked on together."""
     found: dict[tuple[int, int], list[int]] = {}
     for row, block in enumerate(blocks):
         found.setdefault((block.chain.shape[0], block.vector.size), []).append(row)
@@ -143,12 +131,8 @@ def _gather(
 def normal_equations(problem: JointProblem, fitted: Fitted) -> tuple[Array, Array, list[_Schur]]:
     """Return the globals' normal equations at a solution, whole and by shot.
 
-    Returns
-    -------
-    matrix, vector : ndarray, shape (g, g), (g,)
-        Priors included; the vector is near zero at a minimum.
-    parts : list
-        One ``matrix`` and ``vector`` a shot, nuisances eliminated.
+    Priors are included in matrix (g, g) and vector (g,); the vector is near zero at a minimum. Each
+    shot's part has its nuisances eliminated.
     """
     return _gather(problem, fitted.blocks, fitted.theta, 0.0)
 
@@ -183,8 +167,8 @@ def _try_step(
 ) -> tuple[list[ShotBlock] | None, float]:
     """Return the blocks and the cost at the end of a step; None if the cost does not fall.
 
-    A step that is likely to be one is linearised at once, another is first looked at, which costs a
-    third.
+    A step that is likely to succeed is linearised at once. For another one the cost is computed
+    first, which takes a third of the time.
     """
     if not likely and not _total_cost(problem, theta, nuisances, cost) <= cost:
         return None, math.inf
@@ -197,18 +181,7 @@ def _try_step(
 
 
 def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
-    """Return the whitened squares with all priors; infinite where there is no trace.
-
-    Parameters
-    ----------
-    theta, nuisances : ndarray, shape (g,), (shots, p)
-        Where.
-
-    Returns
-    -------
-    float
-        [1]
-    """
+    """Return the whitened squares with all priors; infinite where there is no trace."""
     return _total_cost(problem, theta, nuisances, math.inf)
 
 
@@ -246,7 +219,7 @@ def _next_damping(damping: float, kept: float) -> float:
 
 
 def _nowhere(theta: Array, nuisances: Array) -> Fitted:
-    """Return what a fit is that cannot be evaluated."""
+    """Return the result of a fit that cannot be evaluated."""
     return Fitted(theta, nuisances, [], np.full((theta.size,) * 2, np.nan), math.inf, 0, False)
 
 
@@ -261,12 +234,10 @@ def fit(
     blocks: list[ShotBlock] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Fitted:
-    """Return the most probable parameters of a campaign.
+    """Return the most probable parameters of a campaign: the end point, converged or not.
 
     Parameters
     ----------
-    problem : JointProblem
-        Prepared by ``analysis.fit.start.prepare``.
     nuisances : ndarray, shape (shots, 4)
         Where the shots' nuisances start.
     theta : ndarray, shape (g,), optional
@@ -279,13 +250,6 @@ def fit(
         Share of a standard uncertainty below which a step is not worth making.
     blocks : list of ShotBlock, optional
         At the start, where a fit has ended there.
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    Fitted
-        End point, whether converged or not.
     """
     theta = (problem.start if theta is None else theta).copy()
     nuisances = nuisances.copy()
@@ -312,7 +276,7 @@ def is_hopeless(problem: JointProblem, cost: float, *, widened: float = 1.0) -> 
 
 
 def _gains_energy(problem: JointProblem, nuisances: Array) -> bool:
-    """Tell whether a contact gives energy, which none does.
+    """Tell whether a contact gives energy, which no contact does.
 
     A pulse is fitted nearly as well by a slower sphere that rebounds faster than it came, and a
     long first step may carry a shot there.
@@ -390,10 +354,7 @@ def _descend(
 def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:
     """Return the covariance of one shot's nuisances, globals' uncertainty included.
 
-    Returns
-    -------
-    ndarray, shape (4, 4)
-        In the order of ``NUISANCE``.
+    Shape (4, 4), in the order of ``NUISANCE``.
     """
     block = fitted.blocks[row]
     s = block.chain.shape[0]

@@ -20,22 +20,10 @@ def measurand(
 ) -> Json | None:
     """Return a measurand as JSON: value, standard and expanded uncertainty, 95 % interval.
 
-    Parameters
-    ----------
-    value, u : float
-        Best estimate and standard uncertainty, in ``unit``.
-    unit : str
-        In UCUM's spelling as far as it goes.
-    log : bool
-        Whether a positive value's interval is symmetric in its logarithm, as fitted, rather than in
-        the value.
-    interval : tuple of float, optional
-        95 % interval, where it is known otherwise; an infinite end is null in JSON.
-
-    Returns
-    -------
-    dict or None
-        None where value or u would not be finite.
+    None where value or u would not be finite. The unit is in UCUM's spelling as far as it goes.
+    With ``log`` a positive value's interval is symmetric in its logarithm, as fitted, rather than
+    in the value. ``interval`` is the 95 % interval where it is known otherwise; an infinite end is
+    null in JSON.
     """
     if not (math.isfinite(value) and math.isfinite(u)):
         return None
@@ -58,24 +46,11 @@ def measurand(
 def young_from_plane_strain(
     log_plane: float, u_log: float, prior: Quantity | None, ratio: Quantity
 ) -> tuple[float, float]:
-    r"""Return Young's modulus and its relative standard uncertainty from a fitted E'.
+    """Return Young's modulus [Pa] and its relative standard uncertainty from a fitted E'.
 
-    Parameters
-    ----------
-    log_plane, u_log : float
-        ln E' with E' in Pa, and its standard uncertainty.
-    prior : Quantity or None
-        Young's modulus as stated beforehand; None where it is to be found. [Pa]
-    ratio : Quantity
-        Poisson's ratio, which no normal impact can tell.
+    ``log_plane`` is ln E' with E' in Pa; ``prior`` is Young's modulus as stated beforehand [Pa],
+    None if it is to be found.
 
-    Returns
-    -------
-    tuple of float
-        E [Pa] and u(E)/E.
-
-    Notes
-    -----
     Source: ln E' = a + b with a = ln E and b = -ln(1 - nu^2) independent beforehand; the fit fixes
     their sum, the priors share it out. Without a prior on E all of u(b) goes to E. Validation:
     against sampling in ``tests/analysis/fit/test_result.py``.

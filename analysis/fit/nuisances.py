@@ -1,4 +1,4 @@
-"""A shot's own parameters: what is known of those that effects bring, and carrying them over."""
+"""A shot's own parameters: what is known of those that effects bring, and their transfer."""
 
 from __future__ import annotations
 
@@ -18,15 +18,7 @@ COORDINATE_U = 20.0
 def prior_of(parameter: EffectParameter) -> Prior:
     """Return what is known of a shot's own number before the shot: next to nothing.
 
-    Parameters
-    ----------
-    parameter : EffectParameter
-        Of scope ``shot``.
-
-    Returns
-    -------
-    Prior
-        In its coordinate: about neutral, or about the first start of a logarithm.
+    In its coordinate: about neutral, or about the first start of a logarithm.
     """
     if parameter.form == "log":
         return Prior(parameter.coordinate(parameter.starts[0]), UNKNOWN_LOG_U)
@@ -36,15 +28,8 @@ def prior_of(parameter: EffectParameter) -> Prior:
 def fresh(model: ImpactModel, shots: int, starts: Mapping[str, float] | None = None) -> Array:
     """Return nuisances to start from: effects' numbers at their starts, all else zero.
 
-    Parameters
-    ----------
-    starts : Mapping, optional
-        Coordinate by name, ``<effect>.<parameter>``, where the effect's own start is not wanted.
-
-    Returns
-    -------
-    ndarray, shape (shots, q)
-        In the order of ``model.nuisances``.
+    Shape (shots, q), in the order of ``model.nuisances``. ``starts`` has coordinates by name,
+    ``<effect>.<parameter>``, where the effect's own start is not wanted.
     """
     found = np.zeros((shots, len(model.nuisances)))
     for at, parameter in model.of_shot:
@@ -59,19 +44,8 @@ def carried_over(
 ) -> Array:
     """Return one model's nuisances as another's, which has more effects or fewer.
 
-    Parameters
-    ----------
-    old, new : ImpactModel
-        The models; what both have keeps its values, whatever its place.
-    nuisances : ndarray, shape (shots, q)
-        In the order of ``old.nuisances``.
-    starts : Mapping, optional
-        As in `fresh`, for what is new.
-
-    Returns
-    -------
-    ndarray, shape (shots, r)
-        In the order of ``new.nuisances``.
+    Their shapes are (shots, q) and (shots, r). What both models have keeps its values, whatever its
+    place; what is new starts as in `fresh`.
     """
     found = fresh(new, nuisances.shape[0], starts)
     for at, name in enumerate(new.nuisances):

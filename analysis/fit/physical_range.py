@@ -56,24 +56,14 @@ _PLANE_STRAIN_PA = (1.0, 2e12, "Pa")
 
 @dataclass(frozen=True)
 class OutOfRange:
-    """A number of a fit outside what it can be.
-
-    Attributes
-    ----------
-    name : str
-        As among the fit's parameters.
-    value : float
-        As fitted. [``unit``]
-    low, high : float
-        What it can be. [``unit``]
-    unit : str
-        Of all three.
-    """
+    """A number of a fit outside what it can be."""
 
     name: str
     value: float
+    """As fitted. [``unit``]"""
     low: float
     high: float
+    """``low`` and ``high`` are the limits of what it can be. [``unit``]"""
     unit: str
 
     @property
@@ -86,18 +76,15 @@ class OutOfRange:
         )
 
     def to_json(self) -> Json:
-        """Return it with its sentence; a value that no double holds is null."""
+        """Return it with its sentence; a value that is not finite is null."""
         value = self.value if math.isfinite(self.value) else None
         return dataclasses.asdict(self) | {"value": value, "sentence": self.sentence}
 
 
 def out_of_range(problem: JointProblem, fitted: Fitted) -> list[OutOfRange]:
-    """Return the numbers of a fit that nothing can have; none where the fit has no solution.
+    """Return the numbers of a fit that are not possible: of cell, materials, effects.
 
-    Returns
-    -------
-    list of OutOfRange
-        Of cell, materials, effects, in this order.
+    None of them if the fit has no solution.
     """
     if fitted.failed:
         return []
@@ -128,7 +115,7 @@ def _exp(log: float) -> float:
 def _of_logs(
     name: str, log: float, width: float, limits: tuple[float, float, str]
 ) -> Iterator[OutOfRange]:
-    """Return a number that its logarithm puts outside, else nothing."""
+    """Return a number whose logarithm is out of range, else nothing."""
     low, high, unit = limits
     if _exp(log + width) < low or _exp(log - width) > high:
         yield OutOfRange(name, _exp(log), low, high, unit)
@@ -193,15 +180,7 @@ def _of_materials(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]
 def effect_out_of_range(
     problem: JointProblem, fitted: Fitted, effect: Effect
 ) -> Iterator[OutOfRange]:
-    """Return an effect's numbers that no such effect can have.
-
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A fit that has the effect.
-    effect : Effect
-        Which one; its free signals are not asked.
-    """
+    """Return an effect's numbers that are not possible; its free signals are not asked."""
     for parameter in effect.parameters:
         name = f"{effect.id}.{parameter.name}"
         if parameter.scope == "shot":
@@ -221,7 +200,7 @@ def effect_out_of_range(
 def _of_shots(
     problem: JointProblem, fitted: Fitted, effect: Effect, parameter: EffectParameter
 ) -> Iterator[OutOfRange]:
-    """Yield the number that is farthest outside, of those that each shot has by itself.
+    """Yield the number that is farthest out of range among those that each shot has for itself.
 
     One of n is outside as often by chance as a single number is beyond `SLACK_U`.
     """

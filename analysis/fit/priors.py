@@ -49,15 +49,8 @@ SENSOR_FIELDS = (
 def sensor_prior(sensor: Sensor) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what is known of M, k, mu, c as a Gaussian on ln(S, w, z, M), in information form.
 
-    Parameters
-    ----------
-    sensor : Sensor
-        Each known quantity counts by its ``u``, or all four by their covariance.
-
-    Returns
-    -------
-    precision, load : ndarray, shape (4, 4), (4,)
-        Inverse covariance, and its product with the mean.
+    The inverse covariance, shape (4, 4), and its product with the mean. Each known quantity counts
+    by its ``u``, or all four by their covariance.
     """
     transform = sensor_transform()
     known = [getattr(sensor, name) for name in SENSOR_FIELDS]
@@ -72,17 +65,9 @@ def sensor_prior(sensor: Sensor) -> tuple[NDArray[np.float64], NDArray[np.float6
 
 
 def modulus_prior(modulus: Quantity | None, ratio: Quantity | None) -> Prior | None:
-    """Return the prior on ln E' of a material with a stated modulus.
+    """Return the prior on ln E' of a material with a stated Young's modulus [Pa].
 
-    Parameters
-    ----------
-    modulus, ratio : Quantity or None
-        Young's modulus [Pa] and Poisson's ratio.
-
-    Returns
-    -------
-    Prior or None
-        None where the modulus is to be found. An unknown ratio counts as 0.35 +- 0.1.
+    None if the modulus is to be found. An unknown Poisson's ratio counts as 0.35 +- 0.1.
     """
     if modulus is None:
         return None

@@ -79,83 +79,57 @@ def go_on() -> None:
 
 @dataclass(frozen=True)
 class LocalMap:
-    """How one shot's shared local parameters follow the globals, but for the stiffness of moduli.
-
-    Attributes
-    ----------
-    shot : Shot
-        The recording it holds for.
-    rows, columns : ndarray of int
-        Which of them are a global as it stands, and which global.
-    slopes : ndarray, shape (s, g)
-        Their derivative.
-    fixed_gain, heavy_crystal : int or None
-        Where the shot fixes a parameter of the cell.
-    moduli : tuple of int or None
-        The two globals that make ln K, where they do.
-    inputs : tuple
-        What else the shot depends on, with its place among the globals.
-    added, faster, added_at : ndarray, shape (i, n), (i,), (i,)
-        What those that act to first order add to its record and to its promised ln v0, and their
-        places among the globals.
-    follows : ndarray, shape (s, i)
-        How the parameters follow all inputs' distance from where they are stated, beside what
-        moves the shot itself.
-    input_slopes : ndarray, shape (s, g)
-        How they follow inputs altogether.
-    """
+    """How a shot's shared local parameters follow the globals, but for the stiffness of moduli."""
 
     shot: Shot
     rows: NDArray[np.intp]
     columns: NDArray[np.intp]
+    """Which of them (``rows``) are a global as it stands, and which global."""
     slopes: NDArray[np.float64]
+    """Their derivative by the globals, shape (s, g)."""
     fixed_gain: int | None
     heavy_crystal: int | None
+    """Where the shot fixes the gain or the crystal's mass."""
     moduli: tuple[int, int] | None
+    """The two globals that make ln K, where they do."""
     inputs: tuple[tuple[int, Input], ...]
+    """What else the shot depends on, with its place among the globals."""
     added: NDArray[np.float64]
+    """What the inputs that act to first order add to its record, shape (i, n)."""
     faster: NDArray[np.float64]
+    """What they add to its promised ln v0, shape (i,)."""
     added_at: NDArray[np.intp]
+    """Their places among the globals, shape (i,)."""
     follows: NDArray[np.float64]
+    """How the parameters follow all inputs' distance from where they are stated, beside what moves
+    the shot itself. Shape (s, i)."""
     input_slopes: NDArray[np.float64]
+    """How the parameters follow inputs altogether, shape (s, g)."""
 
 
 @dataclass
 class JointProblem:
-    """Everything a joint fit needs.
-
-    Attributes
-    ----------
-    shots : list of FitShot
-        In order of time.
-    start : ndarray, shape (g,)
-        Filled in by ``analysis.fit.start``.
-    prior_mean, prior_precision : ndarray, shape (g,), (g, g)
-        Gaussian knowledge of the globals.
-    by_pair : bool
-        Whether pairs have a stiffness each instead of materials a modulus.
-    rejected : list of Rejected
-        Shots that could not be used.
-    assumptions : list of str
-        What had to be assumed, in words.
-    inputs : tuple of Input
-        Stated numbers that are globals too, the last ones; see ``analysis.fit.freed_inputs``.
-    checkpoint : callable
-        Called before every shot that is evaluated; what it raises ends the fit.
-    """
+    """Everything a joint fit needs."""
 
     model: ImpactModel
     campaign: Campaign
     shots: list[FitShot]
+    """In order of time."""
     names: list[str]
     start: NDArray[np.float64]
+    """Filled in by ``analysis.fit.start``. Shape (g,)."""
     prior_mean: NDArray[np.float64]
     prior_precision: NDArray[np.float64]
+    """With ``prior_mean``: Gaussian knowledge of the globals, shape (g, g)."""
     by_pair: bool
+    """Whether pairs have a stiffness each instead of materials a modulus."""
     rejected: list[Rejected] = field(default_factory=list)
     assumptions: list[str] = field(default_factory=list)
+    """What had to be assumed, in words."""
     inputs: tuple[Input, ...] = ()
+    """Stated numbers that are globals too, the last ones; see ``analysis.fit.freed_inputs``."""
     checkpoint: Callable[[], None] = go_on
+    """Called before every shot that is evaluated; what it raises ends the fit."""
     _maps: dict[tuple[Any, ...], LocalMap] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -165,14 +139,14 @@ class JointProblem:
     """Each shot where its inputs were last asked to be, by the shot's identity."""
 
     def is_thinkable(self, theta: NDArray[np.float64]) -> bool:
-        """Tell whether the inputs among these globals stand for numbers at all."""
+        """Tell whether the inputs among these globals stand for finite numbers."""
         first = len(self.names) - len(self.inputs)
         return all(
             i.is_thinkable(float(t)) for i, t in zip(self.inputs, theta[first:], strict=True)
         )
 
     def item_at(self, item: FitShot, theta: NDArray[np.float64]) -> FitShot:
-        """Return a shot with masses, heights and the like where these globals have them."""
+        """Return a shot with masses, heights and the like as these globals have them."""
         if not self.inputs:
             return item
         coordinates = theta[len(self.names) - len(self.inputs) :].tobytes()
@@ -202,7 +176,7 @@ class JointProblem:
         return self._map_of(item).inputs if self.inputs else ()
 
     def _map_of(self, item: FitShot) -> LocalMap:
-        """Return how a shot's shared local parameters follow the globals, wherever these are."""
+        """Return how a shot's shared local parameters follow the globals, at any values."""
         key = (
             id(item.shot),
             item.frame.place,
@@ -220,24 +194,16 @@ class JointProblem:
         return self.names.index(name) if name in self.names else None
 
     def positions(self, names: Sequence[str]) -> list[int] | None:
-        """Return where these globals are, None unless all of them are parameters."""
+        """Return the positions of these globals, None unless all of them are parameters."""
         found = [self.index(n) for n in names]
         known = [j for j in found if j is not None]
         return known if len(known) == len(found) else None
 
     def gradient_of(self, name: str) -> NDArray[np.float64]:
-        """Return how a number of the fit follows the globals.
+        """Return the derivative of a global's number by the globals, shape (g,).
 
-        Parameters
-        ----------
-        name : str
-            A global. One of the cell stands for the cell's parameter itself, which follows the
-            inputs of its calibration, too.
-
-        Returns
-        -------
-        ndarray, shape (g,)
-            Its derivative.
+        A name of the cell stands for the cell's parameter itself, which follows the inputs of its
+        calibration, too.
         """
         found = np.zeros(len(self.names))
         found[self.names.index(name)] = 1.0
@@ -286,19 +252,8 @@ class JointProblem:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return a shot's shared local parameters and their derivative by the globals.
 
-        Parameters
-        ----------
-        shot : FitShot
-            The shot, as `item_at` returns it.
-        theta : ndarray, shape (g,)
-            Globals.
-
-        Returns
-        -------
-        values : ndarray, shape (s,)
-            In the order of ``model.shared``.
-        chain : ndarray, shape (s, g)
-            d values / d theta.
+        Shapes (s,), in the order of ``model.shared``, and (s, g). The shot is as `item_at` returns
+        it.
         """
         at, first = self._map_of(shot), len(self.names) - len(self.inputs)
         values, chain = np.zeros(len(self.model.shared)), at.slopes.copy()
@@ -429,25 +384,11 @@ def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prio
 
 
 def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> JointProblem:
-    """Return the joint problem of a campaign, start values still missing.
+    """Return the joint problem of a campaign, ready for ``analysis.fit.start``.
 
-    Parameters
-    ----------
-    campaign : Campaign
-        Recordings and what is known.
-    by_pair : bool
-        Give each pair its own stiffness instead of each material a modulus: for single shots, whose
-        moduli are told apart later, by the network.
-
-    Returns
-    -------
-    JointProblem
-        Ready for ``analysis.fit.start``.
-
-    Raises
-    ------
-    AnalysisError
-        If no shot can be used.
+    An AnalysisError says that no shot can be used. ``by_pair`` gives each pair its own stiffness
+    instead of each material a modulus: for single shots, whose moduli are told apart later, by the
+    network.
     """
     kv = model.kind == solver.KV
     campaign, temperature_told = at_temperature_of_shots(campaign)

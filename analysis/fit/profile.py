@@ -32,25 +32,18 @@ FARTHEST_U = 12.0
 
 @dataclass(frozen=True)
 class Profile:
-    """The cost along one parameter, the others at their best.
-
-    Attributes
-    ----------
-    name : str
-        One of ``problem.names``.
-    at : ndarray, shape (n,)
-        Where it was held, ascending, the best value among them. [logarithm or coordinate]
-    rise : ndarray, shape (n,)
-        Cost above the minimum. [1]
-    low, high : float or None
-        Ends of the 95 % interval; None where it is open on that side.
-    """
+    """The cost along one parameter, the others at their best."""
 
     name: str
     at: Array
+    """Where it was held, ascending, the best value among them. Shape (n,). [logarithm or
+    coordinate]"""
     rise: Array
+    """Cost above the minimum. Shape (n,). [1]"""
     low: float | None
     high: float | None
+    """``low`` and ``high`` are the ends of the 95 % interval; None where it is open on that
+    side."""
 
 
 def _pinned(problem: JointProblem, j: int, x: float, u: float) -> JointProblem:
@@ -68,21 +61,10 @@ def _pinned(problem: JointProblem, j: int, x: float, u: float) -> JointProblem:
 def cost_held_at(
     problem: JointProblem, fitted: joint.Fitted, name: str, x: float
 ) -> tuple[float, joint.Fitted]:
-    """Return the least cost with one global held, and where the others went.
+    """Return the least cost with one global held at x, and the fit there.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem as it was solved.
-    fitted : Fitted
-        A solution near by, to start from.
-    x : float
-        Its value. [logarithm or coordinate]
-
-    Returns
-    -------
-    tuple of float and Fitted
-        Infinite cost where the model cannot be evaluated there.
+    x is a logarithm or a coordinate; ``fitted`` is a solution near by, to start from. The cost is
+    infinite where the model cannot be evaluated.
     """
     j = problem.names.index(name)
     u = math.sqrt(float(fitted.covariance[j, j]))
@@ -99,18 +81,9 @@ def cost_held_at(
 def profile(problem: JointProblem, fitted: joint.Fitted, name: str) -> Profile:
     """Return the profile likelihood of one global and its 95 % interval.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem as it was solved.
-    name : str
-        One of ``problem.names``.
-
-    Notes
-    -----
-    Source: Venzon & Moolgavkar 1988, Appl. Stat. 37, 87. Each point starts from the joint
-    solution moved along its covariance. Validation: minimisation by scipy with the parameter
-    taken out, ``tests/analysis/fit/test_profile.py``.
+    Source: Venzon & Moolgavkar 1988, Appl. Stat. 37, 87. Each point starts from the joint solution
+    moved along its covariance. Validation: minimisation by scipy with the parameter taken out,
+    ``tests/analysis/fit/test_profile.py``.
     """
     j = problem.names.index(name)
     best = float(fitted.theta[j])

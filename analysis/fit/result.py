@@ -42,28 +42,19 @@ FORMAT = "impactd-fit/1"
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a fit ended, in words.
-
-    Attributes
-    ----------
-    status : str
-        ``converged``, ``not_converged``, ``out_of_range`` (a number that nothing can have) or
-        ``not_evaluable``.
-    message : str
-        What happened and, unless all is well, what to do.
-    """
+    """How a fit ended, in words."""
 
     status: str
+    """``converged``, ``not_converged``, ``out_of_range`` (a number that nothing can have) or
+    ``not_evaluable``."""
     message: str
+    """What happened and, unless all is well, what to do."""
 
 
 def outcome_of(problem: JointProblem, fitted: Fitted) -> Outcome:
     """Return how a fit ended, in words.
 
-    Returns
-    -------
-    Outcome
-        What is out of its physical range counts before what has not converged.
+    A number out of its physical range counts before a fit that has not converged.
     """
     if fitted.failed:
         return Outcome(
@@ -89,12 +80,6 @@ class FitResult:
 
     Attributes
     ----------
-    model : str
-        Base model, plus effects.
-    outcome : Outcome
-        How it ended.
-    problem : JointProblem
-        What was fitted, with the noise as measured.
     fitted : Fitted
         End point; its covariance is already widened by ``misfit``.
     shots : tuple of ShotFit

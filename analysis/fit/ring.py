@@ -59,25 +59,13 @@ def _explained(tail: Array, omega: Array, zeta: float, rate: float) -> Array:
 def ring_in_tails(
     items: Sequence[FitShot], *, near: tuple[float, float] | None = None
 ) -> tuple[float, float] | None:
-    """Return the frequency and damping ratio of the ring after the contact.
+    """Return the frequency [rad/s] and damping ratio [1] of the ring after the contact.
 
-    Parameters
-    ----------
-    items : sequence of FitShot
-        Shots of one cell, at one sample rate.
-    near : tuple of float, optional
-        Frequency [rad/s], and how far from it in the logarithm a ring may be; all that the records
-        can show by default.
-
-    Returns
-    -------
-    tuple of float or None
-        omega0 [rad/s] and zeta [1], of the grid's best point; None where no ring is seen.
-
-    Notes
-    -----
-    Source: projection of the tail on damped sines over a grid. Validation: fits without a
-    certificate in ``tests/analysis/fit/test_joint.py``.
+    They are those of the grid's best point; None if no ring is seen. The shots are of one cell, at
+    one sample rate. ``near`` is a frequency [rad/s], and how far from it in the logarithm a ring
+    may be; the default is all that the records can show. Source: projection of the tail on damped
+    sines over a grid. Validation: fits without a certificate in
+    ``tests/analysis/fit/test_joint.py``.
     """
     rate = items[0].frame.sample_rate_hz
     tails = [t for t in (_tail(i) for i in items) if t.size > 16 and t.any()]

@@ -29,18 +29,7 @@ PEAK_SLACK = 2
 
 
 def stiffness_for(duration_s: float, mass_kg: float, speed: float) -> float:
-    """Return the K whose loss-free contact lasts so long.
-
-    Parameters
-    ----------
-    duration_s, mass_kg, speed : float
-        Contact time [s], sphere mass [kg], impact speed [m/s].
-
-    Returns
-    -------
-    float
-        [N m^-1.5]
-    """
+    """Return the K whose loss-free contact lasts so long. [N m^-1.5]"""
     depth = duration_s * speed / CONTACT_TIME_FACTOR
     return float(1.25 * mass_kg * speed**2 / depth**2.5)
 
@@ -87,27 +76,10 @@ def best_contact_time(
 ) -> tuple[float, float, float, int]:
     """Return the contact time whose trace fits a record best.
 
-    Parameters
-    ----------
-    model : ImpactModel
-        Its base is what is laid on the record.
-    speed : float
-        Impact speed. [m/s]
-    omega0, zeta : float
-        The ring's, with whatever rides on the crystal. [rad/s, 1]
-    e : float
-        Restitution. [1]
-
-    Returns
-    -------
-    error : float
-        Sum of squares that is left. [unit of the signal squared]
-    duration_s : float
-        [s]
-    amplitude : float
-        Of the trace at unit gain. [unit of the signal per N]
-    shift : int
-        Sample of touch-down in the window.
+    The traces are those of the model's base, with the ring ``omega0`` [rad/s] and ``zeta`` [1] of
+    the crystal and whatever rides on it, and restitution ``e``. Return the sum of squares that is
+    left, the contact time [s], the amplitude of the trace at unit gain [unit of the signal per N],
+    and the sample of touch-down in the window.
     """
     dt = 1.0 / item.frame.sample_rate_hz
     width = item.window.width_s

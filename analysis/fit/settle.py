@@ -20,20 +20,9 @@ def settle(
 ) -> Array:
     """Return the shots' own parameters at their best for given globals, each shot by itself.
 
-    Parameters
-    ----------
-    theta : ndarray, shape (g,)
-        Globals, kept.
-    nuisances : ndarray, shape (shots, p)
-        Where to start.
-    kept : tuple of str
-        Names of those that stay where they are: what is known before a record is a better guide
-        than a model that is far from it.
-
-    Returns
-    -------
-    ndarray, shape (shots, p)
-        Never worse; a shot that starts far off does not hold the others up.
+    ``nuisances``, shape (shots, p), are where to start. The result is never worse, and a shot that
+    starts far off does not hold the others up. The nuisances named in ``kept`` stay where they are:
+    what is known before a record is a better guide than a model that is far from it.
     """
     settled = nuisances.copy()
     free = np.array([name not in kept for name in problem.model.nuisances])

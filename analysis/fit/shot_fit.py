@@ -23,40 +23,24 @@ MISFIT_ABOVE = 1.2
 
 @dataclass(frozen=True)
 class ShotFit:
-    """One shot's part of a joint fit.
-
-    Attributes
-    ----------
-    prediction : ndarray, shape (n,)
-        Model over the fit window. [unit of the signal]
-    local : ndarray, shape (p,)
-        Local parameters.
-    nuisance_covariance : ndarray, shape (4, 4)
-        Of ln v0, ln e, t0 [us], baseline.
-    rebound_ratio : float
-        Sphere's rebound over impact speed. [1]
-    contact_time_s : float
-        [s]
-    deepest_indentation_m : float
-        [m]
-    chi2 : float
-        Whitened squares, by the noise seen before the trigger.
-    seen_ratio : float
-        Rebound ratio as whoever stated a restitution saw it. [1]
-    u_seen_ratio : float
-        Its standard uncertainty, the stated restitution included. [1]
-    """
+    """One shot's part of a joint fit."""
 
     item: FitShot
     prediction: NDArray[np.float64]
+    """Model over the fit window, shape (n,). [unit of the signal]"""
     local: NDArray[np.float64]
     nuisance_covariance: NDArray[np.float64]
+    """Of ln v0, ln e, t0 [us], baseline. Shape (4, 4)."""
     rebound_ratio: float
+    """Sphere's rebound over impact speed. [1]"""
     contact_time_s: float
     deepest_indentation_m: float
     chi2: float
+    """Whitened squares, by the noise seen before the trigger."""
     seen_ratio: float
+    """Rebound ratio as whoever stated a restitution saw it. [1]"""
     u_seen_ratio: float
+    """Its standard uncertainty, the stated restitution included. [1]"""
 
     @property
     def restitution_pull(self) -> float | None:
@@ -161,19 +145,9 @@ def _seen(problem: JointProblem, item: FitShot, local: Array, own: Array) -> tup
 
 
 def collect(problem: JointProblem, fitted: Fitted, *, scale: float) -> tuple[ShotFit, ...]:
-    """Return the shots' parts of a fit.
+    """Return the shots' parts of a fit, in order of time.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        The problem as it was solved.
-    scale : float
-        Variance factor the problem's noise was widened by; chi2 is stated without it.
-
-    Returns
-    -------
-    tuple of ShotFit
-        In order of time.
+    ``scale`` is the variance factor the problem's noise was widened by; chi2 is stated without it.
     """
     found = []
     for row, item in enumerate(problem.shots):

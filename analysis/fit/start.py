@@ -42,7 +42,7 @@ def _restitution(item: FitShot) -> float:
 
 
 def _crystal_mass(problem: JointProblem, omega0: float | None = None) -> float:
-    """Return the crystal's mass: stated, or by its spring, or a hundred of the heaviest sphere."""
+    """Return the crystal's mass: stated, or by its spring, or 100 times the heaviest sphere's."""
     sensor = problem.campaign.sensor
     if sensor.crystal_mass_kg is not None:
         return sensor.crystal_mass_kg.value
@@ -52,7 +52,7 @@ def _crystal_mass(problem: JointProblem, omega0: float | None = None) -> float:
 
 
 def _slower(item: FitShot, crystal_kg: float) -> float:
-    """Return by how much the coupon on the crystal slows its ring, and lowers its damping ratio."""
+    """Return the factor by which the coupon on the crystal lowers frequency and damping ratio."""
     return math.sqrt(1.0 + item.frame.coupon_on_crystal_kg / crystal_kg)
 
 
@@ -130,15 +130,8 @@ def _speed(item: FitShot) -> float:
 def prepare(problem: JointProblem) -> NDArray[np.float64]:
     """Fill in the problem's start and priors, and return the shots' nuisances to start from.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        As ``build`` returned it; ``start``, ``prior_mean`` and ``prior_precision`` are completed.
-
-    Returns
-    -------
-    ndarray, shape (shots, 4)
-        ln v0, ln e, t0 [us], baseline per shot.
+    ``start``, ``prior_mean`` and ``prior_precision`` are completed. The nuisances, shape (shots,
+    4), are ln v0, ln e, t0 [us] and baseline.
     """
     omega0, zeta = _ring_start(problem) if problem.model.kind == solver.KV else (1.0, 0.1)
     crystal = _crystal_mass(problem, omega0)
@@ -168,8 +161,8 @@ def _beside_known_effects(
 ) -> NDArray[np.float64]:
     """Move the start to where all else fits effects' numbers as they are known beforehand.
 
-    From afar anything helps, a hard coupon of a tenth of a millimetre too, from which no slope
-    leads back.
+    Far from the minimum any effect helps, even a hard coupon of a tenth of a millimetre, from which
+    no slope leads back.
     """
     known = [j for j, name in enumerate(problem.names) if effect_prior(problem, name) is not None]
     if not known:

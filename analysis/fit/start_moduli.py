@@ -26,16 +26,9 @@ def start_moduli(
 ) -> None:
     """Give every modulus its prior mean, or what the pairs leave for it.
 
-    A modulus stated within a factor or worse is no start: what the records say is better.
-
-    Parameters
-    ----------
-    problem : JointProblem
-        Its ``prior_mean`` still in information form.
-    stiffness : ndarray, shape (shots,)
-        ln K of each shot, from its record.
-    start : ndarray, shape (g,)
-        Globals, filled in here.
+    A modulus stated within a factor or worse is no start: what the records say is better. The
+    problem's ``prior_mean`` is still in information form. ``stiffness`` is ln K of each shot from
+    its record; the globals ``start`` are filled in.
     """
     inverse: dict[str, float] = {}
     for j, name in enumerate(problem.names):
@@ -99,19 +92,9 @@ def choose_start(
 ) -> NDArray[np.float64]:
     """Take the moduli of the records where a few steps lead deeper than from the stated ones.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Complete but for this; its ``start`` may be moved.
-    stiffness : ndarray, shape (shots,)
-        ln K of each shot, from its record.
-    nuisances : ndarray, shape (shots, 4)
-        Where the shots' own parameters start.
-
-    Returns
-    -------
-    ndarray, shape (shots, 4)
-        Nuisances to start from.
+    The problem is complete but for this; its ``start`` may be moved. ``stiffness`` is ln K of each
+    shot from its record. Return the shots' own parameters at that start, shape (shots, 4), as
+    ``nuisances``.
     """
     other = _moduli_by_records(problem, stiffness)
     if other is None:

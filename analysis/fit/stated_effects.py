@@ -1,4 +1,4 @@
-"""Stated numbers that belong to an effect, as a coupon's thickness."""
+"""Stated numbers that belong to an effect, such as a coupon's thickness."""
 
 from __future__ import annotations
 
@@ -16,23 +16,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StatedEffect:
-    """A stated number that is an effect's own.
-
-    Attributes
-    ----------
-    path : str
-        Where a campaign states it.
-    value : float
-        As stated. [``parameter.unit``]
-    uncertainty : Uncertainty or None
-        Of ``value``; None where it counts as exact.
-    """
+    """A stated number that is an effect's own."""
 
     parameter: EffectParameter
     path: str
+    """Where a campaign states it."""
     label: str
     value: float
+    """As stated. [``parameter.unit``]"""
     uncertainty: Uncertainty | None
+    """Of ``value``; None where it counts as exact."""
 
     @property
     def prior(self) -> Prior:
@@ -56,15 +49,7 @@ def _parameter(problem: JointProblem, name: str) -> tuple[int, EffectParameter] 
 def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
     """Return what is stated of an effect's number.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Its shots say which surfaces the number belongs to.
-
-    Returns
-    -------
-    StatedEffect or None
-        None where nothing is stated, or not the same of all the surfaces that share the number.
+    None if nothing is stated, or not the same of all the surfaces that share the number.
     """
     found = _parameter(problem, name)
     if found is None:
@@ -92,15 +77,7 @@ def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
 def effect_prior(problem: JointProblem, name: str) -> Prior | None:
     """Return what is known of an effect's global beforehand: as stated, or as rigs are built.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        Its shots say which surfaces the number belongs to.
-
-    Returns
-    -------
-    Prior or None
-        None where nothing is known, and for what is no effect's.
+    None if nothing is known, and for what is not an effect's.
     """
     found = _parameter(problem, name)
     if found is None:

@@ -22,17 +22,10 @@ from analysis.fit.problem import JointProblem
 
 
 def with_stated_numbers(problem: JointProblem, fitted: Fitted) -> tuple[JointProblem, Array] | None:
-    """Return a problem in which masses, heights and the like may be off to first order.
+    """Return a problem in which masses and the like may be off to first order, and its start.
 
-    Parameters
-    ----------
-    problem, fitted : JointProblem, Fitted
-        A model at its best, every stated number as stated.
-
-    Returns
-    -------
-    tuple of JointProblem and ndarray of shape (g,), or None
-        Where to start; None where every number is exact, or a derivative cannot be taken.
+    ``fitted`` is a model at its best with every stated number as stated. None if every number is
+    exact, or if a derivative cannot be taken.
     """
     known = numbers_of_shots(problem)
     if not known or problem.inputs or fitted.failed:

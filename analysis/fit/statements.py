@@ -42,10 +42,7 @@ _CELL_UNITS = ("kg", "N/m", "N s/m", "m/V")
 def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
     """Return ``moduli`` of ``impactd-diagnosis/1``: by material, withheld where not known.
 
-    Returns
-    -------
-    dict
-        By material; a name that is both a sphere's and a surface's is preceded by which it is.
+    A name that is both a sphere's and a surface's is preceded by which it is.
     """
     found: Json = {}
     for name in problem.names:
@@ -59,13 +56,7 @@ def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
 
 
 def key_of(name: str, names: Sequence[str]) -> str:
-    """Return how a result calls a material's modulus.
-
-    Parameters
-    ----------
-    name : str
-        ``sphere.<name>`` or ``surface.<name>``.
-    """
+    """Return how a result calls the modulus ``sphere.<name>`` or ``surface.<name>``."""
     side, _, short = name.partition(".")
     both = {f"sphere.{short}", f"surface.{short}"} <= set(names)
     return f"{side}:{short}" if both else short
@@ -121,12 +112,7 @@ def _modulus(log: float, u: float, side: str, material: Sphere | Surface) -> Jso
 def add_without_conflicts(moduli: Json, without: Json) -> None:
     """Add to every modulus what it is without the statements that contradict the shots.
 
-    Parameters
-    ----------
-    moduli : dict
-        From `moduli_json`; added to.
-    without : dict
-        The same of the fit without them.
+    ``without`` is the `moduli_json` of the fit without them.
     """
     for name, entry in moduli.items():
         ours, theirs = (x[name]["plane_strain_modulus_Pa"] for x in (moduli, without))
@@ -144,10 +130,7 @@ def add_without_conflicts(moduli: Json, without: Json) -> None:
 def withhold_resting(moduli: Json, paths: Sequence[str]) -> None:
     """Withhold every modulus that was to be found and rests on contradicted statements, in place.
 
-    Parameters
-    ----------
-    moduli : dict
-        After `add_without_conflicts`.
+    To be called after `add_without_conflicts`.
     """
     reason = (
         f"it rests on what the shots contradict ({', '.join(paths)}): check that, and fit again"
@@ -159,17 +142,10 @@ def withhold_resting(moduli: Json, paths: Sequence[str]) -> None:
 
 
 def rests(moduli: Json) -> list[str]:
-    """Return which moduli stay without contradicted statements, and which rest on them.
+    """Return a sentence: which moduli stay without contradicted statements, and which rest on them.
 
-    Parameters
-    ----------
-    moduli : dict
-        After `add_without_conflicts`.
-
-    Returns
-    -------
-    list of str
-        A sentence; none where no modulus was to be found, or none could be.
+    None where no modulus was to be found, or none could be. To be called after
+    `add_without_conflicts`.
     """
     known = {n: one["without_conflicts"] for n, one in moduli.items() if "without_conflicts" in one}
     sought = [
@@ -187,13 +163,7 @@ _STIFFNESS, _STIFFNESS_OVER_MASS = "N m^-1.5", "N m^-1.5 kg^-1"
 
 
 def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return each pair's reduced modulus, or its stiffness in reduced units.
-
-    Returns
-    -------
-    dict
-        By ``sphere/surface``.
-    """
+    """Return by ``sphere/surface`` the reduced modulus, or the stiffness in reduced units."""
     found: Json = {}
     for item in problem.shots:
         if item.pair in found:
@@ -233,13 +203,7 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
 
 
 def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return what was fitted, identifiable combinations first, with units.
-
-    Returns
-    -------
-    dict
-        Measurands by name.
-    """
+    """Return what was fitted, identifiable combinations first, with units."""
     found: Json = {}
     for name, (label, factor, unit) in _CELL_FORMS.items():
         if name in problem.names:
@@ -272,12 +236,9 @@ def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
 
 
 def effect_parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return the effects' numbers in their own units.
+    """Return the effects' numbers in their own units, by ``effect.parameter``.
 
-    Returns
-    -------
-    dict
-        Measurands by ``effect.parameter``, with the owner in brackets where there is one.
+    The owner follows in brackets if there is one.
     """
     found: Json = {}
     for effect in problem.model.effects:

@@ -1,4 +1,4 @@
-"""The end point of a step, straight in coordinates in which the problem is nearly linear."""
+"""The end point of a step: straight in coordinates in which the problem is nearly linear."""
 
 from __future__ import annotations
 
@@ -21,20 +21,9 @@ def _is_modulus(name: str) -> bool:
 def _loading(problem: JointProblem, theta: Array) -> tuple[float, Array]:
     r"""Return how far a coupon lowers the ring of the cell, and the derivative by the globals.
 
-    Parameters
-    ----------
-    problem : JointProblem
-        With a crystal's mass among its globals.
-    theta : ndarray, shape (g,)
-        Globals.
+    .. math:: \ln(\omega_m / \omega_0) = \ln(\zeta_m / \zeta) = \tfrac12 \ln(M / (M + m))
 
-    Returns
-    -------
-    value : float
-        :math:`\ln(\omega_m / \omega_0) = \ln(\zeta_m / \zeta) = \tfrac12 \ln(M / (M + m))`
-        with the mean m of the shots' coupons. [1]
-    slope : ndarray, shape (g,)
-        Its derivative.
+    with the mean m of the shots' coupons. The problem has a crystal's mass among its globals.
     """
     slope = np.zeros(theta.size)
     at = problem.names.index("sensor.ln_M")
@@ -54,22 +43,12 @@ def _loading(problem: JointProblem, theta: Array) -> tuple[float, Array]:
 
 
 def along(problem: JointProblem, theta: Array, step: Array) -> Array:
-    """Return where a step leads: straight in 1/E', and in the ring of the loaded cell.
+    """Return the globals after a step: straight in 1/E', and in the ring of the loaded cell.
 
     What a network of pairs leaves open is a straight line in the compliances and a bent one in
     their logarithms. Drops on one coupon leave open how the mass that rings is shared between
     crystal and coupon, and fix the ring to some millionths: a line that is straight in the loaded
     cell's frequency and damping, and bent in those of the bare one. Along bent lines a fit creeps.
-
-    Parameters
-    ----------
-    theta, step : ndarray, shape (g,)
-        Globals, and what a linear model would add to them.
-
-    Returns
-    -------
-    ndarray, shape (g,)
-        New globals.
     """
     moved = theta + step
     for j, name in enumerate(problem.names):
@@ -89,10 +68,7 @@ def along(problem: JointProblem, theta: Array, step: Array) -> Array:
 def step_towards(name: str, distance: float) -> float:
     """Return the step of one global after which `along` has moved it by a distance.
 
-    Parameters
-    ----------
-    distance : float
-        Wanted change. [logarithm or coordinate]
+    The distance is one of a logarithm or a coordinate.
     """
     if not _is_modulus(name):
         return distance

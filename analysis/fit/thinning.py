@@ -25,14 +25,10 @@ FEWEST = 64
 
 
 def thinned(campaign: Campaign) -> tuple[Campaign, list[str]]:
-    """Return a campaign whose pulses fit into a window, and in words what was done for that.
+    """Return a campaign whose pulses fit into a window, and sentences that say what was done.
 
-    Returns
-    -------
-    campaign : Campaign
-        The same where they do already, or where no pulse is seen at any rate.
-    told : list of str
-        A sentence for each instrument, by quantity and sampling rate, that was thinned.
+    The campaign is the same if they do already, or if no pulse is seen at any rate. There is one
+    sentence for each instrument (quantity and sampling rate) that was thinned.
     """
     groups: dict[tuple[str, float], list[Shot]] = defaultdict(list)
     for shot in campaign.shots:

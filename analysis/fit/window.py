@@ -52,38 +52,26 @@ _FAR = 4
 
 @dataclass(frozen=True)
 class Window:
-    """The part of a shot that is fitted.
-
-    Attributes
-    ----------
-    first : int
-        Index of the window's first sample in the record.
-    signal : ndarray, shape (n,)
-        The samples. [unit of the signal]
-    peak_index : int
-        Top of the pulse that the contact made, counted within the window; a later swing may be
-        larger.
-    rise_index : int
-        Where that pulse first exceeds 5 % of its top, within the window.
-    width_s : float
-        Time above 5 % of that top. [s]
-    baseline : float
-        Median before the pulse. [unit of the signal]
-    peak : float
-        Largest excursion from the baseline towards compression, > 0. [unit of the signal]
-    polarity : int
-        +1, or -1 where compression was recorded as negative; ``signal``, ``baseline`` and ``peak``
-        are already turned round.
-    """
+    """The part of a shot that is fitted."""
 
     first: int
+    """Index in the record."""
     signal: NDArray[np.float64]
+    """Shape (n,). [unit of the signal]"""
     peak_index: int
+    """Top of the pulse that the contact made, counted within the window; a later swing may be
+    larger."""
     rise_index: int
+    """Where that pulse first exceeds 5 % of its top, within the window."""
     width_s: float
+    """Time above 5 % of that top. [s]"""
     baseline: float
+    """Median before the pulse. [unit of the signal]"""
     peak: float
+    """Largest excursion from the baseline towards compression, > 0. [unit of the signal]"""
     polarity: int
+    """+1, or -1 where compression was recorded as negative; ``signal``, ``baseline`` and ``peak``
+    are already turned round."""
 
 
 @dataclass(frozen=True)
@@ -111,8 +99,8 @@ def _edges(above: NDArray[np.bool_], at: int) -> tuple[int, int]:
 def _first_swing(x: NDArray[np.float64], largest: int, noise: float) -> int:
     """Return a sample of the swing that began what the largest excursion belongs to.
 
-    A structure that rings, or a cut top, can swing back further than the contact pushed it; taken
-    for the contact, that swing is late by half a period and the wrong way up.
+    A structure that rings, or a cut top, can swing back further than the contact pushed it. If that
+    swing were taken for the contact, it would be late by half a period and of the wrong sign.
     """
     height = abs(float(x[largest]))
     level = max(_SWING * height, _SWING_NOISE * noise)
@@ -177,15 +165,8 @@ def _first_pulse(shot: Shot, *, strict: bool = False) -> _Pulse:
 def pulse_samples(shot: Shot, *, strict: bool = False) -> int | None:
     """Return how many samples the pulse near the trigger has above 5 % of its top.
 
-    Parameters
-    ----------
-    strict : bool
-        Take nothing for a pulse that is not held against noise, be it that of few samples.
-
-    Returns
-    -------
-    int or None
-        None where there is no pulse, or its end is not in the part that is looked at.
+    None if there is no pulse, or if its end is not in the part that is looked at. If ``strict``,
+    nothing counts as a pulse that is not compared with noise, even if it is one of few samples.
     """
     try:
         pulse = _first_pulse(shot, strict=strict)
@@ -195,17 +176,10 @@ def pulse_samples(shot: Shot, *, strict: bool = False) -> int | None:
 
 
 def cut(shot: Shot) -> Window:
-    """Return the window of one shot.
+    """Return the window of one shot: from well before the pulse until the crystal has rung out.
 
-    Returns
-    -------
-    Window
-        From well before the pulse until the crystal has rung out, before the next bounce.
-
-    Raises
-    ------
-    ShotRejectedError
-        If no pulse leaves the baseline near the trigger.
+    It ends before the next bounce. A ShotRejectedError says that no pulse leaves the baseline near
+    the trigger.
     """
     pulse = _first_pulse(shot)
     rate = shot.sample_rate_hz
@@ -227,17 +201,11 @@ def cut(shot: Shot) -> Window:
 
 
 def rail(shot: Shot, window: Window) -> tuple[float, float] | None:
-    """Return the ends of the converter's range where a window reaches one of them.
+    """Return the lowest and highest value of the converter if a window reaches one of them.
 
-    Returns
-    -------
-    tuple of float or None
-        Lowest and highest value that the converter gives, turned round as the window is; None
-        where it was never full, or its step is not known. [unit of the signal]
-
-    Notes
-    -----
-    A 16-bit converter. An amplifier's limit lies below this and is an effect, not a known thing.
+    None where it was never full, or its step is not known. The values are turned round as the
+    window is. The converter is one of 16 bits. An amplifier's limit lies below this and is an
+    effect, not a known value.
     """
     if shot.quantum is None:
         return None
@@ -255,10 +223,7 @@ def rail(shot: Shot, window: Window) -> tuple[float, float] | None:
 def quiet_part(shot: Shot) -> NDArray[np.float64]:
     """Return the samples before the pulse, with a margin so that no contact is among them.
 
-    Returns
-    -------
-    ndarray, shape (n,)
-        Possibly empty. [unit of the signal]
+    There may be none. [unit of the signal]
     """
     pulse = _first_pulse(shot)
     margin = max(16, (pulse.fall - pulse.rise) // 2)
@@ -281,17 +246,9 @@ def _step(shots: list[Shot], quiet: list[NDArray[np.float64]]) -> float | None:
 
 
 def campaign_noise(shots: list[Shot]) -> NoiseModel:
-    """Return one noise model for shots of one instrument.
+    """Return one noise model for shots of one instrument, at least one.
 
-    Parameters
-    ----------
-    shots : list of Shot
-        At least one.
-
-    Returns
-    -------
-    NoiseModel
-        From the pre-trigger parts, else from differences (and then it says so).
+    It is made from the pre-trigger parts, else from differences (and then it says so).
     """
     quiet = [quiet_part(s) for s in shots]
     calm = calm_share(quiet)
@@ -312,21 +269,11 @@ def campaign_noise(shots: list[Shot]) -> NoiseModel:
 def calm_share(quiet: Sequence[NDArray[np.float64]]) -> float:
     """Return the share of quiet stretches, from their beginning, before a precursor sets in.
 
-    Parameters
-    ----------
-    quiet : sequence of ndarray, shape (n_i,)
-        Samples before the pulses of one instrument. [unit of the signal]
-
-    Returns
-    -------
-    float
-        In eighths; 1 where the end is no louder than noise makes it, or there are few stretches.
-
-    Notes
-    -----
-    What falls touches something else first, or a filter looks ahead, and the records leave the line
-    before the pulse. Hum and slow noise are as loud at the end as before. Validation: the quiet
-    start of recordings with a precursor, in ``tests/analysis/fit/test_window.py``.
+    In eighths; 1 if the end is no louder than noise makes it, or if there are few stretches.
+    ``quiet`` are the samples before the pulses of one instrument. What falls touches something else
+    first, or a filter looks ahead, and the records leave the line before the pulse. Hum and slow
+    noise are as loud at the end as before. Validation: the quiet start of recordings with a
+    precursor, in ``tests/analysis/fit/test_window.py``.
     """
     pieces = [np.array_split(q, _PIECES) for q in quiet if q.size >= _QUIET_SAMPLES * _PIECES]
     if len(pieces) < _REPEATED:

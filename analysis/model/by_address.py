@@ -89,15 +89,7 @@ call_term: Any = intrinsic(_call_term)
 def address_of(term: Any) -> int:
     """Return where a compiled contact term begins; it stays there as long as the process.
 
-    Parameters
-    ----------
-    term : compiled function
-        Of the signature ``analysis.model.effect_solver.TERM``.
-
-    Returns
-    -------
-    int
-        For `call_term`.
+    The term has the signature ``analysis.model.effect_solver.TERM``.
     """
     (compiled,) = term.overloads.values()
     return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))

@@ -1,4 +1,4 @@
-"""From the effects' hooks to the numbers of the compiled solver, for a trace and its neighbours."""
+"""The effects' hooks give the numbers of the compiled solver, for a trace and its neighbours."""
 
 from __future__ import annotations
 
@@ -24,55 +24,37 @@ _PACKED = 4
 
 @dataclass(frozen=True)
 class Column:
-    """One set of numbers that a trace is wanted for.
-
-    Attributes
-    ----------
-    row : int
-        Where in the table its samples go.
-    local : ndarray, shape (p,)
-        Local parameters.
-    values : Mapping
-        The effects' physical values, by effect id and parameter name.
-    context : ShotContext
-        What the effects may know of the shot.
-    step : float
-        How far its moved parameter is from the first column's.
-    same_structure : bool
-        The structure is that of the first column.
-    """
+    """One set of numbers that a trace is wanted for."""
 
     row: int
+    """Where in the table its samples go."""
     local: Array
     values: EffectValues
+    """The effects' physical values, by effect id and parameter name."""
     context: ShotContext
+    """What the effects may know of the shot."""
     step: float = 0.0
+    """How far its moved parameter is from the first column's."""
     same_structure: bool = False
+    """The structure is that of the first column."""
 
 
 @dataclass(frozen=True)
 class Cell:
-    """The load cell of one column.
-
-    Attributes
-    ----------
-    mass_kg, stiffness_n_per_m, damping_n_s_per_m : float
-        M, k, mu; NaN for a rigid cell.
-    coupon_kg : float
-        What rides on the crystal. [kg]
-    gain : float
-        Output per metre of compression, or per newton for a rigid cell.
-    """
+    """The load cell of one column."""
 
     mass_kg: float
     stiffness_n_per_m: float
     damping_n_s_per_m: float
+    """M, k, mu; NaN for a rigid cell."""
     gain: float
+    """Output per metre of compression, or per newton for a rigid cell."""
     coupon_kg: float = 0.0
+    """What rides on the crystal. [kg]"""
 
 
 def _structure(effects: Sequence[Effect], cell: Cell, column: Column) -> Structure:
-    """Return what the sphere lands on, every effect's masses added in their order."""
+    """Return what the sphere lands on, with every effect's masses added in their order."""
     found = Structure.kelvin_voigt(
         cell.mass_kg, cell.stiffness_n_per_m, cell.damping_n_s_per_m, cell.coupon_kg
     )
@@ -161,16 +143,12 @@ def integrate_with_effects(
     steps: int,
     before: tuple[Array, float] | None = None,
 ) -> tuple[Array, Array]:
-    """Integrate columns into a table of traces.
+    """Integrate columns into the rows of a table of traces that they name. [unit of the signal]
+
+    The first column is the trace that others may refer to; ``cells`` has one for each.
 
     Parameters
     ----------
-    table : ndarray, shape (r, n)
-        Rows that the columns name are added to. [unit of the signal]
-    columns : sequence of Column
-        What is wanted; the first is the trace that others may refer to.
-    cells : sequence of Cell
-        One each.
     before : tuple of ndarray, shape (c, 2 q), and float, optional
         How the structure moved some time before touch-down, its ring already among the samples,
         and that time; at rest by default. [m and m/s, s]

@@ -40,30 +40,13 @@ def speed_in_air(
     air_density_kg_per_m3: float = AIR_DENSITY_KG_PER_M3,
     air_viscosity_pa_s: float = AIR_VISCOSITY_PA_S,
 ) -> float:
-    """Return the speed of a sphere after a fall from rest.
+    """Return the speed of a sphere after a fall through air from rest. [m/s]
 
-    Parameters
-    ----------
-    height_m : float
-        Height of fall, > 0. [m]
-    radius_m, mass_kg : float
-        Sphere. [m, kg]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    air_density_kg_per_m3, air_viscosity_pa_s : float
-        Of the air. [kg/m^3, Pa s]
-
-    Returns
-    -------
-    float
-        0 for a sphere lighter than the air it displaces. [m/s]
-
-    Notes
-    -----
-    Drag valid up to Re = 800, within 5 % of the standard curve: a sphere of 5 mm radius falls 60 mm
-    before that. The law is a quasi-steady one: the history force of the first centimetre is left
-    out. Runge-Kutta's fourth order in the root of the way, in which the squared speed is smooth.
-    Validation: ``tests/analysis/model/test_free_fall.py`` against DOP853 in time.
+    0 for a sphere lighter than the air it displaces. Drag valid up to Re = 800, within 5 % of the
+    standard curve: a sphere of 5 mm radius falls 60 mm before that. The law is a quasi-steady one:
+    the history force of the first centimetre is left out. Runge-Kutta's fourth order in the root of
+    the way, in which the squared speed is smooth. Validation:
+    ``tests/analysis/model/test_free_fall.py`` against DOP853 in time.
     """
     displaced = 4 / 3 * math.pi * radius_m**3 * air_density_kg_per_m3
     inertia = mass_kg + 0.5 * displaced

@@ -90,22 +90,14 @@ def _carried(s, P, other):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def add_free_ring(out, i, ahead, dt, A, reading, gain, s):  # type: ignore[no-untyped-def]
-    r"""Add the structure's free motion to ``out`` from sample ``i`` on.
+    """Add the structure's free motion to ``out`` from sample ``i`` on.
 
     Parameters
     ----------
-    out : ndarray of float64, shape (n,)
-        Samples.
-    i : int
-        First sample after lift-off.
-    ahead, dt : float
-        Time from lift-off to that sample, sample interval. [s]
     A : ndarray, shape (q, 2 q)
         Accelerations by displacements and velocities, see ``analysis.model.structure.Assembled``.
     reading : ndarray, shape (q,)
         What the cell reads of the displacements. [1]
-    gain : float
-        Output per metre read.
     s : ndarray
         Displacements and velocities at lift-off, alternating; overwritten. [m, m/s]
 
@@ -154,14 +146,8 @@ def add_free_ring(out, i, ahead, dt, A, reading, gain, s):  # type: ignore[no-un
 def carry_on(A, span, s):  # type: ignore[no-untyped-def]
     """Replace a state by what its free motion has made of it after ``span`` seconds.
 
-    Parameters
-    ----------
-    A : ndarray, shape (q, 2 q)
-        As in `add_free_ring`.
-    span : float
-        [s]
-    s : ndarray, shape (2 q,)
-        Displacements and velocities, alternating; overwritten. [m, m/s]
+    ``A`` is as in `add_free_ring`. The state, shape (2 q,), has displacements and velocities
+    alternating. [m, m/s]
     """
     size = A.shape[1]
     rate = _fastest(A)

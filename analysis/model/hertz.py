@@ -27,21 +27,14 @@ CONTACT_TIME_FACTOR = 2.943275
 
 
 def plane_strain_modulus(youngs_modulus_pa: float, poissons_ratio: float) -> float:
-    r"""Return the plane-strain modulus of one material.
+    r"""Return the plane-strain modulus of one material. [Pa]
 
     .. math:: E' = E / (1 - \nu^2)
 
     Parameters
     ----------
-    youngs_modulus_pa : float
-        Young's modulus, > 0. [Pa]
     poissons_ratio : float
         Poisson's ratio, -1 < nu < 0.5 (0.5 allowed). [1]
-
-    Returns
-    -------
-    float
-        Plane-strain modulus. [Pa]
 
     Raises
     ------
@@ -60,19 +53,9 @@ def plane_strain_modulus(youngs_modulus_pa: float, poissons_ratio: float) -> flo
 
 
 def reduced_modulus(sphere_plane_strain_pa: float, surface_plane_strain_pa: float) -> float:
-    r"""Return the one modulus that a contact knows.
+    """Return the reduced modulus of two bodies in contact from their plane-strain moduli. [Pa]
 
     .. math:: 1/E^* = 1/E'_1 + 1/E'_2
-
-    Parameters
-    ----------
-    sphere_plane_strain_pa, surface_plane_strain_pa : float
-        Plane-strain moduli, > 0. [Pa]
-
-    Returns
-    -------
-    float
-        Reduced modulus. [Pa]
 
     Notes
     -----
@@ -85,13 +68,6 @@ def contact_stiffness(reduced_modulus_pa: float, radius_m: float) -> float:
     r"""Return Hertz's stiffness.
 
     .. math:: K = \tfrac43 \sqrt{R}\, E^*
-
-    Parameters
-    ----------
-    reduced_modulus_pa : float
-        Reduced modulus, > 0. [Pa]
-    radius_m : float
-        Sphere radius, > 0. [m]
 
     Returns
     -------
@@ -195,23 +171,9 @@ def closed_damping_coefficient(restitution: float) -> float:
 
 
 def contact_time(stiffness: float, mass_kg: float, speed_m_per_s: float) -> float:
-    r"""Return the duration of a loss-free Hertz contact on a rigid cell.
+    r"""Return the duration of a loss-free Hertz contact on a rigid cell. [s]
 
     .. math:: t_c = 2.9433\, \delta_{max}/v_0, \quad \delta_{max} = (5 m v_0^2 / 4K)^{2/5}
-
-    Parameters
-    ----------
-    stiffness : float
-        K. [N m^-1.5]
-    mass_kg : float
-        Sphere mass, > 0. [kg]
-    speed_m_per_s : float
-        Impact speed, > 0. [m/s]
-
-    Returns
-    -------
-    float
-        Contact time. [s]
 
     Notes
     -----
@@ -223,20 +185,6 @@ def contact_time(stiffness: float, mass_kg: float, speed_m_per_s: float) -> floa
 
 def peak_force(stiffness: float, mass_kg: float, speed_m_per_s: float) -> float:
     """Return the largest force of a loss-free Hertz contact on a rigid cell. [N]
-
-    Parameters
-    ----------
-    stiffness : float
-        K. [N m^-1.5]
-    mass_kg : float
-        Sphere mass, > 0. [kg]
-    speed_m_per_s : float
-        Impact speed, > 0. [m/s]
-
-    Returns
-    -------
-    float
-        ``K delta_max^(3/2)``. [N]
 
     Notes
     -----

@@ -63,59 +63,36 @@ _LARGEST_COORDINATE = 200.0
 
 @dataclass(frozen=True)
 class ShotFrame:
-    """What of a shot is fixed during a fit.
-
-    Attributes
-    ----------
-    sample_rate_hz : float
-        [Hz]
-    samples : int
-        Length of the fit window.
-    mass_kg : float
-        Sphere mass; 1 in reduced units. [kg]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    window_start_s : float
-        First sample of the window after the record's first. [s]
-    radius_m, drop_height_m, coupon_mass_kg : float or None
-        For effects that need them; None where unknown.
-    rail : tuple of float or None
-        Ends of the converter's range, where the record reaches one. [unit of the signal]
-    sphere, surface : str or None
-        For effects that act on one of them only.
-    coupon_on_crystal_kg : float
-        What ``kv2`` adds to the crystal's mass; 0 where unknown, or where the crystal's own mass is
-        no parameter. [kg]
-    coupon_poissons_ratio : float
-        nu of the coupon. [1]
-    place : float
-        Of the shot in the order of its campaign: -0.5 the first, 0.5 the last. [1]
-    """
+    """What of a shot is fixed during a fit."""
 
     sample_rate_hz: float
     samples: int
+    """Length of the fit window."""
     mass_kg: float
+    """Sphere mass; 1 in reduced units. [kg]"""
     gravity_m_per_s2: float
     window_start_s: float = 0.0
+    """First sample of the window after the record's first. [s]"""
     radius_m: float | None = None
+    """This, ``drop_height_m`` and ``coupon_mass_kg`` are for effects that need them; None where
+    unknown."""
     drop_height_m: float | None = None
     coupon_mass_kg: float | None = None
     rail: tuple[float, float] | None = None
+    """Ends of the converter's range, where the record reaches one. [unit of the signal]"""
     sphere: str | None = None
     surface: str | None = None
     coupon_on_crystal_kg: float = 0.0
+    """What ``kv2`` adds to the crystal's mass; 0 where unknown, or where the crystal's own mass is
+    no parameter. [kg]"""
     coupon_poissons_ratio: float = UNKNOWN_POISSONS_RATIO.value
     place: float = 0.0
+    """Of the shot in the order of its campaign: -0.5 the first, 0.5 the last. [1]"""
 
     def cut(self, signal: Array, jacobian: Array | None = None) -> None:
         """Hold a signal within the converter's range; beyond it nothing moves it.
 
-        Parameters
-        ----------
-        signal : ndarray, shape (n,)
-            Overwritten. [unit of the signal]
-        jacobian : ndarray, shape (n, p), optional
-            Its derivatives; overwritten.
+        The signal, shape (n,), and its derivatives, shape (n, p), are overwritten.
         """
         if self.rail is None:
             return
@@ -133,22 +110,12 @@ _READ_BY_BASES = operator.attrgetter(
 
 @dataclass(frozen=True)
 class Prediction:
-    """A trace with what the fit needs beside it.
-
-    Attributes
-    ----------
-    signal : ndarray, shape (n,)
-        Baseline included. [unit of the signal]
-    rebound_ratio : float
-        Sphere's rebound speed over its impact speed. [1]
-    contact_time_s : float
-        [s]
-    deepest_indentation_m : float
-        [m]
-    """
+    """A trace with what the fit needs beside it."""
 
     signal: NDArray[np.float64]
+    """Baseline included, shape (n,). [unit of the signal]"""
     rebound_ratio: float
+    """Sphere's rebound speed over its impact speed. [1]"""
     contact_time_s: float
     deepest_indentation_m: float
 
@@ -159,28 +126,19 @@ def _nothing(frame: ShotFrame) -> Prediction:
 
 @dataclass(frozen=True)
 class ImpactModel:
-    """A base model by name, with the effects added to it.
-
-    Attributes
-    ----------
-    base : str
-        ``hsd``, ``kv`` or ``kv2``.
-    kind : int
-        `solver.HSD` or `solver.KV`.
-    closed : bool
-        Third law, the coupon's mass and an end where the force ends; ``kv2``.
-    effects : tuple of Effect
-        In the order they were added.
-    step_share : float
-        Share of the steps that an error of 1e-6 of the peak needs; the error goes like its fifth
-        power. A diagnosis, which fits hundreds of models to noise of 1e-4, takes 0.75.
-    """
+    """A base model by name, with the effects added to it."""
 
     base: str
+    """``hsd``, ``kv`` or ``kv2``."""
     kind: int
+    """`solver.HSD` or `solver.KV`."""
     effects: tuple[Effect, ...] = ()
+    """In the order they were added."""
     step_share: float = 1.0
+    """Share of the steps that an error of 1e-6 of the peak needs; the error goes like its fifth
+    power. A diagnosis, which fits hundreds of models to noise of 1e-4, takes 0.75."""
     closed: bool = False
+    """Third law, the coupon's mass and an end where the force ends; ``kv2``."""
 
     @property
     def name(self) -> str:
@@ -262,7 +220,7 @@ class ImpactModel:
         return {}
 
     def felt_by(self, frame: ShotFrame) -> ImpactModel:
-        """Return this model as a shot feels it: the same numbers, some without a consequence."""
+        """Return the model as a shot feels it: the same numbers, some without a consequence."""
         if all(e.only is None for e in self.effects):
             return self
         own = (frame.sphere, frame.surface)
@@ -302,21 +260,10 @@ class ImpactModel:
 
     @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def predict(self, local: Array, frame: ShotFrame, *, steps: int | None = None) -> Prediction:
-        """Return the trace of one shot.
+        """Return the trace of one shot, by default with the solver steps of `steps`.
 
-        Parameters
-        ----------
-        local : ndarray, shape (len(names),)
-            Local parameters in the order of ``names``.
-        frame : ShotFrame
-            The shot's fixed part.
-        steps : int, optional
-            Solver steps; by default from `steps`.
-
-        Returns
-        -------
-        Prediction
-            NaN rebound when the contact did not end; a signal that ran away has no number either.
+        The rebound is NaN when the contact did not end; a signal that ran away has no number
+        either.
         """
         model = self.felt_by(frame)
         try:
@@ -332,15 +279,9 @@ class ImpactModel:
     ) -> Array:
         """Return the traces of one shot for other values of its effects, on one grid.
 
-        Parameters
-        ----------
-        values : sequence of mapping
-            Of each trace what is other than at ``local``: by effect id, by name.
-
-        Returns
-        -------
-        ndarray, shape (len(values), n)
-            NaN where a motion cannot be followed. [unit of the signal]
+        ``values`` has for each trace what is other than at ``local``, by effect id and name. The
+        traces have shape (len(values), n); NaN where a motion cannot be followed. [unit of the
+        signal]
         """
         model = self.felt_by(frame)
         structural = {e.id for e in model.effects if e.structure is not None}
@@ -380,26 +321,12 @@ class ImpactModel:
     def slopes_by_units(
         self, local: Array, frame: ShotFrame, linear: tuple[Prediction, Array, Array]
     ) -> dict[str, tuple[Array, float]]:
-        r"""Return how a trace follows sample rate and gravity, from its other derivatives.
+        """Return how a trace follows sample rate and gravity, from its other derivatives.
 
-        Parameters
-        ----------
-        local : ndarray, shape (p,)
-            Local parameters.
-        frame : ShotFrame
-            The shot's fixed part.
-        linear : tuple
-            As `linearise` returns it.
+        By ``time_base`` and ``gravity``: the derivatives of the signal, shape (n,), and of the
+        rebound ratio by its logarithm. Empty where effects or a converter's end make the trace
+        depend on them in other ways. ``linear`` is what `linearise` returns.
 
-        Returns
-        -------
-        dict
-            ``time_base`` and ``gravity``, each with the derivatives of the signal, shape (n,), and
-            of the rebound ratio by its logarithm. Empty where effects or a converter's end make
-            the trace depend on them in other ways.
-
-        Notes
-        -----
         Sample i is taken i / rate - t0 after touch-down. In lengths that are all l times as large
         :math:`F(l v_0, l g, l^{-1/2} K) = l F(v_0, g, K)`, and the rebound ratio is the same.
         """
@@ -416,7 +343,7 @@ class ImpactModel:
         }
 
     def is_thinkable(self, local: Array) -> bool:
-        """Tell whether floats can hold what these coordinates stand for."""
+        """Tell whether these coordinates stand for finite numbers."""
         at = len(self.shared)
         held = bool(np.abs(local[: at + 2]).max() < _LARGEST_COORDINATE)
         if held and self.of_shot:
@@ -464,18 +391,7 @@ class ImpactModel:
         return sum(e.speed(values[e.id], context) for e in having if e.speed is not None)
 
     def effect_values(self, local: Array) -> dict[str, dict[str, float]]:
-        """Return the effects' physical values at these local parameters.
-
-        Parameters
-        ----------
-        local : ndarray, shape (p,)
-            Local parameters.
-
-        Returns
-        -------
-        dict of dict
-            By effect id, by parameter name.
-        """
+        """Return the effects' physical values, by effect id and parameter name."""
         return {
             e.id: {
                 p.name: p.value(float(local[at]))
@@ -487,27 +403,11 @@ class ImpactModel:
     def linearise(self, local: Array, frame: ShotFrame) -> tuple[Prediction, Array, Array]:
         """Return the trace with the derivatives of signal and rebound ratio.
 
-        Parameters
-        ----------
-        local : ndarray, shape (p,)
-            Local parameters.
-        frame : ShotFrame
-            The shot's fixed part.
-
-        Returns
-        -------
-        prediction : Prediction
-            At ``local``.
-        jacobian : ndarray, shape (n, p)
-            Derivative of the signal. [unit of the signal per unit of the parameter]
-        rebound_gradient : ndarray, shape (p,)
-            Derivative of the rebound ratio.
-
-        Notes
-        -----
-        One-sided differences on one grid: the solver is smooth in every parameter, so a step of
-        1e-6 leaves about 1e-6 relative of truncation and 1e-8 of rounding. Baseline and free sizes
-        are analytic, and so is the gain where nothing reads the signal.
+        The jacobian has shape (n, p) [unit of the signal per unit of the parameter], the rebound
+        gradient shape (p,). They are one-sided differences on one grid: the solver is smooth in
+        every parameter, so a step of 1e-6 leaves about 1e-6 relative of truncation and 1e-8 of
+        rounding. Baseline and free sizes are analytic, and so is the gain where nothing reads the
+        signal.
         """
         table = np.zeros((local.size + 1, frame.samples))
         prediction, gradient = self.differentiate(table, local, frame)
@@ -519,22 +419,9 @@ class ImpactModel:
     ) -> tuple[Prediction, Array]:
         """Fill a table with the derivatives of one shot's trace.
 
-        Parameters
-        ----------
-        table : ndarray, shape (p + 1, n)
-            Zeros; each parameter's derivative is written to the row behind its place, and the first
-            row is left to the caller. [unit of the signal per unit of the parameter]
-        local : ndarray, shape (p,)
-            Local parameters.
-        frame : ShotFrame
-            The shot's fixed part.
-
-        Returns
-        -------
-        prediction : Prediction
-            At ``local``.
-        rebound_gradient : ndarray, shape (p,)
-            Derivative of the rebound ratio.
+        The table, shape (p + 1, n), holds zeros; each parameter's derivative is written to the row
+        behind its place, and the first row is left to the caller. The rebound gradient has shape
+        (p,).
         """
         model = self.felt_by(frame)
         try:
@@ -566,16 +453,8 @@ BASES = {
 def model_named(name: str) -> ImpactModel:
     """Return a model by its name.
 
-    Parameters
-    ----------
-    name : str
-        ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``.
-
-    Raises
-    ------
-    UnknownModelError
-        If there is no such base or effect, or the base holds the effect already; the message lists
-        those there are.
+    The name is ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``. An
+    UnknownModelError lists those there are; it also tells of an effect that the base holds already.
     """
     base, *effects = name.split("+")
     if base not in BASES:

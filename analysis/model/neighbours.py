@@ -42,47 +42,30 @@ _IN_STRUCTURE = ("ln_w", "ln_z", "ln_M")
 
 @dataclass(frozen=True)
 class Move:
-    """How one local parameter is moved for its derivative.
-
-    Attributes
-    ----------
-    at : int
-        Its place among the local parameters.
-    stage : int
-        From which stage on it acts.
-    step : float
-        How far it is moved.
-    effect, parameter : Effect, EffectParameter or None
-        Whose it is; None for the base model's.
-    in_context : bool
-        The effects' hooks may look at it.
-    same_structure : bool
-        It cannot change what the sphere lands on.
-    """
+    """How one local parameter is moved for its derivative."""
 
     at: int
     stage: int
+    """From which stage on it acts."""
     step: float
     effect: Effect | None = None
     parameter: EffectParameter | None = None
+    """Whose it is; None for the base model's, as is ``effect``."""
     in_context: bool = False
+    """The effects' hooks may look at it."""
     same_structure: bool = False
+    """It cannot change what the sphere lands on."""
 
 
 @dataclass(frozen=True)
 class End:
-    """How a contact left what it touched.
-
-    Attributes
-    ----------
-    time_s : float
-        Lift-off after the first touch-down; NaN where there was none. [s]
-    state : ndarray, shape (2 q,)
-        Displacements and velocities of the structure's masses; empty where nobody asks. [m, m/s]
-    """
+    """How a contact left what it touched."""
 
     time_s: float
+    """Lift-off after the first touch-down; NaN where there was none. [s]"""
     state: Array
+    """Displacements and velocities of the structure's masses; empty where nobody asks. Shape (2
+    q,). [m, m/s]"""
 
 
 def _stage_of(effect: Effect) -> int:
@@ -118,13 +101,7 @@ def moves(model: ImpactModel) -> tuple[Move, ...]:
 
 
 def moved(model: ImpactModel, frame: ShotFrame, centre: Column, move: Move) -> Column:
-    """Return the column of one moved parameter, its samples in the row behind its place.
-
-    Parameters
-    ----------
-    frame : ShotFrame
-        The shot's fixed part.
-    """
+    """Return the column of one moved parameter, its samples in the row behind its place."""
     local = centre.local.copy()
     local[move.at] += move.step
     values, context = centre.values, centre.context
@@ -176,19 +153,10 @@ def _base_trace(
 def add_first_contacts(
     table: Array, model: ImpactModel, columns: list[Column], steps: int
 ) -> tuple[Array, list[End]]:
-    """Integrate columns into a table of traces.
+    """Integrate columns into the rows of a table of traces that they name. [unit of the signal]
 
-    Parameters
-    ----------
-    table : ndarray, shape (r, n)
-        Rows that the columns name are added to. [unit of the signal]
-
-    Returns
-    -------
-    found : ndarray, shape (c, 3)
-        Contact time [s], rebound speed [m/s], largest indentation [m] of each column.
-    ends : list of End
-        How each column's structure was left.
+    Return contact time [s], rebound speed [m/s] and largest indentation [m] of each column, shape
+    (c, 3), and how each column's structure was left.
     """
     if any(e.in_solver or e.rides for e in model.effects):
         cells = [_cell(model, c) for c in columns]
@@ -204,17 +172,6 @@ def add_second_contacts(
 ) -> None:
     """Add to a trace the contacts that come after the first, of the same bodies.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        Added to. [unit of the signal]
-    column : Column
-        With which numbers.
-    end : End
-        How the first contact left the structure.
-
-    Notes
-    -----
     What touches again slowly bounces on within the window: with the speed u of its rebound it is
     back after 2 u / g, a hop that is not seen being taken for the least that is, until it stays.
     """
@@ -255,7 +212,10 @@ def _later_contact(
     later: tuple[float, float],
     left: End | None,
 ) -> tuple[float, float, Array]:
-    """Add a contact at a time after the first [s] and a speed [m/s]; duration, rebound, state."""
+    """Add a contact at a time after the first [s] and a speed [m/s].
+
+    Return its duration, its rebound and the state after it.
+    """
     if later[1] < SLOWEST * column.context.speed_m_per_s:
         return math.nan, math.nan, np.zeros(0)  # hardly moves, and the scheme does not follow it
     # a slow contact lasts longer, by speed^(-1/5), and the cell swings as fast as ever: in powers
@@ -290,23 +250,9 @@ def _later_contact(
 
 
 def read(signal: Array, chain: tuple[Effect, ...], column: Column, since: int = 0) -> list[Array]:
-    """Return a signal after each stage of the chain that reads it.
+    """Return a signal after each stage of the chain that reads it, itself first.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        What enters the chain at ``since``. [unit of the signal]
-    chain : tuple of Effect
-        Effects with an output, along the signal's way.
-    column : Column
-        With which numbers.
-    since : int
-        Where in the chain to begin.
-
-    Returns
-    -------
-    list of ndarray, shape (n,)
-        ``signal`` itself, then what leaves each stage.
+    ``signal`` enters the chain of effects at ``since``.
     """
     found = [signal]
     for effect in chain[since:]:
@@ -316,18 +262,7 @@ def read(signal: Array, chain: tuple[Effect, ...], column: Column, since: int = 
 
 
 def free_part(model: ImpactModel, samples: int, column: Column) -> Array | None:
-    """Return the signals of free size with this shot's coefficients, None where there are none.
-
-    Parameters
-    ----------
-    column : Column
-        With which numbers.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        [unit of the signal]
-    """
+    """Return the signals of free size with this shot's coefficients, None where there are none."""
     found, at = None, model.first_size
     for effect in model.effects:
         if effect.basis is not None:
@@ -343,24 +278,9 @@ def fill_neighbours(
 ) -> tuple[Array, Array]:
     """Fill a table with the trace (row 0) and the differences that the local parameters make.
 
-    Parameters
-    ----------
-    table : ndarray, shape (p + 1, n)
-        Zeros; filled with the trace without baseline and free sizes, then with derivatives.
-        [unit of the signal, per unit of the parameter]
-    frame : ShotFrame
-        The shot's fixed part.
-    centre : Column
-        Unmoved, row 0.
-    steps : int
-        Solver steps over the contact, the same for all.
-
-    Returns
-    -------
-    found : ndarray, shape (3,)
-        As `add_first_contacts` returns them, of the trace.
-    rebound_gradient : ndarray, shape (p,)
-        Derivative of the rebound ratio.
+    The table, shape (p + 1, n), is of zeros. It gets the trace without baseline and free sizes,
+    then derivatives. [unit of the signal, per unit of the parameter] Return the trace's row of
+    `add_first_contacts` and the derivative of the rebound ratio, shape (p,).
     """
     chain = model.chain
     columns = [(move, moved(model, frame, centre, move)) for move in model.moves]

@@ -352,19 +352,7 @@ def integrate(out, kind, start, dt, K, m, v0, alpha, g, M, k, mu, gain, steps, c
 def contact_steps(omega0_rad_per_s: float, contact_time_s: float, *, closed: bool = False) -> int:
     """Return how many steps resolve both the contact and the crystal that rings during it.
 
-    Parameters
-    ----------
-    omega0_rad_per_s : float
-        Angular frequency of the crystal; 0 for a rigid cell. [rad/s]
-    contact_time_s : float
-        Expected contact time. [s]
-    closed : bool
-        See `integrate`.
-
-    Returns
-    -------
-    int
-        Steps, at least `CONTACT_STEPS`.
+    At least `CONTACT_STEPS`. ``omega0_rad_per_s`` is 0 for a rigid cell.
 
     Notes
     -----
@@ -396,16 +384,14 @@ def trace(
     steps: int | None = None,
     closed: bool = False,
 ) -> tuple[NDArray[np.float64], float, float, float]:
-    """Return one sampled impact; the readable face of `integrate`.
+    """Return one sampled impact; `integrate` with named parameters.
 
     Parameters
     ----------
     kind : int
         `HSD` or `KV`.
-    sample_times_start_s, sample_interval_s : float
-        First sample relative to touch-down and sample interval. [s]
-    samples : int
-        Number of samples.
+    sample_times_start_s : float
+        First sample relative to touch-down. [s]
     stiffness, mass_kg, speed_m_per_s, alpha, gravity_m_per_s2 : float
         K [N m^-1.5], m [kg], v0 [m/s], alpha [1], g [m/s^2].
     crystal_mass_kg, crystal_stiffness_n_per_m, crystal_damping_n_s_per_m : float

@@ -22,24 +22,16 @@ FRAME = "frame"
 
 @dataclass(frozen=True)
 class Assembled:
-    """A structure of q masses as matrices; s alternates displacements and velocities.
-
-    Attributes
-    ----------
-    accelerations : ndarray, shape (q, 2 q)
-        The rows of A that say something. [1/s^2, 1/s, ...]
-    load : ndarray, shape (q,)
-        Acceleration by a unit force on the top. [1/kg]
-    reading : ndarray, shape (q,)
-        What the cell reads of the displacements. [1]
-    top : int
-        Which mass the sphere touches.
-    """
+    """A structure of q masses as matrices; s alternates displacements and velocities."""
 
     accelerations: NDArray[np.float64]
+    """The rows of A that give the accelerations, shape (q, 2 q). [1/s^2, 1/s, ...]"""
     load: NDArray[np.float64]
+    """Acceleration by a unit force on the top. Shape (q,). [1/kg]"""
     reading: NDArray[np.float64]
+    """What the cell reads of the displacements. Shape (q,). [1]"""
     top: int
+    """Which mass the sphere touches."""
 
     @property
     def system(self) -> NDArray[np.float64]:
@@ -57,32 +49,22 @@ RIGID = Assembled(np.zeros((0, 0)), np.zeros(0), np.zeros(0), 0)
 
 @dataclass
 class Structure:
-    """Masses by name, links between them.
-
-    Attributes
-    ----------
-    masses : dict
-        Mass by name. [kg]
-    links : list of tuple
-        (one, other, stiffness [N/m], damping [N s/m]); ``FRAME`` may be an end.
-    top : str
-        The mass that the sphere touches.
-    crystal, base : str
-        The cell reads the crystal's displacement less the base's.
-    coupon_kg : float
-        Part of the crystal's mass that is a coupon lying on it; 0 in the paper's models. [kg]
-    rocking : float
-        How far the crystal's tilt moves the place that is hit, over its compression; the cell reads
-        the compression alone. [1]
-    """
+    """Masses by name, links between them."""
 
     masses: dict[str, float] = field(default_factory=dict)
+    """Mass by name. [kg]"""
     links: list[tuple[str, str, float, float]] = field(default_factory=list)
+    """(one, other, stiffness [N/m], damping [N s/m]); ``FRAME`` may be an end."""
     top: str = "crystal"
+    """The mass that the sphere touches."""
     crystal: str = "crystal"
     base: str = FRAME
+    """The cell reads the displacement of ``crystal`` less that of ``base``."""
     coupon_kg: float = 0.0
+    """Part of the crystal's mass that is a coupon lying on it; 0 in the paper's models. [kg]"""
     rocking: float = 0.0
+    """How far the crystal's tilt moves the place that is hit, over its compression; the cell reads
+    the compression alone. [1]"""
 
     @classmethod
     def kelvin_voigt(

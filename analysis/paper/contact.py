@@ -1,4 +1,4 @@
-"""The paper's inputs, and one contact in full: every state on its way, not only the trace.
+"""The paper's inputs, and every state of one contact, not only the trace.
 
 The paper is B. J. Maranzano, B. C. Hancock, Sensing and Bio-Sensing Research 7 (2016) 31-37. Signs:
 compression is positive.
@@ -29,13 +29,7 @@ FINE_STEPS = 1500
 
 @dataclass(frozen=True)
 class Cell:
-    """The crystal of Eqs 8-10.
-
-    Attributes
-    ----------
-    mass_kg, stiffness_n_per_m, damping_n_s_per_m : float
-        M [kg], k [N/m], mu [N s/m].
-    """
+    """The crystal of Eqs 8-10: M, k, mu."""
 
     mass_kg: float
     stiffness_n_per_m: float
@@ -54,15 +48,10 @@ class Cell:
 
 @dataclass(frozen=True)
 class Drop:
-    """A sphere on its way to a coupon.
-
-    Attributes
-    ----------
-    stiffness, mass_kg, speed_m_per_s : float
-        K of Eq. 2 [N m^-1.5], m [kg], v0 [m/s].
-    """
+    """A sphere on its way to a coupon."""
 
     stiffness: float
+    """K of Eq. 2. [N m^-1.5]"""
     mass_kg: float
     speed_m_per_s: float
 
@@ -73,22 +62,7 @@ def drop_of(
     reduced_modulus_pa: float,
     height_m: float,
 ) -> Drop:
-    """Return a drop from its label.
-
-    Parameters
-    ----------
-    radius_m, mass_kg : float
-        Sphere. [m, kg]
-    reduced_modulus_pa : float
-        E* of the pair. [Pa]
-    height_m : float
-        Free fall. [m]
-
-    Returns
-    -------
-    Drop
-        With K of Eq. 4 and ``v0 = sqrt(2 g h)``.
-    """
+    """Return a drop from its label, with K of Eq. 4 and ``v0 = sqrt(2 g h)``."""
     speed = math.sqrt(2 * GRAVITY_M_PER_S2 * height_m)
     return Drop(contact_stiffness(reduced_modulus_pa, radius_m), mass_kg, speed)
 
@@ -103,25 +77,21 @@ TABLE3_HSD_N_PER_V = 1.78
 
 @dataclass(frozen=True)
 class History:
-    """Everything during one contact, on the solver's own grid.
+    """All states of one contact on the solver's own grid, shape (n,) each.
 
-    Attributes
-    ----------
-    time_s, indentation_m, indentation_rate_m_per_s : ndarray, shape (n,)
-        From touch-down to lift-off.
-    crystal_m, crystal_rate_m_per_s : ndarray, shape (n,)
-        Compression of the crystal; zeros on a rigid cell.
-    elastic_n, dissipative_n : ndarray, shape (n,)
-        Eqs 2 and 3.
+    From touch-down to lift-off, both included.
     """
 
     time_s: Array
     indentation_m: Array
     indentation_rate_m_per_s: Array
     crystal_m: Array
+    """Compression of the crystal; zeros on a rigid cell."""
     crystal_rate_m_per_s: Array
     elastic_n: Array
+    """Eq. 2."""
     dissipative_n: Array
+    """Eq. 3."""
 
     @property
     def contact_time_s(self) -> float:
@@ -148,26 +118,12 @@ def contact_history(
     steps: int = FINE_STEPS,
     closed: bool = False,
 ) -> History:
-    """Return one contact in full: what `solver.integrate` passes through on its way to a trace.
+    """Return all states of one contact: what `solver.integrate` passes through.
 
-    Parameters
-    ----------
-    restitution : float
-        eps of Eq. 6. [1]
-    cell : Cell, optional
-        None for HSD's rigid cell.
-    closed : bool
-        See `solver.integrate`; the cell's mass then holds the coupon's too.
-
-    Returns
-    -------
-    History
-        From touch-down to lift-off, both included.
-
-    Notes
-    -----
-    Source: Eqs 1-10. Validation: the same steps as `solver.integrate`, which is held to DOP853;
-    ``tests/analysis/test_paper.py`` compares the two.
+    ``restitution`` is eps of Eq. 6; without a cell it is HSD's rigid one. ``closed`` is as in
+    `solver.integrate`; the cell's mass then holds the coupon's too. Source: Eqs 1-10. Validation:
+    the same steps as `solver.integrate`, which is held to DOP853; ``tests/analysis/test_paper.py``
+    compares the two.
     """
     km = drop.stiffness / drop.mass_kg
     cd = _loss(restitution, closed=closed) * math.sqrt(km)
@@ -203,21 +159,9 @@ def contact_history(
 def crystal_trace(
     drop: Drop, restitution: float, cell: Cell, times_s: Array, *, closed: bool = False
 ) -> Array:
-    """Return the crystal's compression at equally spaced times, ring included.
+    """Return the crystal's compression Delta [m] at equally spaced times, ring included.
 
-    Parameters
-    ----------
-    drop, restitution, cell
-        As for `contact_history`.
-    times_s : ndarray, shape (n,)
-        After touch-down, equally spaced. [s]
-    closed
-        As for `contact_history`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Delta. [m]
+    The times [s] count from touch-down; all else is as for `contact_history`.
     """
     return solver.trace(
         kind=solver.KV,

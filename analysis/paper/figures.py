@@ -28,31 +28,21 @@ FIG4_RESTITUTION = 0.8
 
 @dataclass(frozen=True)
 class ImpactFigures:
-    """The numbers one reads off Fig. 2 at one restitution.
-
-    Attributes
-    ----------
-    restitution : float
-        eps of Eq. 6. [1]
-    peak_force_n, peak_force_at_s : float
-        Of the elastic force.
-    deepest_indentation_m, deepest_crystal_m : float
-        Largest delta and Delta.
-    crystal_delay_s : float
-        From the peak of the force to the peak of the crystal.
-    rebound_ratio, rigid_rebound_ratio : float
-        Sphere's rebound over impact speed at lift-off, with and without the crystal. [1]
-    """
+    """The numbers one reads off Fig. 2 at one restitution, eps of Eq. 6."""
 
     restitution: float
     peak_force_n: float
+    """Of the elastic force."""
     peak_force_at_s: float
     contact_time_s: float
     deepest_indentation_m: float
     deepest_crystal_m: float
     crystal_delay_s: float
+    """From the peak of the force to the peak of the crystal."""
     rebound_ratio: float
+    """Sphere's rebound over impact speed at lift-off. [1]"""
     rigid_rebound_ratio: float
+    """The same without the crystal. [1]"""
 
     @property
     def indentation_over_crystal(self) -> float:
@@ -61,19 +51,9 @@ class ImpactFigures:
 
 
 def figure_2(restitution: float, drop: Drop = FIG2_DROP, cell: Cell = FIG2_CELL) -> ImpactFigures:
-    """Return what Fig. 2 shows at one restitution, with the crystal.
+    """Return what Fig. 2 shows at one restitution (eps of Eq. 6), with the crystal.
 
-    Parameters
-    ----------
-    restitution : float
-        eps of Eq. 6. [1]
-    drop, cell
-        Fig. 2's by default.
-
-    Returns
-    -------
-    ImpactFigures
-        Peaks to 1 ns in time.
+    Drop and cell are Fig. 2's by default. Peaks are to 1 ns in time.
     """
     coupled, rigid = (contact_history(drop, restitution, c) for c in (cell, None))
     period_s = 1 / cell.natural_frequency_hz
@@ -99,19 +79,8 @@ def force_difference(
 ) -> tuple[float, float, float]:
     """Return by how much the crystal changes the forces of a contact.
 
-    Parameters
-    ----------
-    cell, drop, restitution
-        As for `figure_2`.
-
-    Returns
-    -------
-    elastic_n : float
-        Largest difference of F_el between KV and HSD at the same time. [N]
-    relative : float
-        The same over HSD's peak. [1]
-    total_n : float
-        Largest difference of F_el + F_dis, which jumps at lift-off. [N]
+    The largest difference of F_el between KV and HSD at the same time [N], the same over HSD's peak
+    [1], and the largest difference of F_el + F_dis, which jumps at lift-off [N].
     """
     coupled, rigid = (contact_history(drop, restitution, c) for c in (cell, None))
     end = max(coupled.contact_time_s, rigid.contact_time_s)
@@ -135,15 +104,8 @@ def figure_4(
 ) -> tuple[Array, Array, Array]:
     """Return Fig. 4: how far HSD and KV are apart in force, whatever the crystal.
 
-    Parameters
-    ----------
-    masses_kg, stiffnesses_n_per_m : sequence of float
-        M and k of the grid; damping ratio 0.15 throughout.
-
-    Returns
-    -------
-    elastic_n, relative, total_n : ndarray, shape (len(masses), len(stiffnesses))
-        As `force_difference` returns them.
+    The grid has M in rows and k in columns, a damping ratio of 0.15 throughout. The three arrays
+    are as `force_difference` returns them.
     """
     found = np.array(
         [

@@ -1,7 +1,7 @@
-r"""Fits as the paper makes them: one shot, one pair, and only the moduli free.
+"""Fits as the paper makes them: one shot, one pair, and only the moduli free.
 
-Cell, speed and restitution are taken as known; the touch-down is either where the signal starts or
-free to shift, which a person does who lays a computed pulse over a measured one. Our own fits
+Cell, speed and restitution are taken as known. The touch-down is either where the signal starts or
+free to shift, as a person does who lays a computed pulse over a measured one. Our own fits
 (``analysis.fit``) do none of this; these exist to stand beside the paper's Tables 3-5.
 """
 
@@ -26,60 +26,34 @@ _SHIFTS_US = np.arange(-5.0, 26.0, 5.0)
 
 @dataclass(frozen=True)
 class Known:
-    """What the paper's fits hold fixed.
-
-    Attributes
-    ----------
-    gain_n_per_v : float
-        S of Eq. 7, or k c. [N/V]
-    cell : Cell or None
-        None for HSD.
-    speed_m_per_s, restitution : float
-        v0 and eps of the shot.
-    touch_down_us : float
-        After the window's first sample. [us]
-    """
+    """What the paper's fits hold fixed."""
 
     gain_n_per_v: float
+    """S of Eq. 7, or k c. [N/V]"""
     cell: Cell | None
+    """None for HSD."""
     speed_m_per_s: float
     restitution: float
     touch_down_us: float
+    """After the window's first sample."""
 
 
 @dataclass(frozen=True)
 class ModulusOnly:
-    """A fit with nothing but a modulus free (and perhaps the timing).
-
-    Attributes
-    ----------
-    reduced_modulus_pa : float
-        E*. [Pa]
-    r2 : float
-        1 - SS_res / SS_tot over the window. [1]
-    shift_us : float
-        By how much the touch-down was moved. [us]
-    """
+    """A fit with nothing but a modulus free (and perhaps the timing)."""
 
     reduced_modulus_pa: float
+    """E*. [Pa]"""
     r2: float
+    """1 - SS_res / SS_tot over the window. [1]"""
     shift_us: float
+    """By how much the touch-down was moved. [us]"""
 
 
 def predict(item: FitShot, known: Known, reduced_modulus_pa: float, shift_us: float = 0.0) -> Array:
-    """Return the trace over a shot's window, baseline included.
+    """Return the trace [V] over a shot's window, baseline included.
 
-    Parameters
-    ----------
-    reduced_modulus_pa : float
-        E*. [Pa]
-    shift_us : float
-        Later touch-down. [us]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        [V]
+    ``shift_us`` is by how much the touch-down is later.
     """
     assert item.radius_m is not None
     ln_gain = math.log(known.gain_n_per_v)
@@ -106,17 +80,8 @@ def fit_modulus(
 ) -> ModulusOnly:
     """Return the modulus that fits one shot best in plain least squares.
 
-    Parameters
-    ----------
-    around_pa : float
-        Middle of the search, which reaches a factor of 6 either way. [Pa]
-    free_timing : bool
-        Whether the touch-down may shift too.
-
-    Returns
-    -------
-    ModulusOnly
-        Best of a grid, then refined.
+    It is the best of a grid, then refined. ``around_pa`` is the middle of the search, which reaches
+    a factor of 6 either way; ``free_timing`` says whether the touch-down may shift too.
     """
     return fit_pulse(
         item.window.signal,
@@ -135,17 +100,8 @@ def fit_pulse(
 ) -> ModulusOnly:
     """Return the modulus whose pulse lies best over a signal, in plain least squares.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The record. [V]
-    predicted : callable
-        From E* [Pa] and a later touch-down [us] to a trace of shape (n,). [V]
-
-    Returns
-    -------
-    ModulusOnly
-        Best of a grid, then refined.
+    ``predicted`` makes a trace [V] from E* [Pa] and a later touch-down [us]; all else is as for
+    `fit_modulus`.
     """
     total = float(np.sum((signal - signal.mean()) ** 2))
 
@@ -171,19 +127,9 @@ def fit_pulse(
 def fit_gain(
     item: FitShot, known: Known, reduced_modulus_pa: float, *, free_timing: bool = True
 ) -> tuple[float, float]:
-    """Return Eq. 7's S from one shot of a known pair, as a rigid cell sees it.
+    """Return Eq. 7's S and the R² of the best fit, from one shot of a known pair.
 
-    Parameters
-    ----------
-    reduced_modulus_pa : float
-        Of the pair. [Pa]
-    free_timing : bool
-        Whether the touch-down may shift too.
-
-    Returns
-    -------
-    gain_n_per_v, r2 : float
-        Of the best fit in plain least squares.
+    That is how a rigid cell sees it. ``free_timing`` is as for `fit_modulus`.
     """
     y = item.window.signal - item.window.baseline
     total = float(np.sum((y - y.mean()) ** 2))

@@ -21,19 +21,11 @@ from analysis.paper.contact import (
 
 
 def seen_after(ratio_at_lift_off: float, ratio_seen: float, speed_m_per_s: float) -> float:
-    """Return how long after lift-off gravity has slowed a rebound to a ratio. [s]
+    r"""Return how long after lift-off gravity has slowed a rebound to a ratio. [s]
 
-    Parameters
-    ----------
-    ratio_at_lift_off, ratio_seen : float
-        Rebound over impact speed, then and when read. [1]
-    speed_m_per_s : float
-        Impact speed. [m/s]
+    .. math:: (r_0 - r)\, v_0 / g
 
-    Returns
-    -------
-    float
-        ``(r0 - r) v0 / g``. [s]
+    with the ratios of rebound over impact speed then and when read.
     """
     return (ratio_at_lift_off - ratio_seen) * speed_m_per_s / GRAVITY_M_PER_S2
 
@@ -41,17 +33,7 @@ def seen_after(ratio_at_lift_off: float, ratio_seen: float, speed_m_per_s: float
 def ring_time(cell: Cell, share: float) -> float:
     """Return how long the free ring takes to decay to a share of its start. [s]
 
-    Parameters
-    ----------
-    cell : Cell
-        Underdamped.
-    share : float
-        Between 0 and 1.
-
-    Returns
-    -------
-    float
-        ``-ln(share) 2 M / mu``.
+    It is ``-ln(share) 2 M / mu``; the cell is underdamped.
     """
     return -math.log(share) * 2 * cell.mass_kg / cell.damping_n_s_per_m
 
@@ -59,17 +41,7 @@ def ring_time(cell: Cell, share: float) -> float:
 def fixed_step_error(step_s: float, drop: Drop = FIG2_DROP, restitution: float = 0.8) -> float:
     """Return how far plain RK4 in equal steps of time is off, over the peak of F_el (HSD).
 
-    Parameters
-    ----------
-    step_s : float
-        [s]
-    drop, restitution
-        As for `figure_2`.
-
-    Returns
-    -------
-    float
-        Largest error of the elastic force at the steps within the contact, over its peak. [1]
+    It is the largest error of the elastic force at the steps within the contact.
     """
     km = drop.stiffness / drop.mass_kg
     cd = damping_coefficient(restitution) * math.sqrt(km)
@@ -96,17 +68,10 @@ def fixed_step_error(step_s: float, drop: Drop = FIG2_DROP, restitution: float =
 
 
 def ring_readings(drop: Drop, restitution: float, cell: Cell) -> tuple[float, float]:
-    """Return frequency and damping ratio as one reads them off the ring after the contact.
+    """Return frequency [Hz] and damping ratio as one reads them off the ring after the contact.
 
-    Parameters
-    ----------
-    drop, restitution, cell
-        As for `figure_2`; an underdamped cell.
-
-    Returns
-    -------
-    frequency_hz, damping_ratio : float
-        From the downward zero crossings and the decay from one maximum to the next.
+    They are from the downward zero crossings and the decay from one maximum to the next. The cell
+    is underdamped.
     """
     period_s = 1 / cell.natural_frequency_hz
     start_s = contact_history(drop, restitution, cell).contact_time_s
@@ -129,21 +94,8 @@ def mass_alone_shifts_trace_by(
 ) -> float:
     """Return how much the trace changes when M changes and S = k c, omega0 and zeta do not.
 
-    Parameters
-    ----------
-    relative : float
-        Change of M over M. [1]
-    drop, cell, restitution
-        As for `figure_2`.
-
-    Returns
-    -------
-    float
-        Largest change of the signal over its peak, per unit of ``relative``. [1]
-
-    Notes
-    -----
-    The signal is Delta / c; with S fixed it goes like k Delta.
+    That is the largest change of the signal over its peak, per unit of ``relative``, the change of
+    M over M. The signal is Delta / c; with S fixed it goes like k Delta.
     """
     times = np.arange(0.0, 4e-4, 1e-7)
     f = 1 + relative
@@ -156,15 +108,7 @@ def mass_alone_shifts_trace_by(
 def signal_overshoot(drop: Drop, restitution: float, cell: Cell) -> float:
     """Return how far the crystal swings beyond the force that presses on it. [1]
 
-    Parameters
-    ----------
-    drop, restitution, cell
-        As for `figure_2`.
-
-    Returns
-    -------
-    float
-        ``k Delta_max / F_max``: a rigid cell's S comes out too small by this factor.
+    It is ``k Delta_max / F_max``: a rigid cell's S comes out too small by this factor.
     """
     history = contact_history(drop, restitution, cell)
     times = np.arange(0.0, history.contact_time_s + 1 / cell.natural_frequency_hz, 1e-8)

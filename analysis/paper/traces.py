@@ -13,21 +13,10 @@ from analysis.paper.contact import Cell, Drop, crystal_trace
 
 
 def hsd_volts(drop: Drop, restitution: float, newtons_per_volt: float, times_s: Array) -> Array:
-    """Return the trace of a rigid cell, Eq. 7.
+    """Return the trace of a rigid cell, Eq. 7: ``F_el / S``. [V]
 
-    Parameters
-    ----------
-    restitution : float
-        eps of Eq. 6. [1]
-    newtons_per_volt : float
-        S of Eq. 7. [N/V]
-    times_s : ndarray, shape (n,)
-        After touch-down, equally spaced; may begin before it. [s]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        ``F_el / S``. [V]
+    ``restitution`` is eps of Eq. 6. The times are after touch-down and equally spaced; they may
+    begin before it. [s]
     """
     return solver.trace(
         kind=solver.HSD,
@@ -51,26 +40,11 @@ def kv_volts(
     *,
     coupon_kg: float | None = None,
 ) -> Array:
-    """Return the trace of a Kelvin-Voigt cell, Eq. 11.
+    """Return the trace of a Kelvin-Voigt cell, Eq. 11: ``Delta / c``. [V]
 
-    Parameters
-    ----------
-    drop, restitution
-        As for `hsd_volts`.
-    cell : Cell
-        The crystal, without a coupon.
-    compliance_m_per_v : float
-        c of Eq. 11. [m/V]
-    times_s
-        As for `hsd_volts`.
-    coupon_kg : float, optional
-        None for ``kv``, as printed. A mass makes it ``kv2``: the coupon rides on the crystal, the
-        dashpot loads it, and the contact ends with its force. [kg]
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        ``Delta / c``. [V]
+    The cell is the crystal without a coupon. ``coupon_kg`` None gives ``kv``, as printed. A mass
+    makes it ``kv2``: the coupon rides on the crystal, the dashpot loads it, and the contact ends
+    with its force. All else is as for `hsd_volts`.
     """
     if coupon_kg is not None:
         cell = replace(cell, mass_kg=cell.mass_kg + coupon_kg)
@@ -79,19 +53,9 @@ def kv_volts(
 
 
 def maxima(times_s: Array, signal: Array, above: float) -> list[tuple[float, float]]:
-    """Return the local maxima of a smooth signal.
+    """Return the local maxima of a smooth signal as (time, value), in order of time.
 
-    Parameters
-    ----------
-    times_s, signal : ndarray, shape (n,)
-        [s, any]
-    above : float
-        Share of the largest value below which a maximum does not count. [1]
-
-    Returns
-    -------
-    list of tuple of float
-        (time, value) in order of time.
+    A maximum below the share ``above`` of the largest value does not count.
     """
     inner = signal[1:-1]
     tops = (inner > signal[:-2]) & (inner >= signal[2:]) & (inner > above * signal.max())

@@ -20,40 +20,29 @@ SAME_COST = 1e-3
 
 @dataclass(frozen=True)
 class Valley:
-    """How one shot of one pair sees two moduli.
-
-    Attributes
-    ----------
-    sphere_pa, surface_pa : ndarray, shape (n,), (m,)
-        Young's moduli of the grid. [Pa]
-    sphere_softness, surface_softness : float
-        ``1 - nu^2`` of both. [1]
-    excess_chi2 : ndarray, shape (m, n)
-        Cost above its least, white noise. [1]
-    correlation : float
-        Between ln E_p and ln E_s, from the Fisher information.
-    eigenvalue_ratio : float
-        Smaller over larger eigenvalue of the Fisher information; 0 but for rounding.
-    u_ln_reduced : float
-        Standard uncertainty of ln E* from the same information.
-    along, across : float
-        Excess chi2 where E_p is doubled: with E_s making up for it, and without.
-    ends : tuple of tuple of float
-        Start E_p and E_s, end E_p and E_s, end E*, excess chi2, of least-squares fits. [Pa;
-        the last 1]
-    """
+    """How one shot of one pair sees two moduli."""
 
     sphere_pa: Array
+    """Young's moduli of the grid, shape (n,). [Pa]"""
     surface_pa: Array
+    """The same of the surface, shape (m,). [Pa]"""
     sphere_softness: float
+    """``1 - nu^2``, as of the surface."""
     surface_softness: float
     excess_chi2: Array
+    """Cost above its least, white noise. Shape (m, n). [1]"""
     correlation: float
+    """Between ln E_p and ln E_s, from the Fisher information."""
     eigenvalue_ratio: float
+    """Smaller over larger eigenvalue of the Fisher information; 0 but for rounding."""
     u_ln_reduced: float
+    """Standard uncertainty of ln E* from the same information."""
     along: float
     across: float
+    """Excess chi2 where E_p is doubled: with E_s making up for it (``along``), and without."""
     ends: tuple[tuple[float, ...], ...]
+    """Start E_p and E_s, end E_p and E_s, end E*, excess chi2, of least-squares fits. [Pa; the last
+    1]"""
 
 
 def valley(
@@ -67,19 +56,9 @@ def valley(
 ) -> Valley:
     """Return the cost of one shot over E_p and E_s, its curvature, and where fits end.
 
-    Parameters
-    ----------
-    sphere, surface : tuple of float
-        Literature (E, nu) of both. [Pa, 1]
-    starts_pa : tuple of tuple of float
-        (E_p, E_s) from which fits of both are started. [Pa]
-    noise_v : float
-        White noise. [V]
-
-    Returns
-    -------
-    Valley
-        Everything but the two moduli is held fixed, which makes the valley narrower than it is.
+    Everything but the two moduli is held fixed, which makes the valley narrower than it is.
+    ``sphere`` and ``surface`` are literature (E [Pa], nu); ``starts_pa`` are (E_p, E_s) from which
+    fits of both are started; ``noise_v`` is white.
     """
     softness = [1 - nu**2 for _, nu in (sphere, surface)]
 

@@ -28,19 +28,9 @@ _COLUMNS = (
 
 
 def plot_budget(title: str, budget: Json, note: str = "") -> Figure:
-    """Draw the budget of one modulus on a sheet of A4.
+    """Draw the budget of one modulus, ``impactd-budget/1``, on a sheet of A4.
 
-    Parameters
-    ----------
-    budget : dict
-        ``impactd-budget/1`` of one modulus.
-    note : str, optional
-        Stands at the foot.
-
-    Returns
-    -------
-    Figure
-        Not shown or saved.
+    The note stands at the foot. The figure is neither shown nor saved.
     """
     rows = sorted(budget["rows"], key=lambda row: (not row["common"], -row["share"]))
     kept = sorted(rows, key=lambda row: -row["share"])[:SHOWN]

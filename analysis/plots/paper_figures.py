@@ -56,10 +56,7 @@ def figure_2() -> Figure:
 def figure_3() -> Figure:
     """Draw Fig. 3: how two crystals answer the same impact.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        The crystal of Fig. 2 and that of Table 3, with other dampings.
+    They are the crystal of Fig. 2 and that of Table 3, with other dampings.
     """
     with styled():
         figure = Figure(figsize=(WIDE, 2.9), layout="constrained")
@@ -89,10 +86,7 @@ def figure_3() -> Figure:
 def figure_4() -> Figure:
     """Draw Fig. 4: how far apart HSD and KV are in force, whatever the crystal.
 
-    Returns
-    -------
-    matplotlib.figure.Figure
-        A map over the crystal's mass and stiffness, with lines that carry their numbers.
+    A map over the crystal's mass and stiffness, with lines that carry their numbers.
     """
     elastic, _, _ = figures.figure_4()
     with styled():
@@ -122,11 +116,6 @@ def figure_4() -> Figure:
 
 def plot_traces(fit: FitResult) -> Figure:
     """Draw one model over recorded shots, a panel per pair, as the paper shows its fits.
-
-    Parameters
-    ----------
-    fit : FitResult
-        Of a campaign.
 
     Returns
     -------

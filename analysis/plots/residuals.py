@@ -73,23 +73,11 @@ def plot_stack(
     wide: float = WIDE,
     span: tuple[float, float] | None = None,
 ) -> Figure:
-    """Draw residuals that were stacked over repetitions.
+    """Draw residuals that were stacked over repetitions, one panel per pair, one line per height.
 
-    Parameters
-    ----------
-    stacks : dict
-        ``residual.*.stacks`` of ``impactd-diagnosis/1``.
-    noise_rms : float
-        Of one sample, hatched. [as recorded]
-    wide : float, optional
-        Width of the figure. [inch]
-    span : tuple of float, optional
-        From when to when; by default what is worth it. [us]
-
-    Returns
-    -------
-    matplotlib.figure.Figure
-        One panel per pair, one line per drop height.
+    ``stacks`` is ``residual.*.stacks`` of ``impactd-diagnosis/1``; ``noise_rms`` is of one sample,
+    as recorded, and hatched. The figure is ``wide`` inches; ``span`` says from when to when [us],
+    by default what `span_us` finds.
     """
     span = span or span_us(stacks)
     with styled():
@@ -177,12 +165,7 @@ def plot_diagnosis(document: Json) -> Figure:
 def draw_largest_residual(axes: Axes, document: Json) -> None:
     """Draw what both models leave of the pair and height that the base model misses most.
 
-    Parameters
-    ----------
-    axes : matplotlib.axes.Axes
-        Filled: dashed before, solid after, mean over repetitions.
-    document : dict
-        ``impactd-diagnosis/1`` with ``residual.before.stacks``.
+    Dashed before, solid after, mean over repetitions. The document has ``residual.before.stacks``.
     """
     before, after = document["residual"]["before"], document["residual"]["after"] or {}
     unit = shown(set(document["campaign"].get("quantities") or ["voltage"]))

@@ -15,25 +15,15 @@ LOUD = 6.0
 
 
 def span_us(stacks: Json) -> tuple[float, float]:
-    """Return from when to when a stacked residual is worth drawing.
+    """Return from when to when a stacked residual is worth drawing. [us]
 
-    Parameters
-    ----------
-    stacks : dict
-        ``residual.*.stacks`` of ``impactd-diagnosis/1``.
+    Around the touch-down: the pulse and most of the ring, and a second touch or a slow decay long
+    after it where one stands out of what was there before the touch.
 
-    Returns
-    -------
-    low, high : float
-        Around the touch-down: the pulse and most of the ring, and a second touch or a slow decay
-        long after it where one stands out of what was there before the touch. [us]
-
-    Notes
-    -----
     A bin's mean is told from noise by the bins before touch-down, as if noise were white: its
-    standard deviation falls with the square root of a bin's width. Own rule; it moves the edge of
-    a picture, and no figure. Where fine bins meet coarse ones the finer width counts; a record's
-    last bin, of which nobody knows how full it is, does not.
+    standard deviation falls with the square root of a bin's width. Own rule; it moves the edge of a
+    picture, and no figure. Where fine bins meet coarse ones the finer width counts; a record's last
+    bin, of which nobody knows how full it is, does not.
     """
     t = np.array(stacks["time_us"])
     low, high = (share * stacks["contact_us"] for share in USUAL_SHARES)

@@ -48,30 +48,14 @@ LOOK: Any = {
 
 
 def styled() -> AbstractContextManager[None]:
-    """Return a context in which figures are made, and saved, in this look.
-
-    Returns
-    -------
-    context manager
-        Of ``matplotlib.rc_context``.
-    """
+    """Return a context in which figures are made, and saved, in this look."""
     return mpl.rc_context(LOOK)
 
 
 def line_of(model: str, place: int = 0) -> dict[str, Any]:
-    """Return colour, style and width of a model's line.
+    """Return colour, style and width of a model's line, as keywords of ``Axes.plot``.
 
-    Parameters
-    ----------
-    model : str
-        ``hsd``, ``kv`` or one with effects.
-    place : int, optional
-        Tells several models with effects apart.
-
-    Returns
-    -------
-    dict
-        Keywords of ``Axes.plot``.
+    The model is ``hsd``, ``kv`` or one with effects; ``place`` tells several with effects apart.
     """
     known = MODELS.get(model)
     if known is not None:
@@ -81,19 +65,13 @@ def line_of(model: str, place: int = 0) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Shown:
-    """The unit a signal is drawn in.
-
-    Attributes
-    ----------
-    signal, residual : str
-        Units on the axes of a signal and of what is left of it.
-    factor : float
-        From the signal's unit to the residual's.
-    """
+    """The unit a signal is drawn in."""
 
     signal: str
     residual: str
+    """Unit on the axis of what is left of a signal."""
     factor: float
+    """From the signal's unit to the residual's."""
 
 
 _SHOWN = {
@@ -107,15 +85,8 @@ _MIXED = Shown("unit of the record", "unit of the record", 1.0)
 def shown(quantities: set[str]) -> Shown:
     """Return the unit for recordings of these quantities.
 
-    Parameters
-    ----------
-    quantities : set of str
-        ``voltage``, ``force_N``, ``acceleration_m_per_s2``.
-
-    Returns
-    -------
-    Shown
-        Of the one quantity; where several are mixed, nobody's unit.
+    They are ``voltage``, ``force_N``, ``acceleration_m_per_s2``. If several are mixed, no unit is
+    named.
     """
     return _SHOWN.get(next(iter(quantities)), _MIXED) if len(quantities) == 1 else _MIXED
 

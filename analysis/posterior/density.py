@@ -25,13 +25,7 @@ _NEWTON_STEPS = 8
 
 
 def require_a_fit(result: FitResult) -> None:
-    """Refuse a fit that has no solution: there is nothing to draw around.
-
-    Raises
-    ------
-    AnalysisError
-        With the fit's own words.
-    """
+    """Refuse a fit that has no solution with an AnalysisError in the fit's own words."""
     if result.outcome.status == "not_evaluable":
         raise AnalysisError(f"There is no posterior: {result.outcome.message}")
 
@@ -39,17 +33,8 @@ def require_a_fit(result: FitResult) -> None:
 class JointDensity:
     """The log posterior density of all parameters, with its gradient.
 
-    Parameters
-    ----------
-    result : FitResult
-        A fit.
-
-    Attributes
-    ----------
-    names : list of str
-        Globals as in ``impactd-fit/1``, then each shot's own as ``shot[i].<name>``.
-    mode : ndarray, shape (n,)
-        The fit.
+    ``names`` are the globals as in ``impactd-fit/1``, then each shot's own as ``shot[i].<name>``;
+    ``mode``, shape (n,), is the fit.
     """
 
     def __init__(self, result: FitResult) -> None:
@@ -69,34 +54,13 @@ class JointDensity:
         return x[: self._globals], x[self._globals :].reshape(self._shape)
 
     def __call__(self, x: Array) -> float:
-        """Return the log density; minus infinity where the model has no trace.
-
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            In the order of ``names``.
-
-        Returns
-        -------
-        float
-            Relative to the mode.
-        """
+        """Return the log density relative to the mode; minus infinity without a trace."""
         return -0.5 * (total_cost(self.problem, *self.split(x)) - self._cost)
 
     def with_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the log density and its gradient, as samplers with gradients take them.
 
-        Parameters
-        ----------
-        x : ndarray, shape (n,)
-            In the order of ``names``.
-
-        Returns
-        -------
-        value : float
-            Minus infinity where the model has no trace; the gradient is then zero.
-        gradient : ndarray, shape (n,)
-            Its derivative.
+        The density is minus infinity where the model has no trace; the gradient is then zero.
         """
         theta, nuisances = self.split(x)
         away = theta - self.problem.prior_mean
@@ -116,28 +80,15 @@ class JointDensity:
 class GlobalDensity:
     r"""The log posterior density of the globals, each shot's own parameters integrated out.
 
-    Parameters
-    ----------
-    result : FitResult
-        A fit.
-
-    Attributes
-    ----------
-    names : list of str
-        As in ``impactd-fit/1``.
-    mode, covariance : ndarray, shape (g,), (g, g)
-        Of Laplace's approximation, which is what the fit states.
-
-    Notes
-    -----
-    For each shot with cost c and Hessian H of its own parameters n (half of it, in the convention
-    :math:`p \propto e^{-c/2}`), Laplace's integral over n is
+    ``mode``, shape (g,), and ``covariance`` are of Laplace's approximation, which is what the fit
+    states. For each shot with cost c and Hessian H of its own parameters n (half of it, in the
+    convention :math:`p \propto e^{-c/2}`), Laplace's integral over n is
 
     .. math:: \ln \int e^{-c/2} dn = -\tfrac12 \min_n c - \tfrac12 \ln \det H + const
 
     (Tierney & Kadane 1986). The minimum is searched by Newton steps from where the fit's linear
-    response puts n; near the fit none is needed. Only n is taken for Gaussian, at each value of
-    the globals anew; whatever makes the globals' posterior bend is kept.
+    response puts n; near the fit none is needed. Only n is taken for Gaussian, at each value of the
+    globals anew; whatever makes the globals' posterior bend is kept.
     """
 
     def __init__(self, result: FitResult) -> None:
@@ -155,18 +106,7 @@ class GlobalDensity:
         self._at_mode = self(self.mode)
 
     def __call__(self, theta: Array) -> float:
-        """Return the log density; minus infinity where the model has no trace.
-
-        Parameters
-        ----------
-        theta : ndarray, shape (g,)
-            In the order of ``names``.
-
-        Returns
-        -------
-        float
-            Relative to the mode.
-        """
+        """Return the log density relative to the mode; minus infinity without a trace."""
         away = theta - self.problem.prior_mean
         found = -0.5 * float(away @ self.problem.prior_precision @ away)
         moved = theta - self.mode

@@ -23,46 +23,21 @@ WALKERS_PER_DIMENSION = 2
 
 @dataclass(frozen=True)
 class Draws:
-    """Draws of the globals.
-
-    Attributes
-    ----------
-    names : list of str
-        The globals.
-    theta : ndarray, shape (chains, draws, g)
-        In the fit's coordinates.
-    log_density : ndarray, shape (chains, draws)
-        Relative to the mode.
-    method : str
-        ``laplace`` or ``emcee``.
-    accepted : float
-        Share of the proposals that were accepted; 1 for independent draws.
-    """
+    """Draws of the globals."""
 
     names: list[str]
     theta: Array
+    """In the fit's coordinates. Shape (chains, draws, g)."""
     log_density: Array
+    """Relative to the mode. Shape (chains, draws)."""
     method: str
+    """``laplace`` or ``emcee``."""
     accepted: float
+    """Share of the proposals that were accepted; 1 for independent draws."""
 
 
 def laplace_draws(result: FitResult, count: int = 2000, *, seed: int) -> Draws:
-    """Return independent draws from the Gaussian that the fit states.
-
-    Parameters
-    ----------
-    result : FitResult
-        A fit.
-    count : int, optional
-        How many.
-    seed : int
-        Of the random numbers.
-
-    Returns
-    -------
-    Draws
-        One chain.
-    """
+    """Return independent draws, one chain, from the Gaussian that the fit states."""
     require_a_fit(result)
     mode, covariance = result.fitted.theta, result.fitted.covariance
     root = np.linalg.cholesky(covariance)
@@ -82,25 +57,16 @@ def posterior_draws(
 ) -> Draws:
     """Return draws from the posterior, by emcee.
 
+    One chain a walker. Walkers begin at draws of a Gaussian about the fit; the first fifth of their
+    steps is left out.
+
     Parameters
     ----------
-    result : FitResult
-        A fit.
     steps : int, optional
         Of each walker; there are two walkers a parameter.
-    seed : int
-        Of the random numbers.
     every_parameter : bool, optional
         Draw each shot's own parameters too instead of integrating them by Laplace's method. For a
         few shots: the stretch move needs ever more steps in tens of dimensions.
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-
-    Returns
-    -------
-    Draws
-        One chain a walker. Walkers begin at draws of a Gaussian about the fit; the first fifth of
-        their steps is left out.
 
     Raises
     ------
@@ -157,7 +123,7 @@ def posterior_draws(
 
 
 class _Path:
-    """The coordinates that walkers go through: zero at the fit, relative compliances for moduli."""
+    """The coordinates of the walkers: zero at the fit, relative compliances for moduli."""
 
     def __init__(self, density: JointDensity | GlobalDensity, mode: Array) -> None:
         self._density, self._mode = density, mode
@@ -168,7 +134,7 @@ class _Path:
         self.signs[self.moduli] = -1.0  # a stiffer material gives way less
 
     def parameters(self, walked: Array) -> Array:
-        """Return the fit's coordinates, the last axis as it was."""
+        """Return the fit's coordinates; the last axis keeps its order."""
         found = self._mode + walked
         compliance = 1.0 + walked[..., self.moduli]
         found[..., self.moduli] = self._mode[self.moduli] - np.log(compliance)
@@ -185,7 +151,7 @@ class _Path:
 
 
 class _Independent:
-    """Proposals that know nothing of where a walker is, and the ratio that corrects for it."""
+    """Proposals that do not depend on where a walker is, and the ratio that corrects for it."""
 
     def __init__(self, root: Array) -> None:
         self._root = root

@@ -23,14 +23,7 @@ if TYPE_CHECKING:
 def inference_data(result: FitResult, draws: Draws, *, seed: int) -> arviz.InferenceData:
     """Return draws as ArviZ's InferenceData.
 
-    Parameters
-    ----------
-    result : FitResult
-        The fit.
-    draws : Draws
-        Of its globals.
-    seed : int
-        Of the draws of Poisson's ratios, which no shot sees.
+    ``seed`` is that of the draws of Poisson's ratios, which no shot shows.
 
     Returns
     -------
@@ -80,8 +73,6 @@ def inference_data(result: FitResult, draws: Draws, *, seed: int) -> arviz.Infer
 def _moduli(result: FitResult, draws: Draws, seed: int) -> dict[str, tuple[Array, Array]]:
     r"""Return draws of E' and E by material.
 
-    Notes
-    -----
     Shots see :math:`E' = E / (1 - \nu^2)` alone. Where E was stated, its prior ties E' to the
     ratio; given a draw of ln E', the ratio is then Gaussian with the mean
     :math:`\nu_0 + \beta (\ln E' - m)`, :math:`\beta = 2\nu u_\nu^2 / ((1 - \nu^2) u_{E'}^2)`.

@@ -22,66 +22,32 @@ _CODES = 65536
 
 @dataclass(frozen=True)
 class RangeCalibration:
-    """How codes of one range become volts.
-
-    Attributes
-    ----------
-    volts_per_code, offset_v : float
-        ``volts = signed_code * volts_per_code + offset_v``. [V]
-    calibrated : bool
-        Whether the board's table is in them.
-    reason : str
-        Why it is not.
-    """
+    """How codes of one range become volts."""
 
     volts_per_code: float
+    """``volts = signed_code * volts_per_code + offset_v``. [V]"""
     offset_v: float
     calibrated: bool
+    """Whether the board's table is in the two numbers."""
     reason: str = ""
+    """Why it is not."""
 
 
 def read_table(link: Daq3500Link) -> bytes:
-    """Return the EEPROM's calibration sections, 808 bytes.
-
-    Parameters
-    ----------
-    link : Daq3500Link
-        An open board.
-
-    Returns
-    -------
-    bytes
-        The three sections in order.
-    """
+    """Return the three calibration sections of the EEPROM in order, 808 bytes."""
     return b"".join(
         link.read(Request.CALIBRATION, size, value=offset) for offset, size in _SECTIONS
     )
 
 
 def range_calibration(table: bytes, range_v: float) -> RangeCalibration:
-    r"""Return the calibration of one range, or the nominal one with the reason.
+    """Return the calibration of one range, or the nominal one with the reason.
 
     .. math:: V = (1 + (g_+ + g_-)/2) V_{raw} + o
 
-    with g the table's two gain coefficients and o its offset.
-
-    Parameters
-    ----------
-    table : bytes
-        As returned by `read_table`.
-    range_v : float
-        Range, +/-. [V]
-
-    Returns
-    -------
-    RangeCalibration
-        Nominal and marked when the header is wrong or any coefficient is beyond 0.1:
-        a doubtful table corrects nothing.
-
-    Raises
-    ------
-    ConfigurationError
-        If the board has no such range.
+    with g the table's two gain coefficients and o its offset. ``table`` is from `read_table`. The
+    result is nominal and marked when the header is wrong or any coefficient is beyond 0.1: a
+    doubtful table corrects nothing. A ConfigurationError says that the board has no such range.
     """
     nominal_v = 2.0 * range_v / _CODES
     index = gain_code(range_v)

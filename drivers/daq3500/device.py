@@ -31,8 +31,6 @@ class Daq3500:
 
     Parameters
     ----------
-    settings : Daq3500Settings
-        Which board, which input, which rate.
     backend : usb.backend.IBackend, optional
         ``None`` for libusb 1.0; a simulated one otherwise.
     observe : callable, optional
@@ -68,13 +66,7 @@ class Daq3500:
 
     @property
     def identity(self) -> DigitizerIdentity:
-        """Who the board is.
-
-        Raises
-        ------
-        DriverError
-            Before `ensure_ready`.
-        """
+        """The board's identity; DriverError before `ensure_ready`."""
         return self._ready_board().identity
 
     @property
@@ -114,17 +106,9 @@ class Daq3500:
                 raise
 
     def sample_baseline(self, samples: int) -> NDArray[np.float64]:
-        """Return so many samples of the idle input.
+        """Return so many samples of the idle input, calibrated if the board is. [V]
 
-        Parameters
-        ----------
-        samples : int
-            How many; at most what the ring holds. [1]
-
-        Returns
-        -------
-        ndarray of float64, shape (samples,)
-            Calibrated where the board is. [V]
+        At most what the ring holds.
 
         Raises
         ------
@@ -140,11 +124,6 @@ class Daq3500:
     def arm(self, trigger: TriggerSettings) -> None:
         """Start streaming and return once the pre-trigger part is filled.
 
-        Parameters
-        ----------
-        trigger : TriggerSettings
-            When the record begins and how long it is.
-
         Raises
         ------
         ConfigurationError
@@ -158,19 +137,9 @@ class Daq3500:
         self._session.arm(*self._parts(board), trigger, board.calibration.volts_per_code)
 
     def wait_trigger(self, timeout_s: float, abort: threading.Event) -> int:
-        """Return the host clock at the trigger, before the record is full.
+        """Return the host's monotonic clock at the trigger, before the record is full. [ns]
 
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-        abort : threading.Event
-            Ends the wait within 20 ms when set.
-
-        Returns
-        -------
-        int
-            Monotonic clock when the trigger was recognised. [ns]
+        Setting ``abort`` ends the wait within 20 ms.
 
         Raises
         ------
@@ -180,19 +149,10 @@ class Daq3500:
         return self._session.wait_trigger(timeout_s, abort)
 
     def wait_record(self, timeout_s: float, abort: threading.Event) -> Record:
-        """Return the record.
+        """Return the whole record, no sample of which was lost.
 
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait for the trigger; the rest of the record has its own limit. [s]
-        abort : threading.Event
-            Ends the wait within 20 ms when set.
-
-        Returns
-        -------
-        Record
-            Whole, with status words that say that no sample was lost.
+        ``timeout_s`` is for the trigger; the rest of the record has its own limit. Setting
+        ``abort`` ends the wait within 20 ms.
 
         Raises
         ------
@@ -273,7 +233,7 @@ class Daq3500:
         return Pace(rate_hz, u_hz, self._latency)
 
     def _partial_record(self) -> Record | None:
-        """Return what came of a triggered record before its run broke."""
+        """Return what is there of a triggered record whose run broke."""
         capture, board = self._session.last_capture, self._board
         if capture is None or board is None or not capture.triggered:
             return None

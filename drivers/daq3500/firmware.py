@@ -53,22 +53,9 @@ class Image:
 
 
 def read_image(path: Path | None, setting: str) -> Image:
-    """Return the image a setting points to.
+    """Return the image a setting points to; FirmwareError if it is not set, unreadable or empty.
 
-    Parameters
-    ----------
-    setting : str
-        Name of the setting, for the message.
-
-    Returns
-    -------
-    Image
-        Never empty.
-
-    Raises
-    ------
-    FirmwareError
-        If it is not set, cannot be read or is empty.
+    ``setting`` is the setting's name, for the message.
     """
     if path is None:
         raise FirmwareError(
@@ -89,22 +76,10 @@ def read_image(path: Path | None, setting: str) -> Image:
 
 
 def parse_ram_records(image: Image) -> list[RamRecord]:
-    """Return what an FX2 image wants where.
+    """Return the bytes of an FX2 image and their addresses, in the order of the file.
 
-    Parameters
-    ----------
-    image : Image
-        In one of the three formats.
-
-    Returns
-    -------
-    list of RamRecord
-        In the order of the file.
-
-    Raises
-    ------
-    FirmwareError
-        If the file is damaged or addresses memory the chip's loader cannot write.
+    A FirmwareError says that the file is damaged or addresses memory the chip's loader cannot
+    write.
     """
     first = image.content[0]
     if first == ord(":"):
@@ -163,12 +138,9 @@ def _parse_iic(image: Image) -> list[RamRecord]:
 
 
 def load_fx2(link: Daq3500Link, image: Image) -> None:
-    """Load the USB chip's RAM and let it run, upon which it leaves the bus and comes back.
+    """Load the USB chip's RAM and start it; it then leaves the bus and comes back.
 
-    Raises
-    ------
-    FirmwareError
-        If the file is damaged.
+    A FirmwareError says that the file is damaged.
     """
     records = parse_ram_records(image)
     link.write(Request.FX2_RAM, b"\x01", value=_CPUCS)
@@ -185,18 +157,7 @@ def fpga_loaded(link: Daq3500Link) -> bool:
 
 
 def load_fpga(link: Daq3500Link, image: Image) -> None:
-    """Load the FPGA.
-
-    Parameters
-    ----------
-    image : Image
-        The FPGA's bit stream.
-
-    Raises
-    ------
-    FirmwareError
-        If the board does not accept it.
-    """
+    """Load the FPGA with its bit stream; FirmwareError if the board does not accept it."""
     link.write(Request.FPGA)
     for at in range(0, len(image.content), _FPGA_BLOCK_BYTES):
         link.write(Request.FPGA_BLOCK, image.content[at : at + _FPGA_BLOCK_BYTES])

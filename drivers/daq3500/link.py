@@ -24,13 +24,7 @@ _DRAIN_LIMIT_READS = 64
 
 
 class Daq3500Link:
-    """One opened board on the bus.
-
-    Parameters
-    ----------
-    device : usb.core.Device
-        The board, in either enumeration state.
-    """
+    """One opened board on the bus, in either enumeration state."""
 
     def __init__(self, device: Any) -> None:
         self.device = device
@@ -42,12 +36,8 @@ class Daq3500Link:
     def claim(self) -> None:
         """Claim the interface, so that no other program can.
 
-        Raises
-        ------
-        DeviceBusyError
-            If another program has it.
-        DeviceNotFoundError
-            If the board lacks the sample endpoint.
+        A DeviceBusyError says that another program has it, a DeviceNotFoundError that the board
+        lacks the sample endpoint.
         """
         with self.in_use(), translated("claiming the board"):
             usb.util.claim_interface(self.device, INTERFACE)
@@ -71,14 +61,10 @@ class Daq3500Link:
 
     @contextmanager
     def in_use(self) -> Iterator[None]:
-        """Let the board be used, but not once it was given back.
+        """Let the board be used; DeviceLostError after it was given back.
 
-        pyusb would open and claim it again for whoever is late, behind the back of its next owner.
-
-        Raises
-        ------
-        DeviceLostError
-            If it was given back.
+        pyusb would open and claim it again for whoever is late, without the knowledge of its next
+        owner.
         """
         with self._using:
             if self._given_back:
@@ -90,17 +76,9 @@ class Daq3500Link:
             yield
 
     def samples(self, timeout_s: float = READ_TIMEOUT_S) -> SynchronousBulkSource:
-        """Return the source of the sample endpoint.
+        """Return the source of the sample endpoint; it fails once the board was given back.
 
-        Parameters
-        ----------
-        timeout_s : float, optional
-            Longest a read may block. [s]
-
-        Returns
-        -------
-        SynchronousBulkSource
-            Useless once the board was given back.
+        A read blocks for ``timeout_s`` at most.
         """
         return SynchronousBulkSource(self.device, ENDPOINT_IN, timeout_s, in_use=self.in_use)
 
@@ -110,20 +88,7 @@ class Daq3500Link:
             self.device.clear_halt(ENDPOINT_IN)
 
     def write(self, request: Request, data: bytes = b"", *, value: int = 0, index: int = 0) -> None:
-        """Send a vendor request.
-
-        Parameters
-        ----------
-        data : bytes, optional
-            Its data stage.
-        value, index : int, optional
-            wValue and wIndex.
-
-        Raises
-        ------
-        ProtocolError
-            If the board took fewer bytes than were sent.
-        """
+        """Send a vendor request; ProtocolError if the board takes fewer bytes than are sent."""
         about = f"request {request:#04x} (value {value:#06x}, index {index:#04x})"
         with self.in_use(), translated(f"sending {about}"):
             sent = self.device.ctrl_transfer(_OUT, request, value, index, data, _CONTROL_TIMEOUT_MS)
@@ -131,25 +96,7 @@ class Daq3500Link:
             raise ProtocolError(f"Request {request:#04x} sent {sent} of {len(data)} bytes.")
 
     def read(self, request: Request, length: int, *, value: int = 0, index: int = 0) -> bytes:
-        """Return the answer to a vendor request.
-
-        Parameters
-        ----------
-        length : int
-            Bytes expected. [B]
-        value, index : int, optional
-            wValue and wIndex.
-
-        Returns
-        -------
-        bytes
-            Exactly `length` of them.
-
-        Raises
-        ------
-        ProtocolError
-            If there are fewer.
-        """
+        """Return so many bytes that answer a request; ProtocolError if there are fewer."""
         about = f"request {request:#04x} (value {value:#06x}, index {index:#04x})"
         with self.in_use(), translated(f"reading {about}"):
             data = self.device.ctrl_transfer(
@@ -174,10 +121,7 @@ class Daq3500Link:
     def drain(self) -> None:
         """Read the sample endpoint until nothing comes.
 
-        Raises
-        ------
-        ProtocolError
-            If it does not run dry, because the converter did not stop.
+        A ProtocolError says that it does not run dry, because the converter did not stop.
         """
         for _ in range(_DRAIN_LIMIT_READS):
             if self._drain_source.read_into(self._drain_buffer) == 0:

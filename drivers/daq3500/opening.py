@@ -41,15 +41,7 @@ _POLL_S = 0.05
 
 @dataclass(frozen=True)
 class OpenedBoard:
-    """A board that answered, was loaded and tested.
-
-    Attributes
-    ----------
-    link : Daq3500Link
-        The way to it.
-    calibration : RangeCalibration
-        Of the configured range.
-    """
+    """A board that answered, was loaded and tested."""
 
     link: Daq3500Link
     identity: DigitizerIdentity
@@ -59,19 +51,8 @@ class OpenedBoard:
 def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = False) -> OpenedBoard:
     """Find the board, load what is missing, test it and read its calibration.
 
-    Parameters
-    ----------
-    settings : Daq3500Settings
-        Which board and which files.
-    backend : usb.backend.IBackend or None
-        ``None`` for libusb 1.0.
-    clear_halt : bool, optional
-        Whether the last run broke, so that the endpoint may be stalled.
-
-    Raises
-    ------
-    DriverError
-        Any of its kinds; the board is given back then.
+    After any DriverError the board is given back. ``clear_halt`` says that the last run broke, so
+    that the endpoint may be stalled.
     """
     backend = backend or usb.backend.libusb1.get_backend()
     if backend is None:
@@ -105,10 +86,7 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
 def self_test(link: Daq3500Link) -> None:
     """Write patterns to the mark register and read them back.
 
-    Raises
-    ------
-    SelfTestError
-        With the pattern that came back wrong.
+    A SelfTestError has the pattern that came back wrong.
     """
     for mark in DIGITAL_MARKS:
         link.write_register(Register.DIGITAL_MARK, mark)

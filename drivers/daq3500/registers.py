@@ -89,22 +89,9 @@ UTILITY_OPEN = 0x0100
 
 
 def gain_code(range_v: float) -> int:
-    """Return the gain code of an input range.
+    """Return the gain code of an input range: 0 for +/-10 V to 6 for +/-0.1 V.
 
-    Parameters
-    ----------
-    range_v : float
-        Range, +/-. [V]
-
-    Returns
-    -------
-    int
-        0 for +/-10 V to 6 for +/-0.1 V.
-
-    Raises
-    ------
-    ConfigurationError
-        If the board has no such range.
+    A ConfigurationError says that the board has no such range.
     """
     if range_v not in RANGES_V:
         raise ConfigurationError(
@@ -117,24 +104,9 @@ def gain_code(range_v: float) -> int:
 def scan_entry(*, channel: int, range_v: float, differential: bool, settling_code: int) -> int:
     """Return the 32-bit scan-list entry of the only, hence last, channel.
 
-    Parameters
-    ----------
-    channel : int
-        Input, 0 to 15 (0 to 7 differential).
-    range_v : float
-        Range, +/-. [V]
-    settling_code : int
-        0 for 1 us, 1 for 5 us, 2 for 10 us, 3 for 1 ms.
-
-    Returns
-    -------
-    int
-        E.g. 0x00000006 for channel 0, +/-10 V, single-ended, 1 us.
-
-    Raises
-    ------
-    ConfigurationError
-        If there is no such channel, range or settling time.
+    The channel is 0 to 15 (0 to 7 differential); the settling code is 0 for 1 us, 1 for 5 us, 2 for
+    10 us, 3 for 1 ms. All else is a ConfigurationError. E.g. 0x00000006 for channel 0, +/-10 V,
+    single-ended, 1 us.
     """
     highest = 7 if differential else 15
     if not 0 <= channel <= highest:
@@ -159,31 +131,19 @@ def scan_entry(*, channel: int, range_v: float, differential: bool, settling_cod
 
 
 def pacer_rate_hz(divisor: int) -> float:
-    """Return the nominal sample rate of a pacer divisor.
+    r"""Return the nominal sample rate of a pacer divisor.
 
-    .. math:: f = 48\\,\\mathrm{MHz} / (N + 1)
+    .. math:: f = 48\,\mathrm{MHz} / (N + 1)
 
-    Returns
-    -------
-    float
-        Nominal rate; the calibrated one differs (conversions were measured 1.0093 us apart
-        where 1 us was set). [Hz]
+    The calibrated rate differs (conversions were measured 1.0093 us apart where 1 us was set).
     """
     return PACER_CLOCK_HZ / (divisor + 1)
 
 
 def pacer_words(divisor: int) -> tuple[int, int, int]:
-    """Return the divisor as the low, middle and high register words.
+    """Return the divisor N as the low, middle and high register words.
 
-    Parameters
-    ----------
-    divisor : int
-        N, 0 to 2**48 - 1.
-
-    Raises
-    ------
-    ConfigurationError
-        If it does not fit.
+    Other than 0 to 2**48 - 1 is a ConfigurationError.
     """
     if not 0 <= divisor < 1 << 48:
         raise ConfigurationError(

@@ -36,10 +36,7 @@ def reset(link: Daq3500Link) -> None:
 def program_scan_list(link: Daq3500Link, entry: int) -> None:
     """Write the scan list, which has one channel.
 
-    Parameters
-    ----------
-    entry : int
-        32-bit entry, see `drivers.daq3500.registers.scan_entry`.
+    The entry is from `drivers.daq3500.registers.scan_entry`.
     """
     link.write_register(Register.ACQUISITION, AcqControl.RESET_SCAN_LIST)
     link.write_register(Register.SCAN_LIST, entry & 0xFFFF)
@@ -52,10 +49,8 @@ def program_scan_list(link: Daq3500Link, entry: int) -> None:
 class Daq3500Converter:
     """The converter as a `drivers.usb_stream.StreamingBoard`.
 
-    Attributes
-    ----------
-    pacer_on_s : tuple of float or None
-        Just before and just after the pacer was told to start, on the monotonic clock. [s]
+    ``pacer_on_s`` is just before and just after the pacer was told to start, on the monotonic
+    clock.
     """
 
     def __init__(self, link: Daq3500Link, settings: Daq3500Settings) -> None:
@@ -67,10 +62,7 @@ class Daq3500Converter:
     def start_acquiring(self) -> int:
         """Start the converter and return the status word read just before its first sample.
 
-        Returns
-        -------
-        int
-            See `drivers.daq3500.registers.AcqStatus`.
+        Its bits are `drivers.daq3500.registers.AcqStatus`.
         """
         link = self._link
         reset(link)
@@ -97,23 +89,11 @@ class Daq3500Converter:
         return status
 
     def acquisition_status(self) -> int:
-        """Return the status word.
-
-        Returns
-        -------
-        int
-            See `drivers.daq3500.registers.AcqStatus`.
-        """
+        """Return the status word, see `drivers.daq3500.registers.AcqStatus`."""
         return self._link.read_register(Register.ACQUISITION)
 
     def stop_acquiring(self) -> None:
-        """Stop the converter and read its remaining data.
-
-        Raises
-        ------
-        DriverError
-            If it could not be told to, twice.
-        """
+        """Stop the converter and read its remaining data; DriverError after two failures."""
         try:
             reset(self._link)
         except DriverError:

@@ -18,63 +18,46 @@ _BYTES_PER_SAMPLE = 2
 class Daq3500Settings:
     """Identity, input, rate and buffers of one board.
 
-    Attributes
-    ----------
-    vendor_id, product_id_unloaded, product_id_loaded : int
-        USB ids before and after the firmware is loaded. Those of a 3500 are NOT KNOWN, hence
-        required; a Personal Daq/3001 has 0x0622, 0x0470, 0x2c01.
-    serial_number : str or None
-        Chooses among several boards.
-    firmware_file, fpga_file : Path or None
-        The user's images for an unloaded board; formats in `drivers.daq3500.firmware`.
-    differential : bool
-        Whether two inputs are subtracted.
-    range_v : float
-        Range, +/-. [V]
-    settling_code : int
-        0 for 1 us, 1 for 5 us, 2 for 10 us, 3 for 1 ms.
-    pacer_divisor : int
-        N in 48 MHz/(N + 1); 47 for a nominal 1 MHz.
-    sample_rate_hz, sample_rate_u_hz : float
-        Calibrated rate and its standard uncertainty; the nominal rate is not it. [Hz]
-    ring_seconds : float
-        Length of the ring buffer; more than a record. [s]
-    transfer_bytes : int
-        Size of one read, a multiple of 512. A read ends when it is full, so a stop takes up to
-        one of them: 8 ms at 1 MS/s and 16384 bytes. [B]
-    pace_checked : bool
-        Whether the count of samples is held against the host's clock, which shows lost blocks.
-        Off only where the transport does not run in real time: an accelerated simulation, a replay.
-    wire_log_file : Path or None
-        Where to write every transfer, for the first run with a new board. Samples are then not held
-        against the clock, because a replay does not keep the time of the recording.
-    wire_log_data : bool
-        Whether that log holds the samples too, which a replay needs.
-
-    Raises
-    ------
-    ConfigurationError
-        If they cannot describe a real board.
+    A ConfigurationError says that they cannot describe a real board.
     """
 
     vendor_id: int
     product_id_unloaded: int
     product_id_loaded: int
+    """USB ids before and after the firmware is loaded. Those of a 3500 are NOT KNOWN, hence
+    required; a Personal Daq/3001 has 0x0622 (vendor), 0x0470, 0x2c01."""
     sample_rate_hz: float
     sample_rate_u_hz: float
+    """Standard uncertainty of ``sample_rate_hz``, the calibrated rate; the nominal rate is not
+    it."""
     serial_number: str | None = None
+    """Chooses among several boards."""
     firmware_file: Path | None = None
     fpga_file: Path | None = None
+    """This and ``firmware_file`` are the user's images for an unloaded board; formats in
+    `drivers.daq3500.firmware`."""
     channel: int = 0
     differential: bool = False
+    """Whether two inputs are subtracted."""
     range_v: float = 10.0
+    """Half the range, which is +/- this."""
     settling_code: int = 0
+    """0 for 1 us, 1 for 5 us, 2 for 10 us, 3 for 1 ms."""
     pacer_divisor: int = 47
+    """N in 48 MHz/(N + 1); 47 for a nominal 1 MHz."""
     ring_seconds: float = 2.0
+    """More than a record."""
     transfer_bytes: int = 16384
+    """Size of one read, a multiple of 512. A read ends when it is full, so a stop takes up to one
+    of them: 8 ms at 1 MS/s and 16384 bytes. [B]"""
     pace_checked: bool = True
+    """Whether the count of samples is compared with the host's clock, which shows lost blocks. Off
+    only where the transport does not run in real time: an accelerated simulation, a replay."""
     wire_log_file: Path | None = None
+    """Where to write every transfer, for the first run with a new board. Samples are then not
+    compared with the clock, because a replay does not keep the time of the recording."""
     wire_log_data: bool = False
+    """Whether that log holds the samples too, which a replay needs."""
 
     def __post_init__(self) -> None:
         pacer_words(self.pacer_divisor)

@@ -10,19 +10,9 @@ from drivers.errors import OverrunError, RecordError
 def check_status(words: tuple[int, ...], record: Record | None = None) -> None:
     """Refuse samples whose last status word tells of a fault.
 
-    Parameters
-    ----------
-    words : tuple of int
-        Status at start and end of the run.
-    record : Record, optional
-        What was captured; the error carries it as evidence.
-
-    Raises
-    ------
-    OverrunError
-        If samples were lost.
-    RecordError
-        If the converter reports another fault, or its status was never read.
+    ``words`` are the status at start and end of the run. An OverrunError says that samples were
+    lost, a RecordError that the converter reports another fault or that its status was never read;
+    either carries the record as evidence.
     """
     if len(words) < 2:
         raise RecordError("The run ended without its closing status word.", record=record)

@@ -1,6 +1,6 @@
 """The common part of every relay board: open, switch, make safe, close.
 
-A board adds its words: how it is greeted, how it is told, and how it is made safe.
+Each board adds its commands: for the first contact, for switching, and for making safe.
 """
 
 from __future__ import annotations
@@ -21,12 +21,8 @@ SAFE_WAIT_S = 0.3
 class RelayBoard:
     """A valve on one serial port.
 
-    Parameters
-    ----------
-    port : SerialPort
-        Not opened yet.
-    off_words : bytes
-        What switches the vacuum on whatever the board heard before; sent when nothing else works.
+    ``off_words`` switch the vacuum on whatever the board received before; they are sent when
+    nothing else works.
     """
 
     def __init__(self, port: SerialPort, off_words: bytes) -> None:
@@ -57,13 +53,7 @@ class RelayBoard:
                 raise
 
     def hold(self) -> ValveReport:
-        """Switch the vacuum on.
-
-        Returns
-        -------
-        ValveReport
-            Confirmed where the board can be read back.
-        """
+        """Switch the vacuum on; confirmed if the board can be read back."""
         return self._switch(vacuum_on=True)
 
     def release(self, permitted: Callable[[], bool] | None = None) -> ValveReport:
@@ -73,11 +63,6 @@ class RelayBoard:
         ----------
         permitted : callable, optional
             Asked once the line is ours; ``False`` keeps the vacuum on.
-
-        Returns
-        -------
-        ValveReport
-            Confirmed where the board can be read back.
 
         Raises
         ------
@@ -128,7 +113,7 @@ class RelayBoard:
     # What a board adds
 
     def _greet(self) -> None:
-        """Make sure who it is, as far as it tells, and switch the vacuum on."""
+        """Check which board it is, as far as it tells, and switch the vacuum on."""
         raise NotImplementedError
 
     def _command(self, *, vacuum_on: bool) -> ValveReport:

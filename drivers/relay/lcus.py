@@ -18,18 +18,12 @@ _OFF_WORDS = 2 * _RELAY_OFF
 
 @dataclass(frozen=True)
 class LcusSettings:
-    """Where the board is.
-
-    Attributes
-    ----------
-    port : str
-        Device path, better one under ``/dev/serial/by-id``.
-    timeout_s : float
-        For handing a command over. [s]
-    """
+    """Where the board is."""
 
     port: str
+    """Device path, better one under ``/dev/serial/by-id``."""
     timeout_s: float = 0.5
+    """For handing a command over."""
 
 
 class LcusValve(RelayBoard):

@@ -23,33 +23,22 @@ _HEARD_LIMIT_BYTES = 4096
 
 @dataclass(frozen=True)
 class NumatoSettings:
-    """Where the board is and how its gauge is calibrated.
-
-    Attributes
-    ----------
-    port : str
-        Device path, better one under ``/dev/serial/by-id``.
-    relay : int
-        Channel of the valve. [1]
-    adc_channel : int or None
-        Channel of the vacuum gauge, ``None`` without one. [1]
-    adc_volts_per_code : float or None
-        Calibrated step; the board's reference voltage is not documented. [V]
-    held_threshold_v : float or None
-        Gauge voltage between "sphere held" and "not held". [V]
-    held_above : bool
-        Whether a held sphere reads above the threshold.
-    timeout_s : float
-        For one reply. [s]
-    """
+    """Where the board is and how its gauge is calibrated."""
 
     port: str
+    """Device path, better one under ``/dev/serial/by-id``."""
     relay: int = 0
+    """Channel of the valve."""
     adc_channel: int | None = None
+    """Channel of the vacuum gauge, ``None`` without one."""
     adc_volts_per_code: float | None = None
+    """Calibrated step; the board's reference voltage is not documented."""
     held_threshold_v: float | None = None
+    """Gauge voltage between "sphere held" and "not held"."""
     held_above: bool = True
+    """Whether a held sphere reads above the threshold."""
     timeout_s: float = 0.5
+    """For one reply."""
 
     def __post_init__(self) -> None:
         """Refuse a gauge without its calibration."""
@@ -151,7 +140,7 @@ class NumatoValve(RelayBoard):
         return ValveReport(vacuum_on, True, began_ns, sent_ns, garbage + more)
 
     def _catch_up(self) -> None:
-        """Hear out late replies: one to an older question must never answer the next.
+        """Read late replies: one to an older question must never answer the next.
 
         The board answers in order, so whatever was asked before comes before these two. Two,
         because the first of them may itself be answered by a late reply of its own kind.
@@ -194,22 +183,8 @@ class NumatoValve(RelayBoard):
 def _answer_in(heard: bytes, command: str, reply: bytes) -> tuple[str, bytes] | None:
     """Return the answer to a command and what belongs to none; ``None`` while it is not there.
 
-    Parameters
-    ----------
-    heard : bytes
-        Everything since the command was sent.
-    reply : bytes
-        Pattern of the one word it must be.
-
-    Returns
-    -------
-    tuple of str and bytes, or None
-        The word in small letters, and stray bytes.
-
-    Raises
-    ------
-    ProtocolError
-        If the board said something else.
+    ``heard`` is everything since the command was sent, ``reply`` the pattern of the one word it
+    must be; all else is a ProtocolError. The word is in small letters; the rest are stray bytes.
     """
     echo = command.encode("ascii")
     at = heard.lower().find(echo.lower())

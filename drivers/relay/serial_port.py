@@ -28,14 +28,7 @@ _BUSY = (errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK)
 class SerialPort:
     """One exclusive serial port.
 
-    Parameters
-    ----------
-    path : str
-        Device path.
-    timeout_s : float
-        For writing. [s]
-    baud_rate : int
-        Meaningless over USB CDC, needed by real UARTs. [1/s]
+    ``timeout_s`` is for writing. The baud rate has no meaning over USB CDC; real UARTs need it.
     """
 
     def __init__(self, path: str, timeout_s: float, baud_rate: int = 9600) -> None:
@@ -56,14 +49,8 @@ class SerialPort:
     def open(self) -> None:
         """Take the port exclusively.
 
-        Raises
-        ------
-        DeviceNotFoundError
-            If there is no such port.
-        DeviceBusyError
-            If another program holds it.
-        DriverError
-            If it may not be opened.
+        A DeviceNotFoundError says that there is no such port, a DeviceBusyError that another
+        program holds it, any other DriverError that it may not be opened.
         """
         try:
             self._serial = serial.Serial(
@@ -100,17 +87,8 @@ class SerialPort:
     def write(self, data: bytes) -> None:
         """Hand bytes over to the system and wait until they are out.
 
-        Parameters
-        ----------
-        data : bytes
-            What to send.
-
-        Raises
-        ------
-        DeviceLostError
-            If the port is gone.
-        DeviceTimeoutError
-            If it takes nothing any more.
+        A DeviceLostError says that the port is gone, a DeviceTimeoutError that it takes nothing any
+        more.
         """
         port = self._ours()
         try:
@@ -132,22 +110,9 @@ class SerialPort:
             time.sleep(_DRAIN_POLL_S)
 
     def read(self, timeout_s: float) -> bytes:
-        """Return what arrives within a time, at once when something is there.
+        """Return what arrives within a time, at once if anything is there; possibly nothing.
 
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-
-        Returns
-        -------
-        bytes
-            Possibly nothing.
-
-        Raises
-        ------
-        DeviceLostError
-            If the port is gone.
+        A DeviceLostError says that the port is gone.
         """
         port = self._ours()
         try:
@@ -160,10 +125,7 @@ class SerialPort:
     def discard(self, timeout_s: float) -> bytes:
         """Return and forget everything that is waiting, for a tenth of a second at most.
 
-        Parameters
-        ----------
-        timeout_s : float
-            How long a silence ends it. [s]
+        A silence of ``timeout_s`` ends it.
         """
         heard = b""
         ends_s = time.monotonic() + _DISCARD_LIMIT_S

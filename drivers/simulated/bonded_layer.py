@@ -24,17 +24,8 @@ _POINTS = 32  # of the integral equation; doubling them moves f by less than 1e-
 def dimitriadis(poissons_ratio: float) -> Vector:
     """Return the coefficients of Dimitriadis et al., Biophys. J. 82 (2002) 2798, Eq. 10 and 11.
 
-    The bonded layer, any Poisson's ratio, asymptotic for small X.
-
-    Parameters
-    ----------
-    poissons_ratio : float
-        nu. [1]
-
-    Returns
-    -------
-    ndarray, shape (8,)
-        Coefficients; those beyond the fourth are zero. [1]
+    The bonded layer, any Poisson's ratio, asymptotic for small X. Of the eight, those beyond the
+    fourth are zero.
     """
     nu = poissons_ratio
     a = -(1.2876 - 1.4678 * nu + 1.3442 * nu**2) / (1.0 - nu)
@@ -60,22 +51,11 @@ def garcia() -> Vector:
 
 
 def solved_layer(poissons_ratio: float, coupon_share: float) -> Vector:
-    """Return coefficients fitted to a numerical solution of sphere on bonded layer.
+    """Return the eight coefficients fitted to a numerical solution of sphere on bonded layer.
 
     The sphere's own compliance is in the solution, so nothing is added up in series; ``f`` is then
-    what the series formula needs in order to give the solved force.
-
-    Parameters
-    ----------
-    poissons_ratio : float
-        nu of the layer. [1]
-    coupon_share : float
-        ``(1/E2') / (1/E1' + 1/E2')``, the coupon's part in the compliance of thick bodies. [1]
-
-    Returns
-    -------
-    ndarray, shape (8,)
-        Coefficients. [1]
+    what the series formula needs in order to give the solved force. ``coupon_share`` is
+    ``(1/E2') / (1/E1' + 1/E2')``, the coupon's part in the compliance of thick bodies.
     """
     return np.array(_solved_layer(round(poissons_ratio, 4), round(coupon_share, 3)))
 
@@ -96,22 +76,10 @@ def layer_contact(
 ) -> tuple[float, float]:
     """Solve a frictionless sphere on a bonded layer for one radius of contact.
 
-    Parameters
-    ----------
-    contact_over_thickness : float
-        a / h. [1]
-    poissons_ratio : float
-        nu of the layer. [1]
-    coupon_share : float
-        The layer's part in the compliance of thick bodies; 1 for a rigid sphere. [1]
+    Return ``X = sqrt(R delta)/h`` and the force over that of Hertz at the same approach.
+    ``contact_over_thickness`` is a / h; ``coupon_share`` is the layer's part in the compliance of
+    thick bodies, 1 for a rigid sphere.
 
-    Returns
-    -------
-    tuple of float
-        ``X = sqrt(R delta)/h`` and the force over that of Hertz at the same approach. [1, 1]
-
-    Notes
-    -----
     Pressure ``p^(k) = int_0^a phi(t) cos(k t) dt`` turns ``w(r) = delta - r^2/(2R)`` into
 
         phi(t) + (s/(pi h)) int_0^a phi(u) [G((t+u)/h) + G((t-u)/h)] du = E*/pi (delta - t^2/R),
@@ -119,10 +87,10 @@ def layer_contact(
         L(x) = (q sinh x cosh x - x) / (q sinh^2 x + x^2 + 4 (1 - nu)^2),   q = 3 - 4 nu,
 
     with ``phi(a) = 0`` for a smooth edge and ``F = 2 pi int phi``. Source: Lebedev & Ufliand, J.
-    Appl. Math. Mech. 22 (1958) 442; Hayes et al., J. Biomech. 5 (1972) 541 for L.
-    Validation: X -> 0 is Hertz; L against the equations of elasticity; nu = 0.5 within 0.7 % of
-    Garcia & Garcia 2018 up to X = 0.5; the slope at X = 0 within 0.6 % of Dimitriadis 2002, whose
-    series is 2 % low at X = 0.27 and 8 % at X = 0.49 for nu = 0.5.
+    Appl. Math. Mech. 22 (1958) 442; Hayes et al., J. Biomech. 5 (1972) 541 for L. Validation: X ->
+    0 is Hertz; L against the equations of elasticity; nu = 0.5 within 0.7 % of Garcia & Garcia 2018
+    up to X = 0.5; the slope at X = 0 within 0.6 % of Dimitriadis 2002, whose series is 2 % low at X
+    = 0.27 and 8 % at X = 0.49 for nu = 0.5.
     """
     a = contact_over_thickness  # lengths in units of the thickness
     nodes, weights = np.polynomial.legendre.leggauss(_POINTS)

@@ -38,24 +38,11 @@ __all__ = [
 
 
 def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
-    """Simulate a campaign.
+    """Simulate a campaign; same settings and seed, same campaign to the last code.
 
-    Parameters
-    ----------
-    seed : int
-        Same settings and seed, same campaign to the last code.
-
-    Returns
-    -------
-    dict
-        ``campaign``: the ``impactd-campaign/1`` dictionary, ready for JSON; ``codes``: a list of
-        int16 arrays of shape (samples,), one per shot in the campaign's order; ``truth``: what the
-        rig truly was, ready for JSON.
-
-    Raises
-    ------
-    ValueError
-        If an effect and the cell's model do not go together.
+    ``campaign`` is the ``impactd-campaign/1`` dictionary, ready for JSON; ``codes`` a list of int16
+    arrays of shape (samples,), one per shot in the campaign's order; ``truth`` what the rig truly
+    was, ready for JSON. A ValueError says that an effect and the cell's model do not go together.
     """
     drops = draw_drops(settings, seed)
     return simulate_drops(settings, drops, draw_certificate(settings, drops, seed), seed)
@@ -64,10 +51,7 @@ def simulate_campaign(settings: CampaignSettings, seed: int) -> dict[str, Any]:
 def draw_certificate(settings: CampaignSettings, drops: Drops, seed: int) -> CellSpec:
     """Return the cell's certificate, its compliance chosen where ``settings.fill`` asks for it.
 
-    Returns
-    -------
-    CellSpec
-        ``settings.cell`` itself without ``fill``.
+    It is ``settings.cell`` itself without ``fill``.
     """
     if settings.fill is None:
         return settings.cell
@@ -78,23 +62,7 @@ def draw_certificate(settings: CampaignSettings, drops: Drops, seed: int) -> Cel
 def simulate_drops(
     settings: CampaignSettings, drops: Drops, cell: CellSpec, seed: int
 ) -> dict[str, Any]:
-    """Simulate drops that are already drawn.
-
-    Parameters
-    ----------
-    cell : CellSpec
-        The cell's certificate.
-
-    Returns
-    -------
-    dict
-        As `simulate_campaign` returns it.
-
-    Raises
-    ------
-    ValueError
-        If an effect and the cell's model do not go together.
-    """
+    """Simulate drops that are already drawn, as `simulate_campaign` returns them."""
     rig = _draw(settings, drops.surfaces, cell, seed)
     shots, codes, flights = [], [], []
     for number, drop in enumerate(drops.in_order):
@@ -111,24 +79,9 @@ def simulate_drops(
 
 
 def write_campaign_folder(folder: Path, simulated: Mapping[str, Any]) -> Path:
-    """Write a simulated campaign as a folder of the exchange format.
+    """Write a simulated campaign as a folder of the exchange format; return its ``campaign.json``.
 
-    Parameters
-    ----------
-    folder : Path
-        Created if need be. The truth goes into ``truth.json`` in it.
-    simulated : Mapping
-        What `simulate_campaign` returned.
-
-    Returns
-    -------
-    Path
-        Its ``campaign.json``.
-
-    Raises
-    ------
-    OSError
-        If the folder cannot be written.
+    The folder is created if need be; the truth goes into its ``truth.json``.
     """
     folder.mkdir(parents=True, exist_ok=True)
     for shot, codes in zip(simulated["campaign"]["shots"], simulated["codes"], strict=True):

@@ -22,19 +22,8 @@ def describe_shot(
 ) -> dict[str, object]:
     """Return a shot's entry: what the technician knows of it.
 
-    Parameters
-    ----------
-    drop : tuple of str, str, float
-        Sphere, surface and stated height. [-, -, m]
-    codes : ndarray of int16, shape (samples,)
-        The record.
-    chance : tuple of int
-        Where the error of the measured rebound comes from.
-
-    Returns
-    -------
-    dict
-        Ready for JSON.
+    ``drop`` is sphere, surface and stated height [m]; the error of the measured rebound comes from
+    the seed ``chance``.
     """
     sphere, surface, height = drop
     touch = flight.touches[0]
@@ -56,15 +45,7 @@ def describe_shot(
 def trigger_index(settings: CampaignSettings, codes: NDArray[np.int16]) -> int:
     """Return the first sample of a record beyond the trigger's level, above the baseline.
 
-    Parameters
-    ----------
-    codes : ndarray of int16, shape (samples,)
-        The record.
-
-    Returns
-    -------
-    int
-        ``settings.touch_at`` where no sample is.
+    ``settings.touch_at`` if there is none.
     """
     baseline = float(np.median(codes[: settings.touch_at // 2]))
     above = np.flatnonzero((codes - baseline) * _volts_per_code(settings) > settings.trigger_v)
@@ -105,17 +86,8 @@ def describe_campaign(
 ) -> dict[str, object]:
     """Return the campaign in the exchange format.
 
-    Parameters
-    ----------
-    surfaces : Mapping
-        Labels of the surfaces, the specimen's drawn ones included.
-    shots : list of dict
-        Entries of `describe_shot` in order of time.
-
-    Returns
-    -------
-    dict
-        Ready for JSON.
+    ``surfaces`` include the specimen's drawn labels; ``shots`` are from `describe_shot` in order of
+    time.
     """
     sensor = {
         "compliance_m_per_V": _quantity(cell.compliance_m_per_v, cell.compliance_u_m_per_v),

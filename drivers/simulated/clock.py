@@ -10,14 +10,9 @@ import time
 class RigClock:
     """Time as the rig knows it, starting at zero.
 
-    At a finite ``speed`` rig time is host time multiplied by it. At ``math.inf`` nothing moves by
-    itself: time stands where the last sample was read, so the host sets the pace and a run is
+    At a finite ``speed`` > 0 rig time is host time multiplied by it. At ``math.inf`` nothing moves
+    by itself: time stands where the last sample was read, so the host sets the pace and a run is
     repeatable to the last bit.
-
-    Parameters
-    ----------
-    speed : float
-        Rig seconds per host second, > 0; ``math.inf`` for as fast as the host reads. [1]
     """
 
     def __init__(self, speed: float = 1.0) -> None:
@@ -40,13 +35,7 @@ class RigClock:
         return (time.monotonic() - self._origin_s) * self.speed
 
     def advance_to(self, t_s: float) -> None:
-        """Move a driven clock forward; a running clock ignores it.
-
-        Parameters
-        ----------
-        t_s : float
-            Rig time that has been reached. [s]
-        """
+        """Move a driven clock forward; a running clock ignores it."""
         if not self.is_driven:
             return
         with self._moved:
@@ -54,13 +43,7 @@ class RigClock:
             self._moved.notify_all()
 
     def sleep_until(self, t_s: float) -> None:
-        """Return once rig time has reached ``t_s``; a driven clock jumps there.
-
-        Parameters
-        ----------
-        t_s : float
-            Rig time to wait for. [s]
-        """
+        """Return once rig time has reached ``t_s``; a driven clock jumps there."""
         if self.is_driven:
             self.advance_to(t_s)
             return

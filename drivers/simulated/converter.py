@@ -20,58 +20,31 @@ _T = TypeVar("_T", np.float32, np.uint16)
 
 @dataclass(frozen=True)
 class Board:
-    """A converter board's range and its own error, ``V = gain * Vraw + offset``.
-
-    Attributes
-    ----------
-    range_v : float
-        +/- range. [V]
-    gain : float
-        [1]
-    offset_v : float
-        [V]
-    """
+    """A converter board's range and its own error, ``V = gain * Vraw + offset``."""
 
     range_v: float
+    """Half the range, which is +/- this."""
     gain: float = 1.0
     offset_v: float = 0.0
 
 
 @dataclass(frozen=True)
 class QuietInput:
-    """What a resting input gives, as a table that joins its own beginning.
-
-    Attributes
-    ----------
-    noise_v : ndarray of float32, shape (TABLE_SAMPLES,)
-        Noise without the baseline. [V]
-    codes : ndarray of uint16, shape (TABLE_SAMPLES,)
-        Noise and baseline, converted.
-    """
+    """The values of a resting input, as a table that joins its own beginning."""
 
     noise_v: NDArray[np.float32]
+    """Noise without the baseline, shape (TABLE_SAMPLES,)."""
     codes: NDArray[np.uint16]
+    """Noise and baseline, converted."""
 
 
 @lru_cache(maxsize=4)
 def quiet_input(
     noise: NoiseSettings, seed: tuple[int, int], baseline_v: float, rate_hz: float, board: Board
 ) -> QuietInput:
-    """Return the table of an input at rest. No two streams share their noise.
+    """Return the table of an input at rest, read at a rate; it is kept for the next same call.
 
-    Parameters
-    ----------
-    seed : tuple of int
-        Source of chance: the rig's and the number of the stream.
-    baseline_v : float
-        Offset of the signal. [V]
-    rate_hz : float
-        Rate at which it will be read. [Hz]
-
-    Returns
-    -------
-    QuietInput
-        Kept for the next caller who asks the same.
+    ``seed`` is the rig's and the number of the stream: no two streams share their noise.
     """
     noise_v = noise_table(
         noise, TABLE_SAMPLES, rate_hz, np.random.default_rng([seed[0], 50, seed[1]])
@@ -80,18 +53,7 @@ def quiet_input(
 
 
 def quantise(volts: NDArray[np.float64], board: Board) -> NDArray[np.uint16]:
-    """Return offset binary codes; a converter stops at the ends of its range.
-
-    Parameters
-    ----------
-    volts : ndarray, shape (n,)
-        Input. [V]
-
-    Returns
-    -------
-    ndarray of uint16, shape (n,)
-        Codes.
-    """
+    """Return offset binary codes; a converter stops at the ends of its range."""
     raw = (volts - board.offset_v) / board.gain
     ideal = np.rint((raw + board.range_v) * (CODES / (2.0 * board.range_v)))
     return np.clip(ideal, 0, CODES - 1).astype(np.uint16)
@@ -100,20 +62,8 @@ def quantise(volts: NDArray[np.float64], board: Board) -> NDArray[np.uint16]:
 def coarser(codes: NDArray[np.int32], bits: int) -> NDArray[np.int32]:
     """Return what a converter of fewer bits gives for signed codes of 16.
 
-    Parameters
-    ----------
-    codes : ndarray of int32, shape (n,)
-        Of 16 bits.
-
-    Returns
-    -------
-    ndarray of int32, shape (n,)
-        Nearest codes of its own, ``-2^(bits-1)`` to ``2^(bits-1) - 1``.
-
-    Raises
-    ------
-    ValueError
-        If there is no such converter.
+    They are the nearest of its own codes, ``-2^(bits-1)`` to ``2^(bits-1) - 1``. A ValueError says
+    that there is no such converter.
     """
     if not 8 <= bits <= 16:
         raise ValueError(f"A simulated converter has 8 to 16 bits, not {bits}.")
@@ -124,20 +74,7 @@ def coarser(codes: NDArray[np.int32], bits: int) -> NDArray[np.int32]:
 
 
 def read_round(table: NDArray[_T], start: int, count: int) -> NDArray[_T]:
-    """Return a copy of a part of a table that repeats.
-
-    Parameters
-    ----------
-    table : ndarray, shape (n,)
-        The table.
-    start, count : int
-        Where to begin, at any distance, and how many values. [1]
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        A copy.
-    """
+    """Return a copy of a part of a table that repeats; it may start at any distance."""
     at = start % table.size
     if at + count <= table.size:
         return table[at : at + count].copy()

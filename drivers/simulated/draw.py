@@ -75,11 +75,8 @@ def _one_or_all(rng: np.random.Generator, spheres: Sequence[str], surfaces: Sequ
 def draw_scope(rng: np.random.Generator, spheres: Sequence[str], surfaces: Sequence[str]) -> Scope:
     """Return materials at random: one, some or all, each of the three as likely.
 
-    Returns
-    -------
-    Scope
-        Some are two to all but one, each number as likely, of one side; of fewer than three
-        materials there are only one and all.
+    Some are two to all but one, each number as likely, of one side; of fewer than three materials
+    there are only one and all.
     """
     how_many = str(rng.choice(("one", "some", "all")))
     side = "sphere" if spheres and (not surfaces or rng.integers(2) == 0) else "surface"
@@ -96,10 +93,7 @@ def draw_solid(
 ) -> Solid:
     """Return a body's true constants: around its label, or anywhere when the label is blank.
 
-    Parameters
-    ----------
-    exact : bool
-        Take the label at its word.
+    If ``exact``, the label is the truth.
     """
     z_modulus, z_ratio, log_e = rng.standard_normal(), rng.standard_normal(), rng.uniform()
     if spec.youngs_modulus_pa is None:
@@ -115,12 +109,7 @@ def draw_cell(
 ) -> TrueCell:
     """Return the true load cell, drawn around its certificate.
 
-    Parameters
-    ----------
-    exact : bool
-        Take the certificate at its word.
-    rigid : bool
-        Whether the cell is rigid (HSD).
+    If ``exact``, the certificate is the truth; ``rigid`` makes it an HSD cell.
     """
     pairs = (
         (spec.compliance_m_per_v, spec.compliance_u_m_per_v),
@@ -155,22 +144,16 @@ def draw_rig(
     ----------
     seed : int
         Two draws with the same seed and labels are the same rig.
-    spheres, surfaces : Mapping
-        Labels by name.
-    cell : CellSpec
-        The cell's certificate.
     effects : sequence of Effect or str
         What acts; ``"random"`` draws one.
     restitution : Mapping, optional
         eps of Eq. 6 by pair; pairs left out are drawn from 0.65 to 0.85. [1]
     restitution_scatter : float
         Standard deviation of eps from impact to impact. [1]
-    gravity_m_per_s2 : float
-        [m/s^2]
     rigid_cell : bool
         Whether the cell is rigid (HSD) instead of a Kelvin-Voigt element.
     exact : bool
-        Take every label at its word: nothing about materials and cell is drawn.
+        The labels are the truth: nothing about materials and cell is drawn.
     rig : str
         Which physics it obeys, a name that `rig_model` knows.
     spread : LabelSpread
@@ -223,9 +206,6 @@ def draw_rig(
 def no_room_for(model: RigModel) -> tuple[str, ...]:
     """Return the ids of effects that a rig of this physics has already.
 
-    Returns
-    -------
-    tuple of str
-        Where the third law holds, its lack cannot be mended.
+    With the third law that is the reaction of the dashpot.
     """
     return ("dashpot_reaction",) if model.third_law else ()

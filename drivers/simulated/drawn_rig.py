@@ -21,13 +21,7 @@ REFERENCE_SPEED_M_PER_S = 0.77
 
 @dataclass(frozen=True)
 class Solid:
-    """True elastic constants of one body.
-
-    Attributes
-    ----------
-    youngs_modulus_pa, poissons_ratio : float
-        E [Pa] and nu [1].
-    """
+    """True elastic constants of one body."""
 
     youngs_modulus_pa: float
     poissons_ratio: float
@@ -40,84 +34,47 @@ class Solid:
 
 @dataclass(frozen=True)
 class TrueCell:
-    """The load cell as it truly is.
-
-    Attributes
-    ----------
-    compliance_m_per_v, crystal_mass_kg : float
-        c [m/V] and M [kg].
-    crystal_stiffness_n_per_m, crystal_damping_n_s_per_m : float
-        k [N/m] and mu [N s/m].
-    hsd_n_per_v : float
-        S of Eq. 7, used when the cell is rigid. [N/V]
-    rigid : bool
-        The cell does not move (HSD).
-    """
+    """The true load cell: c, M, k, mu."""
 
     compliance_m_per_v: float
     crystal_mass_kg: float
     crystal_stiffness_n_per_m: float
     crystal_damping_n_s_per_m: float
     hsd_n_per_v: float
+    """S of Eq. 7, used when the cell is rigid."""
     rigid: bool = False
+    """The cell does not move (HSD)."""
 
 
 @dataclass(frozen=True)
 class DrawnRig:
-    """Truth of one rig.
-
-    Attributes
-    ----------
-    sphere_specs, surface_specs : Mapping
-        Spheres and coupons as they truly are, by name; their moduli are in the next two.
-    sphere_solids, surface_solids : Mapping
-        The true constants by name.
-    restitution : Mapping
-        eps of Eq. 6 at 0.77 m/s by (sphere, surface). [1]
-    restitution_slope : float
-        ``eps ~ speed^slope``. [1]
-    restitution_scatter : float
-        Standard deviation of eps from impact to impact. [1]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    model : RigModel
-        Which physics it obeys.
-    inputs : TrueInputs
-        What is true of all drops and differs from what is stated.
-    """
+    """Truth of one rig."""
 
     sphere_specs: Mapping[str, SphereSpec]
     surface_specs: Mapping[str, SurfaceSpec]
+    """Spheres and coupons as they truly are, by name; their moduli are in the next two."""
     sphere_solids: Mapping[str, Solid]
     surface_solids: Mapping[str, Solid]
     cell: TrueCell
     restitution: Mapping[tuple[str, str], float]
+    """eps of Eq. 6 at 0.77 m/s by (sphere, surface). [1]"""
     restitution_slope: float
+    """``eps ~ speed^slope``. [1]"""
     restitution_scatter: float
+    """Standard deviation of eps from impact to impact. [1]"""
     effects: tuple[Effect, ...]
     gravity_m_per_s2: float
     model: RigModel = PAPER
     inputs: TrueInputs = EXACT_INPUTS
+    """What is true of all drops and differs from what is stated."""
 
     def acting(self, sphere: str, surface: str) -> list[Effect]:
-        """Return the effects that concern a pair, in the order of the chain.
-
-        Returns
-        -------
-        list of Effect
-            Those whose scope includes it.
-        """
+        """Return the effects that concern a pair, in the order of the chain."""
         here = [e for e in self.effects if e.scope.includes(sphere, surface)]
         return sorted(here, key=lambda e: e.order)
 
     def reduced_modulus_pa(self, sphere: str, surface: str) -> float:
-        """Return E*, 1/E* = sum of (1 - nu^2)/E. [Pa]
-
-        Returns
-        -------
-        float
-            E*. [Pa]
-        """
+        """Return E*, 1/E* = sum of (1 - nu^2)/E. [Pa]"""
         a = self.sphere_solids[sphere].plane_strain_modulus_pa
         b = self.surface_solids[surface].plane_strain_modulus_pa
         return a * b / (a + b)
@@ -125,20 +82,7 @@ class DrawnRig:
     def restitution_at(
         self, sphere: str, surface: str, speed_m_per_s: float, rng: np.random.Generator
     ) -> float:
-        """Return eps of one impact.
-
-        Parameters
-        ----------
-        speed_m_per_s : float
-            Impact speed. [m/s]
-        rng : numpy.random.Generator
-            Source of this impact's scatter.
-
-        Returns
-        -------
-        float
-            eps of Eq. 6, at most 0.99 unless declared as 1. [1]
-        """
+        """Return eps of Eq. 6 for one impact, at most 0.99 unless declared as 1."""
         relative = speed_m_per_s / REFERENCE_SPEED_M_PER_S
         eps = self.restitution[sphere, surface] * relative**self.restitution_slope
         eps += self.restitution_scatter * rng.standard_normal()
@@ -146,15 +90,7 @@ class DrawnRig:
         return float(min(max(eps, 0.05), 1.0 if lossless else 0.99))
 
     def mechanics(self, shot: Shot, speed_m_per_s: float, rng: np.random.Generator) -> Mechanics:
-        """Return the bodies of one impact with every effect that changes them.
-
-        Parameters
-        ----------
-        speed_m_per_s : float
-            Impact speed. [m/s]
-        rng : numpy.random.Generator
-            Source of this impact's scatter.
-        """
+        """Return the bodies of one impact with every effect that changes them."""
         sphere, cell = self.sphere_specs[shot.sphere], self.cell
         coupon = self.surface_solids[shot.surface]
         bodies = Mechanics(
@@ -181,10 +117,10 @@ class DrawnRig:
         return bodies
 
     def _loss_constant(self, bodies: Mechanics, shot: Shot, speed_m_per_s: float) -> float | None:
-        """Return the constant of a law of loss other than Tsuji's, which alpha needs not.
+        """Return the constant of the law of loss, None for Tsuji's.
 
-        These laws say themselves how the loss depends on speed: their constant is that of the pair,
-        given by its restitution at `REFERENCE_SPEED_M_PER_S` and this impact's scatter.
+        The other laws say themselves how the loss depends on speed: their constant is that of the
+        pair, given by its restitution at `REFERENCE_SPEED_M_PER_S` and this impact's scatter.
         """
         if self.model.loss == "tsuji":
             return None
@@ -206,18 +142,7 @@ class DrawnRig:
         return float(at_reference * relative**self.restitution_slope)
 
     def body(self, sphere: str) -> Body:
-        """Return a sphere as the air sees it.
-
-        Parameters
-        ----------
-        sphere : str
-            Its name.
-
-        Returns
-        -------
-        Body
-            Its true size and mass, gravity and the air's temperature.
-        """
+        """Return a sphere in air: true size and mass, gravity, the air's temperature."""
         spec = self.sphere_specs[sphere]
         return Body(spec.radius_m, spec.mass_kg, self.gravity_m_per_s2, self.inputs.temperature_k)
 

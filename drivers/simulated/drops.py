@@ -14,27 +14,18 @@ from drivers.simulated.specimens import SPECIMEN, SurfaceSpec
 
 @dataclass(frozen=True)
 class Drops:
-    """What will fall on what, before any rig is drawn.
-
-    Attributes
-    ----------
-    surfaces : Mapping
-        Labels by name, the specimen's drawn ones included.
-    in_order : tuple of (str, str, float)
-        Sphere, surface and stated height of each drop, in order of time. [-, -, m]
-    """
+    """What will fall on what, before any rig is drawn."""
 
     surfaces: Mapping[str, SurfaceSpec]
+    """Labels by name, the specimen's drawn ones included."""
     in_order: tuple[tuple[str, str, float], ...]
+    """Sphere, surface and stated height [m] of each drop, in order of time."""
 
 
 def draw_drops(settings: CampaignSettings, seed: int) -> Drops:
     """Draw the specimen's labels, the heights and the order of the drops.
 
-    Returns
-    -------
-    Drops
-        Each sphere on each surface from each height, ``repeats`` times.
+    Each sphere falls on each surface from each height, ``repeats`` times.
     """
     rng = np.random.default_rng([seed, 100])
     surfaces = {

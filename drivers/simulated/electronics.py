@@ -29,44 +29,19 @@ class Memoryless:
     """A stage whose output depends on the present input only."""
 
     def is_quiet(self, threshold_v: float) -> bool:
-        """Return True: nothing is remembered.
-
-        Parameters
-        ----------
-        threshold_v : float
-            Not needed. [V]
-        """
+        """Return True: nothing is remembered."""
         return True
 
 
 class DelayLine:
-    """What went in before, up to a longest delay ago, straight between samples.
-
-    Parameters
-    ----------
-    longest_s : float
-        Delay. [s]
-    """
+    """The input up to a longest delay ago, straight between samples."""
 
     def __init__(self, longest_s: float) -> None:
         self._longest_s = longest_s
         self._t, self._v = np.zeros(1), np.zeros(1)
 
     def hear(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        """Take in a stretch and return its times, counted from the first one's begin.
-
-        Parameters
-        ----------
-        volts : ndarray, shape (n,)
-            Input. [V]
-        step_s : float
-            Its step. [s]
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            [s]
-        """
+        """Take in a stretch and return its times, counted from the first one's begin. [s]"""
         t: NDArray[np.float64] = self._t[-1] + step_s * np.arange(1, volts.size + 1)
         keep = self._counts()
         self._t = np.concatenate((self._t[keep], t))
@@ -78,18 +53,7 @@ class DelayLine:
         return np.asarray(np.interp(times_s, self._t, self._v, left=0.0))
 
     def is_quiet(self, threshold_v: float) -> bool:
-        """Return whether nothing that still counts is above a threshold.
-
-        Parameters
-        ----------
-        threshold_v : float
-            Input that no longer counts. [V]
-
-        Returns
-        -------
-        bool
-            Of the last `longest_s`.
-        """
+        """Return whether the input of the last `longest_s` stays below a threshold."""
         return bool(np.all(np.abs(self._v[self._counts()]) < threshold_v))
 
     def _counts(self) -> NDArray[np.bool_]:
@@ -100,19 +64,8 @@ class DelayLine:
 class StateSpaceStage:
     """A linear filter ``x' = A x + B u, y = C x + D u``, exact for straight lines between samples.
 
-    Parameters
-    ----------
-    A : ndarray, shape (n, n)
-        System matrix. [1/s]
-    B, C : ndarray, shape (n,)
-        Input and output vectors.
-    D : float
-        Direct part. [1]
-
-    Notes
-    -----
-    First-order hold (Franklin, Powell & Workman 1998, ch. 6). The recursion runs as a product of
-    first-order sections in modal coordinates.
+    A has shape (n, n) [1/s], B and C (n,). First-order hold (Franklin, Powell & Workman 1998, ch.
+    6). The recursion runs as a product of first-order sections in modal coordinates.
     """
 
     def __init__(
@@ -127,20 +80,7 @@ class StateSpaceStage:
         self._last_input = 0.0
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        """Return the filtered stretch.
-
-        Parameters
-        ----------
-        volts : ndarray, shape (n,)
-            Input. [V]
-        step_s : float
-            Its step. [s]
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Output. [V]
-        """
+        """Return the filtered stretch. [V]"""
         if volts.size == 0:
             return volts
         before = np.concatenate(([self._last_input], volts[:-1]))
@@ -159,52 +99,22 @@ class StateSpaceStage:
         return np.asarray(result, dtype=np.float64)
 
     def is_quiet(self, threshold_v: float) -> bool:
-        """Return whether the filter has forgotten what it heard.
-
-        Parameters
-        ----------
-        threshold_v : float
-            Output that no longer counts. [V]
-
-        Returns
-        -------
-        bool
-            Whether every mode is below the threshold.
-        """
+        """Return whether every mode is below a threshold of the output."""
         return bool(np.all(np.abs(self._C * self._x) < threshold_v))
 
 
 class Chain:
-    """Stages in series.
-
-    Parameters
-    ----------
-    stages : sequence of Stage
-        In the order of the signal.
-    """
+    """Stages in series, in the order of the signal."""
 
     def __init__(self, stages: Sequence[Stage]) -> None:
         self._stages = list(stages)
 
     def process(self, volts: NDArray[np.float64], step_s: float) -> NDArray[np.float64]:
-        """Return what comes out of the last one.
-
-        Parameters
-        ----------
-        volts : ndarray, shape (n,)
-            Input. [V]
-        step_s : float
-            Its step. [s]
-
-        Returns
-        -------
-        ndarray, shape (n,)
-            Output. [V]
-        """
+        """Return the output of the last stage. [V]"""
         for stage in self._stages:
             volts = stage.process(volts, step_s)
         return volts
 
     def is_quiet(self, threshold_v: float) -> bool:
-        """Return whether every one has forgotten what it heard."""
+        """Return whether every stage is quiet."""
         return all(stage.is_quiet(threshold_v) for stage in self._stages)

@@ -18,22 +18,13 @@ _STEPS = 64  # Runge-Kutta steps a flight; halving them moves the speed by less 
 
 @dataclass(frozen=True)
 class Body:
-    """What flies, and in what.
-
-    Attributes
-    ----------
-    radius_m, mass_kg : float
-        [m, kg]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    temperature_k : float
-        Of the air. [K]
-    """
+    """A sphere in flight, and the air around it."""
 
     radius_m: float
     mass_kg: float
     gravity_m_per_s2: float
     temperature_k: float = 296.15
+    """Of the air."""
 
 
 def air_density_kg_per_m3(temperature_k: float) -> float:
@@ -77,23 +68,11 @@ def fly(
     added_mass: float = 0.0,
     speed_up_m_per_s: float = 0.0,
 ) -> tuple[float, float]:
-    """Return how long a sphere flies and how fast it arrives.
+    """Return the time of flight [s] and the speed downwards on arrival [m/s].
 
-    Parameters
-    ----------
-    height_m : float
-        How far below the start it arrives; may be a little below zero after a bounce. [m]
-    drag : str
-        One of `DRAG`, or ``"none"`` for no air at all.
-    added_mass : float
-        Part of the displaced air's mass that moves along. [1]
-    speed_up_m_per_s : float
-        Speed upwards at the start. [m/s]
-
-    Returns
-    -------
-    tuple of float
-        Time of flight and speed downwards on arrival. [s, m/s]
+    The sphere arrives ``height_m`` below the start, which may be a little below zero after a
+    bounce. ``drag`` is one of `DRAG`, or ``"none"`` for no air at all; ``added_mass`` the part of
+    the displaced air's mass that moves along; ``speed_up_m_per_s`` the speed upwards at the start.
     """
     g = body.gravity_m_per_s2
     arrival = math.sqrt(max(speed_up_m_per_s**2 + 2.0 * g * height_m, 0.0))

@@ -13,35 +13,13 @@ from drivers.simulated.electronics import Chain, Stage, StateSpaceStage
 
 
 def highpass(time_constant_s: float) -> StateSpaceStage:
-    """Return a first-order high-pass, ``y' + y/tau = u'``.
-
-    Parameters
-    ----------
-    time_constant_s : float
-        tau. [s]
-
-    Returns
-    -------
-    StateSpaceStage
-        The filter, at rest.
-    """
+    """Return a first-order high-pass at rest, ``y' + y/tau = u'``."""
     a = 1.0 / time_constant_s
     return StateSpaceStage(np.array([[-a]]), np.array([1.0]), np.array([-a]), 1.0)
 
 
 def lowpass_first(cutoff_hz: float) -> StateSpaceStage:
-    """Return a first-order low-pass.
-
-    Parameters
-    ----------
-    cutoff_hz : float
-        -3 dB frequency. [Hz]
-
-    Returns
-    -------
-    StateSpaceStage
-        The filter, at rest.
-    """
+    """Return a first-order low-pass at rest; the cut-off is at -3 dB."""
     w = 2.0 * np.pi * cutoff_hz
     return StateSpaceStage(np.array([[-w]]), np.array([1.0]), np.array([w]), 0.0)
 
@@ -49,21 +27,9 @@ def lowpass_first(cutoff_hz: float) -> StateSpaceStage:
 def resonance(
     frequency_hz: float, damping_ratio: float, gain: float, direct: float
 ) -> StateSpaceStage:
-    """Return ``direct + gain w^2 / (s^2 + 2 zeta w s + w^2)``.
+    """Return ``direct + gain w^2 / (s^2 + 2 zeta w s + w^2)``, at rest.
 
-    Parameters
-    ----------
-    frequency_hz : float
-        Undamped frequency. [Hz]
-    damping_ratio : float
-        zeta, not exactly 1. [1]
-    gain, direct : float
-        Static gain of the resonance, and what passes beside it. [1]
-
-    Returns
-    -------
-    StateSpaceStage
-        The filter, at rest.
+    The frequency is the undamped one; zeta is not exactly 1.
     """
     w = 2.0 * np.pi * frequency_hz
     system = np.array([[0.0, 1.0], [-w * w, -2.0 * damping_ratio * w]])
@@ -71,15 +37,7 @@ def resonance(
 
 
 def butterworth(cutoff_hz: float, order: int) -> Stage:
-    """Return a filter with poles even on a half circle (Butterworth 1930).
-
-    Parameters
-    ----------
-    cutoff_hz : float
-        -3 dB frequency. [Hz]
-    order : int
-        Number of poles. [1]
-    """
+    """Return a filter with poles even on a half circle (Butterworth 1930), -3 dB at the cut-off."""
     if order == 1:
         return lowpass_first(cutoff_hz)
     if order == 2:
@@ -94,12 +52,7 @@ def butterworth(cutoff_hz: float, order: int) -> Stage:
 def bessel(cutoff_hz: float, order: int) -> Stage:
     """Return a filter of flattest group delay (Thomson, Proc. IEE 96 III (1949) 487).
 
-    Parameters
-    ----------
-    cutoff_hz : float
-        -3 dB frequency. [Hz]
-    order : int
-        Number of poles, 1 to 8. [1]
+    It has 1 to 8 poles and is 3 dB down at the cut-off.
     """
     n = order
     # Reverse Bessel polynomial, highest power first.
@@ -124,15 +77,7 @@ def bessel(cutoff_hz: float, order: int) -> Stage:
 
 
 def rc_sections(cutoff_hz: float, order: int) -> Stage:
-    """Return equal RC sections behind buffers; all together are 3 dB down at the cut-off.
-
-    Parameters
-    ----------
-    cutoff_hz : float
-        -3 dB frequency. [Hz]
-    order : int
-        Number of sections. [1]
-    """
+    """Return equal RC sections behind buffers; all together are 3 dB down at the cut-off."""
     if order == 1:
         return lowpass_first(cutoff_hz)
     each_hz = cutoff_hz / math.sqrt(2.0 ** (1.0 / order) - 1.0)

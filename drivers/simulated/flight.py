@@ -27,43 +27,31 @@ TAIL_S = 1.5  # longest tail of a filter that is followed after the last bounce
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of signal on the converter's grid.
-
-    Attributes
-    ----------
-    first : int
-        Position of its first sample on that grid. [1]
-    volts : ndarray, shape (n,)
-        Signal above the baseline. [V]
-    replaces_noise : bool
-        The stretch is a recording and brings its own noise and baseline.
-    """
+    """A stretch of signal on the converter's grid."""
 
     first: int
+    """Position of its first sample on that grid."""
     volts: NDArray[np.float64]
+    """Signal above the baseline."""
     replaces_noise: bool = False
+    """The stretch is a recording and brings its own noise and baseline."""
 
 
 @dataclass(slots=True)
 class Touch:
-    """One touch-down of a flight.
-
-    Attributes
-    ----------
-    time_s : float
-        Rig time. [s]
-    speed_m_per_s, restitution_eq6, rebound_speed_m_per_s : float
-        Impact speed, eps of Eq. 6, and speed upwards after it. [m/s, 1, m/s]
-    contact_time_s, peak_force_n : float
-        Duration and peak of the elastic force. [s, N]
-    """
+    """One touch-down of a flight."""
 
     time_s: float
+    """Rig time."""
     speed_m_per_s: float
+    """Of the impact."""
     restitution_eq6: float
+    """eps of Eq. 6."""
     rebound_speed_m_per_s: float
+    """Upwards."""
     contact_time_s: float
     peak_force_n: float
+    """Of the elastic force."""
 
 
 _SPENT = np.random.default_rng(0)
@@ -71,33 +59,23 @@ _SPENT = np.random.default_rng(0)
 
 @dataclass(slots=True)
 class Flight:
-    """One release and all that follows.
-
-    Attributes
-    ----------
-    shot : Shot
-        What falls on what, after the release effects.
-    landing_s : float
-        Rig time of the first touch-down. [s]
-    speed_m_per_s : float
-        Speed at the first touch-down. [m/s]
-    fall_s : float
-        Time from the release to the first touch-down. [s]
-    seed : tuple of int
-        Where this flight's chance comes from.
-    touches : list of Touch
-        Filled when the flight is rendered.
-    """
+    """One release and all that follows."""
 
     shot: Shot
+    """After the release effects."""
     landing_s: float
+    """Rig time of the first touch-down."""
     speed_m_per_s: float
+    """At the first touch-down."""
     fall_s: float
+    """From the release to the first touch-down."""
     seed: tuple[int, ...]
+    """Of this flight's random numbers."""
     touches: list[Touch] = field(default_factory=list)
+    """Filled when the flight is rendered."""
 
     def keep_first_touch(self) -> None:
-        """Let go of the bounces, and of the chance that is made anew whenever it is needed."""
+        """Forget the bounces, and the random numbers, which are drawn anew when needed."""
         del self.touches[1:]
         self.shot.rng = _SPENT
 
@@ -105,18 +83,11 @@ class Flight:
 def begin_flight(
     rig: DrawnRig, shot: Shot, released_s: float, speed_repeatability: float, seed: tuple[int, ...]
 ) -> Flight:
-    """Let a sphere go.
+    """Let a sphere go at a rig time.
 
-    Parameters
-    ----------
-    shot : Shot
-        What falls on what, from the stated height; changed by the release effects.
-    released_s : float
-        Rig time at which it leaves the tube. [s]
-    speed_repeatability : float
-        Relative standard deviation of the impact speed. [1]
-    seed : tuple of int
-        Where this flight's chance comes from.
+    The shot has the stated height; the release effects change it. ``speed_repeatability`` is the
+    relative standard deviation of the impact speed; ``seed`` is that of this flight's random
+    numbers.
     """
     rng = np.random.default_rng([*seed, 11])
     for i, effect in enumerate(rig.acting(shot.sphere, shot.surface)):
@@ -144,29 +115,13 @@ def render_flight(
     *,
     until_s: float = math.inf,
 ) -> list[Segment]:
-    """Return what the converter's input shows of a flight, bounces included.
+    """Return the signal of a flight at the converter's input, bounces included.
 
-    Parameters
-    ----------
-    flight : Flight
-        Its ``touches`` are filled.
-    grid_start_s : float
-        Rig time of sample 0. [s]
-    sample_rate_hz : float
-        True rate of the converter. [Hz]
-    until_s : float
-        Rig time after which nothing is needed. [s]
-
-    Returns
-    -------
-    list of Segment
-        In order of time; between them nothing happens. What a release puts on the line by itself
-        comes last and adds to the others.
-
-    Notes
-    -----
-    Every bounce starts from a crystal at rest: the ring of the one before has died tens of
-    milliseconds earlier. Filters remember across bounces.
+    The segments are in order of time; between them nothing happens. What a release puts on the line
+    by itself comes last and adds to the others. Grid and limit are rig times; the sample rate is
+    the true one. The flight's ``touches`` are filled. Every bounce starts from a crystal at rest:
+    the ring of the one before has died tens of milliseconds earlier. Filters remember across
+    bounces.
     """
     step_s = 1.0 / sample_rate_hz
     stages = list(_stages(rig, flight))
@@ -272,7 +227,7 @@ def _stages(rig: DrawnRig, flight: Flight) -> Iterator[tuple[Effect, Stage]]:
 
 
 def _tail(chain: list[Stage], at: int, samples: int, step_s: float) -> list[Segment]:
-    """Return what the filters still say while nothing happens, until they fall silent."""
+    """Return the output of the filters while nothing happens, until they are quiet."""
     segments: list[Segment] = []
     block = round(0.01 / step_s)
     left = samples

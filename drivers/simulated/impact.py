@@ -1,4 +1,4 @@
-"""One simulated impact: bodies and speed in, the crystal's trace out."""
+"""One simulated impact: from bodies and speed to the crystal's trace."""
 
 from __future__ import annotations
 
@@ -16,128 +16,94 @@ TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class ContactTerm:
-    """An additional force law, by its code in the kernel and its numbers.
-
-    Attributes
-    ----------
-    code : int
-        One of the kernel's term codes.
-    values : tuple of float
-        Its parameters in the kernel's order. [SI]
-    """
+    """An additional force law, by its code in the kernel and its numbers."""
 
     code: int
     values: tuple[float, ...]
+    """In the kernel's order. [SI]"""
 
 
 @dataclass
 class Mechanics:
-    """Everything mechanical about one impact; effects change it before it is integrated.
-
-    Attributes
-    ----------
-    sphere_mass_kg, sphere_radius_m : float
-        m [kg] and R [m].
-    reduced_modulus_pa : float
-        E*, 1/E* being the sum of (1 - nu^2)/E over both bodies. [Pa]
-    restitution : float
-        eps of Eq. 6, in (0, 1]. [1]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    cell_mass_kg, cell_stiffness_n_per_m, cell_damping_n_s_per_m : float
-        M, k, mu of Eq. 8-10. [kg, N/m, N s/m]
-    rigid : bool
-        The cell does not move (HSD); the force is read directly.
-    dashpot_share : float
-        Part of the dissipative force that loads the crystal where ``third_law`` is off. [1]
-    third_law : bool
-        The whole force of contact loads the crystal, or is what a rigid cell reads.
-    coupon_rides : bool
-        What does not move on its tape of the coupon adds its mass to the crystal's.
-    lift_off_rule, loss_law : int
-        Where contact ends, and the base law of the loss, by the kernel's names.
-    loss_constant : float or None
-        Constant of another base law of loss than Tsuji's, whose alpha follows from
-        ``restitution``: A of Kuwabara and Kono [s], chi of Hunt and Crossley [s/m].
-    coupon_label_mass_kg : float
-        Mass of the coupon that lies there, whether it moves on its tape or not. [kg]
-    coupon_plane_strain_modulus_pa, coupon_poissons_ratio : float
-        E/(1 - nu^2) and nu of the coupon, for laws that concern it alone. [Pa, 1]
-    coupon_mass_kg, layer_stiffness_n_per_m, layer_damping_n_s_per_m : float
-        A coupon on its adhesive; mass 0 means glued rigidly. [kg, N/m, N s/m]
-    base_mass_kg, base_stiffness_n_per_m, base_damping_n_s_per_m : float
-        The stand below the cell; mass 0 means it does not move. [kg, N/m, N s/m]
-    mode_mass_kg, mode_angular_frequency_rad_per_s, mode_damping_ratio : float
-        An oscillator on the crystal's top; mass 0 means none. [kg, rad/s, 1]
-    mode_stretched_ratio : float
-        Stiffness of its spring when stretched over that when pushed. [1]
-    plate_impedance_n_s_per_m : float
-        Z of the receding plate; 0 means it does not recede. [N s/m]
-    tension_stiffness_ratio : float
-        Stiffness of the cell's seat in tension over that in compression. [1]
-    cell_hardening_per_m : float
-        Relative growth of the cell's stiffness with its compression. [1/m]
-    rubbing_n : float
-        Dry friction on the crystal's top. [N]
-    layer_hardening_per_m : float
-        Relative growth of the adhesive's stiffness with its compression. [1/m]
-    inner_mass_share, inner_angular_frequency_rad_per_s, inner_damping_ratio : float
-        A part of the sphere's mass on a spring inside it; 0 means a solid sphere. [1, rad/s, 1]
-    damping_growth_per_m : float
-        Relative growth of the cell's damping with the size of its compression. [1/m]
-    base_friction_n : float
-        Dry friction of the stand on what it stands on. [N]
-    law, law_value : int, float
-        Base elastic law of the kernel and its parameter. [SI]
-    recontact_delay_s, recontact_speed_m_per_s : float
-        A second touch; delay 0 means none. [s, m/s]
-    terms : list of ContactTerm
-        Additional force laws, at most ``impact_kernel.TERMS``.
-    """
+    """Everything mechanical about one impact; effects change it before it is integrated."""
 
     sphere_mass_kg: float
+    """m."""
     sphere_radius_m: float
+    """R."""
     reduced_modulus_pa: float
+    """E*, 1/E* being the sum of (1 - nu^2)/E over both bodies."""
     restitution: float
+    """eps of Eq. 6, in (0, 1]."""
     gravity_m_per_s2: float
     cell_mass_kg: float
+    """M of Eq. 8-10."""
     cell_stiffness_n_per_m: float
+    """k."""
     cell_damping_n_s_per_m: float
+    """mu."""
     rigid: bool = False
+    """The cell does not move (HSD); the force is read directly."""
     dashpot_share: float = 0.0
+    """Part of the dissipative force that loads the crystal where ``third_law`` is off. [1]"""
     third_law: bool = False
+    """The whole force of contact loads the crystal, or is what a rigid cell reads."""
     coupon_rides: bool = False
+    """The part of the coupon that does not move on its tape adds its mass to the crystal's."""
     lift_off_rule: int = kernel.AT_INDENTATION
+    """Where contact ends, by the kernel's names."""
     loss_law: int = kernel.TSUJI
+    """The base law of the loss, by the kernel's names."""
     loss_constant: float | None = None
+    """Constant of another base law of loss than Tsuji's, whose alpha follows from ``restitution``:
+    A of Kuwabara and Kono [s], chi of Hunt and Crossley [s/m]."""
     coupon_label_mass_kg: float = 0.0
+    """Mass of the coupon that lies there, whether it moves on its tape or not."""
     coupon_plane_strain_modulus_pa: float = math.inf
+    """E/(1 - nu^2) of the coupon, for laws that concern it alone."""
     coupon_poissons_ratio: float = 0.35
+    """nu of the coupon, for the same laws."""
     coupon_mass_kg: float = 0.0
+    """A coupon on its adhesive; 0 means glued rigidly."""
     layer_stiffness_n_per_m: float = 0.0
     layer_damping_n_s_per_m: float = 0.0
     base_mass_kg: float = 0.0
+    """The stand below the cell; 0 means it does not move."""
     base_stiffness_n_per_m: float = 0.0
     base_damping_n_s_per_m: float = 0.0
     mode_mass_kg: float = 0.0
+    """An oscillator on the crystal's top; 0 means none."""
     mode_angular_frequency_rad_per_s: float = 0.0
     mode_damping_ratio: float = 0.0
     mode_stretched_ratio: float = 1.0
+    """Stiffness of its spring when stretched over that when pushed."""
     plate_impedance_n_s_per_m: float = 0.0
+    """Z of the receding plate; 0 means it does not recede."""
     tension_stiffness_ratio: float = 1.0
+    """Stiffness of the cell's seat in tension over that in compression."""
     cell_hardening_per_m: float = 0.0
+    """Relative growth of the cell's stiffness with its compression."""
     rubbing_n: float = 0.0
+    """Dry friction on the crystal's top."""
     layer_hardening_per_m: float = 0.0
+    """Relative growth of the adhesive's stiffness with its compression."""
     inner_mass_share: float = 0.0
+    """Part of the sphere's mass on a spring inside it; 0 means a solid sphere."""
     inner_angular_frequency_rad_per_s: float = 0.0
     inner_damping_ratio: float = 0.0
     damping_growth_per_m: float = 0.0
+    """Relative growth of the cell's damping with the size of its compression."""
     base_friction_n: float = 0.0
+    """Dry friction of the stand on what it stands on."""
     law: int = kernel.HERTZ
+    """Base elastic law of the kernel."""
     law_value: float = 0.0
+    """Its parameter. [SI]"""
     recontact_delay_s: float = 0.0
+    """Of a second touch; 0 means none."""
     recontact_speed_m_per_s: float = 0.0
     terms: list[ContactTerm] = field(default_factory=list)
+    """Additional force laws, at most ``impact_kernel.TERMS``."""
 
     @property
     def contact_stiffness(self) -> float:
@@ -207,46 +173,34 @@ class Mechanics:
 
 @dataclass(frozen=True)
 class ImpactTrace:
-    """What one impact did.
-
-    Attributes
-    ----------
-    compression_m : ndarray, shape (n,)
-        Crystal compression on the grid; zero before touch-down and after the ring died. [m]
-    elastic_force_n : ndarray, shape (n,)
-        Force that a rigid cell reads, on the grid: the elastic one, or with the third law all of
-        it; filled for a rigid cell only. [N]
-    rebound_speed_m_per_s : float
-        Speed upwards at the first lift-off; 0 when the sphere never left. [m/s]
-    contact_time_s : float
-        First lift-off after touch-down. [s]
-    peak_force_n, peak_indentation_m, peak_compression_m : float
-        Largest values at the integrator's steps. [N, m, m]
-    ended_s : float
-        When the ring was below one millionth of its peak. [s]
-    steps : int
-        Integrator steps. [1]
-    lift_off_force_n, lift_off_indentation_m, lift_off_place_m : float
-        Force of contact, indentation, and how far below the place of touch-down the sphere is, at
-        the first lift-off. [N, m, m]
-    """
+    """The result of one impact."""
 
     compression_m: NDArray[np.float64]
+    """Crystal compression on the grid; zero before touch-down and after the ring died."""
     elastic_force_n: NDArray[np.float64]
+    """Force that a rigid cell reads, on the grid: the elastic one, or with the third law all of it;
+    filled for a rigid cell only."""
     rebound_speed_m_per_s: float
+    """Upwards at the first lift-off; 0 when the sphere never left."""
     contact_time_s: float
+    """First lift-off after touch-down."""
     peak_force_n: float
+    """The peaks are the largest values at the integrator's steps."""
     peak_indentation_m: float
     peak_compression_m: float
     ended_s: float
+    """When the ring was below one millionth of its peak."""
     steps: int
+    """Of the integrator."""
     lift_off_force_n: float
+    """Of contact, at the first lift-off."""
     lift_off_indentation_m: float
     lift_off_place_m: float
+    """How far below the place of touch-down the sphere is then."""
 
 
 class IntegrationError(RuntimeError):
-    """The simulator could not integrate an impact; its settings are beyond what it can follow."""
+    """The settings of an impact are beyond what the simulator can integrate."""
 
 
 def simulate_impact(
@@ -260,30 +214,9 @@ def simulate_impact(
 ) -> ImpactTrace:
     """Integrate one impact from touch-down and sample it on a regular grid.
 
-    Parameters
-    ----------
-    speed_m_per_s : float
-        Speed at touch-down, > 0. [m/s]
-    first_s : float
-        Time of the first grid point after touch-down; may be negative. [s]
-    step_s : float
-        Grid step. [s]
-    points : int
-        Grid points. [1]
-    tolerance : float
-        Relative tolerance of the step control. [1]
-
-    Returns
-    -------
-    ImpactTrace
-        Trace and summary.
-
-    Raises
-    ------
-    ValueError
-        If the speed is not positive or too many contact effects act at once.
-    IntegrationError
-        If the step control gives up.
+    The grid begins ``first_s`` after touch-down, which may be negative. The tolerance is the
+    relative one of the step control; an IntegrationError says that this gives up. A speed that is
+    not positive or too many contact effects at once are a ValueError.
     """
     if not speed_m_per_s > 0.0:
         raise ValueError(f"An impact needs a speed above zero, not {speed_m_per_s} m/s.")

@@ -559,8 +559,6 @@ def integrate(  # noqa: PLR0917, PLR0912, PLR0915 - one loop, one state; splitti
 
     Parameters
     ----------
-    speed : float
-        Speed at touch-down, > 0. [m/s]
     p : ndarray, shape (PARAMETERS,)
         Constants in the order of this module's names. [SI]
     codes : ndarray of int64, shape (TERMS,)

@@ -15,34 +15,23 @@ ROOM_K = 296.15
 
 @dataclass(frozen=True)
 class LabelSpread:
-    """Standard uncertainties of what is stated; zero takes the label at its word.
-
-    Attributes
-    ----------
-    radius_relative : float
-        Of a sphere's radius: balls of one batch and one calliper, drawn once a sphere. [1]
-    mass_relative, coupon_mass_relative : float
-        Of the mass of a sphere and of a coupon, drawn once each. [1]
-    height_offset_m : float
-        Of an offset that all drop heights share: the zero of the scale. [m]
-    height_scatter_m : float
-        Of each drop's height by itself: reading the scale, hanging the sphere. [m]
-    sample_rate_relative : float
-        Of the time base that all records share. [1]
-    gravity_m_per_s2 : float
-        Of the local gravity. [m/s^2]
-    temperature_k : float
-        Of the temperature of air and specimens. [K]
-    """
+    """Standard uncertainties of what is stated; at zero the label is the truth."""
 
     radius_relative: float = 0.0
+    """Of a sphere's radius: balls of one batch and one calliper, drawn once a sphere."""
     mass_relative: float = 0.0
+    """Of a sphere's mass, drawn once each."""
     coupon_mass_relative: float = 0.0
+    """Of a coupon's mass, drawn once each."""
     height_offset_m: float = 0.0
+    """Of an offset that all drop heights share: the zero of the scale."""
     height_scatter_m: float = 0.0
+    """Of each drop's height by itself: reading the scale, hanging the sphere."""
     sample_rate_relative: float = 0.0
+    """Of the time base that all records share."""
     gravity_m_per_s2: float = 0.0
     temperature_k: float = 0.0
+    """Of air and specimens."""
 
 
 EXACT = LabelSpread()
@@ -73,21 +62,14 @@ SPREADS = {"exact": EXACT, "typical": TYPICAL}
 
 @dataclass(frozen=True)
 class TrueInputs:
-    """What is true of all drops of a rig.
-
-    Attributes
-    ----------
-    height_offset_m, height_scatter_m : float
-        True less stated height, and the standard deviation of each drop's own. [m]
-    sample_rate_factor : float
-        True over stated sample rate. [1]
-    temperature_k : float
-        [K]
-    """
+    """What is true of all drops of a rig."""
 
     height_offset_m: float = 0.0
+    """True less stated height."""
     height_scatter_m: float = 0.0
+    """Standard deviation of each drop's own height."""
     sample_rate_factor: float = 1.0
+    """True over stated sample rate."""
     temperature_k: float = ROOM_K
 
     def to_json(self) -> dict[str, float]:
@@ -100,15 +82,7 @@ EXACT_INPUTS = TrueInputs()
 
 @dataclass(frozen=True)
 class TrueLabels:
-    """Labels as they should have been.
-
-    Attributes
-    ----------
-    spheres, surfaces : Mapping
-        With true radii and masses.
-    gravity_m_per_s2 : float
-        [m/s^2]
-    """
+    """Labels with the true radii, masses and gravity."""
 
     spheres: Mapping[str, SphereSpec]
     surfaces: Mapping[str, SurfaceSpec]
@@ -123,21 +97,9 @@ def draw_true_labels(
     surfaces: Mapping[str, SurfaceSpec],
     gravity_m_per_s2: float,
 ) -> TrueLabels:
-    """Draw true values around the stated ones.
+    """Draw true values around the stated ones; with ``EXACT`` they are the labels themselves.
 
-    Parameters
-    ----------
-    seed : int
-        Of the rig; the same deviations, in standard uncertainties, for every spread.
-    spheres, surfaces : Mapping
-        Labels by name.
-    gravity_m_per_s2 : float
-        As stated. [m/s^2]
-
-    Returns
-    -------
-    TrueLabels
-        With ``EXACT`` the labels themselves.
+    The rig's seed gives the same deviations, in standard uncertainties, for every spread.
     """
     rng = np.random.default_rng([seed, 6])
     true_spheres = {}

@@ -27,17 +27,7 @@ def hunt_crossley_constant(restitution: float, speed_m_per_s: float) -> float:
     Source: Hunt & Crossley 1975, whose first order is ``1 - eps = (2/3) chi v``; the closed form
     is that of Marhefka & Orin, IEEE Trans. Syst. Man Cybern. A 29 (1999) 566.
 
-    Parameters
-    ----------
-    restitution : float
-        eps, in (0, 1]. [1]
-    speed_m_per_s : float
-        v. [m/s]
-
-    Returns
-    -------
-    float
-        chi. [s/m]
+    chi is in s/m; the restitution is in (0, 1].
     """
     if restitution >= 1.0:
         return 0.0
@@ -59,21 +49,8 @@ def kuwabara_kono_constant(
     Source: Kuwabara & Kono 1987. Small losses: ``1 - eps = (3/2) C1 A v / D``, C1 = 1.15344
     (Ramirez et al., Phys. Rev. E 60 (1999) 4465).
 
-    Parameters
-    ----------
-    restitution : float
-        eps, in (0.2, 1]. [1]
-    speed_m_per_s : float
-        v. [m/s]
-    mass_kg, contact_stiffness : float
-        m [kg] and K of Eq. 4. [N/m^1.5]
-    rule : int
-        The kernel's rule of lift-off.
-
-    Returns
-    -------
-    float
-        A. [s]
+    A is in s; the restitution is in (0.2, 1]. ``contact_stiffness`` is K of Eq. 4, ``rule`` the
+    kernel's rule of lift-off.
     """
     if restitution >= 1.0:
         return 0.0

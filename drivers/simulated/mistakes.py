@@ -1,8 +1,8 @@
 """Operators' mistakes: wrong numbers and names, one bad shot, changes between two shots.
 
-A mistake leaves the rig as it is. What is wrong is what the technician states (mass, radius,
-height, name), or what was done at the rig beside the plan: one sphere that fell badly, another
-piece under the same name, a switch that was touched, an instrument that warmed up.
+A mistake leaves the rig as it is. Wrong is what the technician states (mass, radius, height, name),
+or what was done at the rig beside the plan: one sphere that fell badly, another piece under the
+same name, a switch that was touched, an instrument that warmed up.
 """
 
 from __future__ import annotations
@@ -45,27 +45,20 @@ MIDDLE = (0.2, 0.8)
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake.
-
-    Attributes
-    ----------
-    scope : Mapping
-        Whom it concerns: ``sphere``, ``surface`` or ``cell`` to a name, ``drop_height_m`` to the
-        wrong height as stated, ``shot`` to the shot's place. Places count from 0 in the order of
-        ``shots`` in ``campaign.json``.
-    numbers : Mapping
-        ``factor`` on the stated number, the signal or the modulus; ``drop_height_m``, the right
-        one; ``first_shot``, the place of the first shot that shows a change, and ``last_before``,
-        that of the last one without it, between which no shot could tell; ``relative_change``
-        of the signal from the first shot to the last.
-    label : Mapping
-        ``sphere`` or ``surface`` to the name that is written instead of the right one.
-    """
+    """One mistake."""
 
     id: str
     scope: Mapping[str, Any]
+    """What it concerns: ``sphere``, ``surface`` or ``cell`` to a name, ``drop_height_m`` to the
+    wrong height as stated, ``shot`` to the shot's place. Places count from 0 in the order of
+    ``shots`` in ``campaign.json``."""
     numbers: Mapping[str, float]
+    """``factor`` on the stated number, the signal or the modulus; ``drop_height_m``, the right one;
+    ``first_shot``, the place of the first shot that shows a change, and ``last_before``, that of
+    the last one without it, between which no shot could tell; ``relative_change`` of the signal
+    from the first shot to the last."""
     label: Mapping[str, str] = field(default_factory=dict)
+    """``sphere`` or ``surface`` to the name that is written instead of the right one."""
 
     def to_json(self) -> Json:
         """Return the mistake as the sealed truth states it."""
@@ -80,25 +73,12 @@ class Mistake:
 def draw_mistake(
     rng: np.random.Generator, drops: Drops, among: Sequence[str] | None = None
 ) -> Mistake:
-    """Draw a mistake of any kind, each as often.
+    """Draw a mistake of any of the kinds, all of `MISTAKES` by default, each as often.
 
-    Parameters
-    ----------
-    drops : Drops
-        Of the campaign in which it is made.
-    among : sequence of str, optional
-        Some of `MISTAKES`, all by default.
-
-    Returns
-    -------
-    Mistake
-        Its size log-uniform within its limits and of either sign; of an odd shot uniform.
-
-    Raises
-    ------
-    ValueError
-        If the campaign has no place for it: one sphere and one surface cannot be confused, and no
-        specimen can be exchanged where none lies.
+    Its size is log-uniform within its limits and of either sign; of an odd shot uniform. ``drops``
+    are those of the campaign in which it is made. A ValueError says that the campaign has no place
+    for it: one sphere and one surface cannot be confused, and no specimen can be exchanged where
+    none lies.
     """
     mistake_id = str(rng.choice(list(among or MISTAKES)))
     return _DRAWS[mistake_id](mistake_id, rng, drops)
@@ -107,23 +87,10 @@ def draw_mistake(
 def make_mistake(settings: CampaignSettings, seed: int, mistake: Mistake) -> Json:
     """Simulate a campaign in which a mistake is made.
 
-    Parameters
-    ----------
-    seed : int
-        Of the campaign. All that the mistake does not touch is as without it, to the last code,
-        stated uncertainties included: a wrong number is stated as surely as a right one.
-    mistake : Mistake
-        From `draw_mistake`, with the drops of the same settings and seed.
-
-    Returns
-    -------
-    dict
-        As ``simulate_campaign`` returns it, with ``mistake`` in the truth.
-
-    Raises
-    ------
-    ValueError
-        If there is no such mistake.
+    All that the mistake does not touch is as without it, to the last code, stated uncertainties
+    included: a wrong number is stated as surely as a right one. ``mistake`` is from `draw_mistake`,
+    with the drops of the same settings and seed. The result is as of ``simulate_campaign``, with
+    ``mistake`` in the truth.
     """
     if mistake.id not in _DRAWS:
         raise ValueError(f"No mistake is called {mistake.id!r}; there are {', '.join(MISTAKES)}.")

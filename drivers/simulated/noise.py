@@ -14,21 +14,14 @@ from drivers.simulated.recursion import run_on
 
 @dataclass(frozen=True)
 class NoiseSettings:
-    """How the input rustles when nothing happens.
-
-    Attributes
-    ----------
-    rms_v : float
-        Standard deviation of the white or autoregressive part. [V]
-    ar1 : float
-        Correlation from one sample to the next, 0 for white. [1]
-    pink_corner_hz : float
-        Frequency at which a 1/f part (in power) equals the white part's density; 0 for none. [Hz]
-    """
+    """Noise of the input when nothing happens."""
 
     rms_v: float = 1.5e-3
+    """Standard deviation of the white or autoregressive part."""
     ar1: float = 0.0
+    """Correlation from one sample to the next, 0 for white. [1]"""
     pink_corner_hz: float = 300.0
+    """Frequency at which a 1/f part (in power) equals the white part's density; 0 for none. [Hz]"""
 
     def __post_init__(self) -> None:
         """Refuse what is not noise."""
@@ -41,19 +34,9 @@ class NoiseSettings:
 def noise_record(
     settings: NoiseSettings, samples: int, rng: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Return a stretch of white or AR(1) noise that is stationary from its first sample.
+    """Return a stretch of white or AR(1) noise that is stationary from its first sample. [V]
 
-    Parameters
-    ----------
-    settings : NoiseSettings
-        Level and correlation; the 1/f part is left out.
-    samples : int
-        Length. [1]
-
-    Returns
-    -------
-    ndarray, shape (samples,)
-        Noise. [V]
+    The 1/f part is left out.
     """
     white = rng.standard_normal(samples)
     if settings.ar1 == 0.0:
@@ -69,24 +52,9 @@ def noise_table(
 ) -> NDArray[np.float32]:
     """Return noise that joins its own beginning, so that it can be read round and round.
 
-    Parameters
-    ----------
-    settings : NoiseSettings
-        Level, correlation and 1/f part.
-    samples : int
-        Length; a power of two is quickest. [1]
-    sample_rate_hz : float
-        Rate at which it will be read. [Hz]
-
-    Returns
-    -------
-    ndarray of float32, shape (samples,)
-        Noise. [V]
-
-    Notes
-    -----
-    Shaped in the frequency domain: AR(1) has the density ``(1 - rho^2)/|1 - rho exp(-i w)|^2``, the
-    1/f part ``f_c / f`` of the white density, cut below the table's first line.
+    A power of two of samples is quickest; the rate is that at which it will be read. Shaped in the
+    frequency domain: AR(1) has the density ``(1 - rho^2)/|1 - rho exp(-i w)|^2``, the 1/f part
+    ``f_c / f`` of the white density, cut below the table's first line.
     """
     spectrum = rfft(rng.standard_normal(samples).astype(np.float32))
     spectrum *= _amplitudes(settings, samples, sample_rate_hz)

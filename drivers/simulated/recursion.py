@@ -13,21 +13,9 @@ from numpy.typing import NDArray
 
 
 def run_on(drive: NDArray[Any], keep: complex, last: complex) -> NDArray[Any]:
-    """Return ``y[n] = drive[n] + keep y[n - 1]``.
+    """Return ``y[n] = drive[n] + keep y[n - 1]``, with ``last`` before the first.
 
-    Parameters
-    ----------
-    drive : ndarray of float64 or complex128, shape (n,)
-        What comes in.
-    keep : float or complex
-        What is kept of one value in the next; of the kind of ``drive``. [1]
-    last : float or complex
-        The value before the first one; of the kind of ``drive``.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Of the kind and unit of ``drive``.
+    All are float, or all complex.
     """
     return _run_on(drive, drive.dtype.type(keep), drive.dtype.type(last))
 

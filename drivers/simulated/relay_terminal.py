@@ -17,23 +17,9 @@ _ECHO_LIMIT = 64
 class RelayTerminal:
     """A relay board one can open with pySerial at `port`.
 
-    Relay off means vacuum on, as the plumbing is built.
-
-    Parameters
-    ----------
-    world : World
-        Whose vacuum it switches and whose gauge it reads.
-    kind : str
-        ``"numato"`` or ``"lcus"``.
-    adc_volts_per_code : float
-        The simulated board's true converter step. [V]
-    newline : bytes
-        What a Numato board puts around its replies; boards differ.
-
-    Attributes
-    ----------
-    port : str
-        Path of the pseudo-terminal.
+    Relay off means vacuum on, as the plumbing is built. ``kind`` is ``"numato"`` or ``"lcus"``;
+    ``adc_volts_per_code`` the simulated board's true converter step; ``newline`` surrounds the
+    replies of a Numato board, as boards differ.
     """
 
     def __init__(

@@ -12,21 +12,13 @@ from drivers.simulated.flight import Segment
 
 @dataclass(frozen=True)
 class Recording:
-    """A shot somebody recorded.
-
-    Attributes
-    ----------
-    volts : ndarray, shape (n,)
-        Signal with its own noise and baseline. [V]
-    sample_rate_hz : float
-        Its rate. [Hz]
-    trigger_index : int
-        Sample near the first touch, 0 <= trigger_index < n. [1]
-    """
+    """A shot somebody recorded."""
 
     volts: NDArray[np.float64]
+    """Signal with its own noise and baseline."""
     sample_rate_hz: float
     trigger_index: int
+    """Sample near the first touch, 0 <= trigger_index < n."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be played."""
@@ -49,25 +41,9 @@ class Recording:
         trigger_index: int,
         offset_v: float = 0.0,
     ) -> Recording:
-        """Return a recording from converter codes.
+        """Return a recording from converter codes, as in a campaign folder or a shot file.
 
-        Parameters
-        ----------
-        codes : ndarray of int16, shape (n,)
-            As in a campaign folder or a shot file.
-        volts_per_code : float
-            ``volts = codes * volts_per_code + offset_v``. [V]
-        sample_rate_hz : float
-            Its rate. [Hz]
-        trigger_index : int
-            Sample near the first touch. [1]
-        offset_v : float
-            As above. [V]
-
-        Returns
-        -------
-        Recording
-            In volts.
+        ``volts = codes * volts_per_code + offset_v``.
         """
         volts = np.asarray(codes, dtype=np.float64) * volts_per_code + offset_v
         return cls(volts, sample_rate_hz, trigger_index)
@@ -78,14 +54,7 @@ class Recording:
         At the recording's own rate the samples are shifted by whole steps and stay as they are,
         else they are interpolated on straight lines.
 
-        Parameters
-        ----------
-        landing_s : float
-            Rig time of the touch. [s]
-        grid_start_s : float
-            Rig time of sample 0. [s]
-        sample_rate_hz : float
-            True rate of the converter. [Hz]
+        Landing and grid are rig times; the rate is the true one of the converter.
         """
         landing = round((landing_s - grid_start_s) * sample_rate_hz)
         if abs(sample_rate_hz / self.sample_rate_hz - 1.0) < 1e-9:

@@ -27,34 +27,24 @@ LOSS = {
 
 @dataclass(frozen=True)
 class RigModel:
-    """The physics of a rig, apart from its numbers and its effects.
-
-    Attributes
-    ----------
-    third_law : bool
-        The dashpot's reaction loads the crystal.
-    coupon_rides : bool
-        The coupon's mass moves with the crystal.
-    lift_off : str
-        ``"indentation"``: contact ends with the indentation (Eq. 6 of the paper); ``"force"``: with
-        the force (Schwager & Poeschel, Phys. Rev. E 78 (2008) 051304; Ting, J. Appl. Mech. 33
-        (1966) 845, for a relaxing body).
-    loss : str
-        ``"tsuji"``: alpha sqrt(m K) delta^(1/4) delta' (Tsuji, Tanaka & Ishida 1992; Eq. 3 of the
-        paper); ``"kuwabara_kono"``: (3/2) A K delta^(1/2) delta' (1987); ``"hunt_crossley"``:
-        chi K delta^(3/2) delta' (1975).
-    drag : str
-        ``"none"``: no air; else a form of the drag coefficient in `fall`.
-    added_mass : float
-        Part of the displaced air's mass that moves with the sphere. [1]
-    """
+    """The physics of a rig, apart from its numbers and its effects."""
 
     third_law: bool
+    """The dashpot's reaction loads the crystal."""
     coupon_rides: bool
+    """The coupon's mass moves with the crystal."""
     lift_off: str
+    """``"indentation"``: contact ends with the indentation (Eq. 6 of the paper); ``"force"``: with
+    the force (Schwager & Poeschel, Phys. Rev. E 78 (2008) 051304; Ting, J. Appl. Mech. 33 (1966)
+    845, for a relaxing body)."""
     loss: str
+    """``"tsuji"``: alpha sqrt(m K) delta^(1/4) delta' (Tsuji, Tanaka & Ishida 1992; Eq. 3 of the
+    paper); ``"kuwabara_kono"``: (3/2) A K delta^(1/2) delta' (1987); ``"hunt_crossley"``: chi K
+    delta^(3/2) delta' (1975)."""
     drag: str
+    """``"none"``: no air; else a form of the drag coefficient in `fall`."""
     added_mass: float = 0.0
+    """Part of the displaced air's mass that moves with the sphere."""
 
     def to_json(self) -> dict[str, object]:
         """Return the choices as the sealed truth states them."""
@@ -72,19 +62,9 @@ a table of some hundred rigs, seldom enough that most rigs are physical."""
 
 
 def rig_model(name: str, seed: int) -> RigModel:
-    """Return the physics of a rig.
+    """Return the physics of a rig, one of `RIGS`, else raise ValueError.
 
-    Parameters
-    ----------
-    name : str
-        One of `RIGS`.
-    seed : int
-        Of the rig; matters for ``drawn``.
-
-    Raises
-    ------
-    ValueError
-        If there is no such name.
+    The rig's seed matters for ``drawn`` only.
     """
     if name == "paper":
         return PAPER

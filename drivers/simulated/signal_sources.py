@@ -18,13 +18,7 @@ _ENDLESS = 1 << 62
 
 
 class _PacedSource:
-    """Counts the samples that are due.
-
-    Parameters
-    ----------
-    speed : float
-        See `drivers.simulated.clock.RigClock`.
-    """
+    """Counts the samples that are due; ``speed`` as of `drivers.simulated.clock.RigClock`."""
 
     def __init__(self, speed: float = 1.0) -> None:
         self.clock = RigClock(speed)
@@ -44,12 +38,7 @@ class _PacedSource:
     ) -> None:
         """Begin to convert; sample 0 is now.
 
-        Parameters
-        ----------
-        sample_rate_hz : float
-            Rate. [Hz]
-        range_v, board_gain, board_offset_v : float
-            Without meaning here: these sources make codes, not volts.
+        Only the rate has a meaning here: these sources make codes, not volts.
         """
         self._begin()
         self._rate_hz = sample_rate_hz
@@ -72,33 +61,14 @@ class _PacedSource:
 
 
 class CountingSource(_PacedSource):
-    """Sample n has the code n modulo `COUNT_PERIOD`: whoever counts sees each loss.
-
-    Parameters
-    ----------
-    speed : float
-        See `drivers.simulated.clock.RigClock`.
-    """
+    """Sample n has the code n modulo `COUNT_PERIOD`, which shows each loss."""
 
     def __init__(self, speed: float = 1.0) -> None:
         super().__init__(speed)
         self._ramp = (np.arange(8 * COUNT_PERIOD) % COUNT_PERIOD).astype(np.uint16)
 
     def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
-        """Return the codes of samples ``[start, start + count)``.
-
-        Parameters
-        ----------
-        start : int
-            First sample. [1]
-        count : int
-            How many. [1]
-
-        Returns
-        -------
-        ndarray of uint16, shape (count,)
-            The count.
-        """
+        """Return the codes of samples ``[start, start + count)``."""
         phase = start % COUNT_PERIOD
         if phase + count <= self._ramp.size:
             return self._ramp[phase : phase + count]
@@ -108,14 +78,7 @@ class CountingSource(_PacedSource):
 class PulseSource(_PacedSource):
     """Noise around a baseline, and half-sine pulses on demand.
 
-    Parameters
-    ----------
-    speed : float
-        See `drivers.simulated.clock.RigClock`.
-    noise_codes : float, optional
-        Its standard deviation. [1]
-    baseline_code : int, optional
-        Idle input, offset binary.
+    ``speed`` is as of `drivers.simulated.clock.RigClock`; the idle input is offset binary.
     """
 
     WIDTH_SAMPLES = 100
@@ -143,19 +106,9 @@ class PulseSource(_PacedSource):
             self._pulse = None
 
     def fire(self, peak_codes: int = 8000, after_samples: int = 2000) -> int:
-        """Append a pulse to the samples already read.
+        """Append a pulse to the samples already read and return the position of its first sample.
 
-        Parameters
-        ----------
-        peak_codes : int, optional
-            Height above the baseline; negative for a falling pulse.
-        after_samples : int, optional
-            Distance from the newest sample. [1]
-
-        Returns
-        -------
-        int
-            Position of its first sample in the stream. [1]
+        A negative height makes a falling pulse; the distance is from the newest sample.
         """
         with self._lock:
             at = max(self._read_to, 0) + after_samples
@@ -163,20 +116,7 @@ class PulseSource(_PacedSource):
             return at
 
     def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
-        """Return the codes of samples ``[start, start + count)``.
-
-        Parameters
-        ----------
-        start : int
-            First sample. [1]
-        count : int
-            How many. [1]
-
-        Returns
-        -------
-        ndarray of uint16, shape (count,)
-            Noise, and the pulse if it lies there.
-        """
+        """Return the codes of samples ``[start, start + count)``."""
         codes = np.take(self._noise, np.arange(start, start + count), mode="wrap")
         with self._lock:
             self._read_to = max(self._read_to, start + count)

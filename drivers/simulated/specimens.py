@@ -7,17 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class SphereSpec:
-    """A sphere as its label describes it.
-
-    Attributes
-    ----------
-    radius_m, mass_kg : float
-        R [m] and m [kg].
-    youngs_modulus_pa, youngs_modulus_u_pa : float
-        Nominal E and the standard deviation the true one is drawn with. [Pa]
-    poissons_ratio, poissons_ratio_u : float
-        The same for nu. [1]
-    """
+    """A sphere as its label describes it; a ``_u`` is the standard deviation of the true value."""
 
     radius_m: float
     mass_kg: float
@@ -29,19 +19,10 @@ class SphereSpec:
 
 @dataclass(frozen=True)
 class SurfaceSpec:
-    """A coupon as its label describes it.
-
-    Attributes
-    ----------
-    youngs_modulus_pa, youngs_modulus_u_pa : float or None, float
-        Nominal E and its standard deviation; ``None``: unknown, drawn from 0.5 to 10 GPa. [Pa]
-    poissons_ratio, poissons_ratio_u : float
-        The same for nu. [1]
-    coupon_mass_kg : float
-        Mass of the coupon. [kg]
-    """
+    """A coupon as its label describes it; a ``_u`` is the standard deviation of the true value."""
 
     youngs_modulus_pa: float | None
+    """``None``: unknown, drawn from 0.5 to 10 GPa."""
     youngs_modulus_u_pa: float
     poissons_ratio: float
     poissons_ratio_u: float = 0.01
@@ -50,31 +31,22 @@ class SurfaceSpec:
 
 @dataclass(frozen=True)
 class CellSpec:
-    """The load cell as its certificate describes it, values and standard deviations.
-
-    Attributes
-    ----------
-    compliance_m_per_v, compliance_u_m_per_v : float
-        c of Eq. 11. [m/V]
-    crystal_mass_kg, crystal_mass_u_kg : float
-        M. [kg]
-    crystal_stiffness_n_per_m, crystal_stiffness_u_n_per_m : float
-        k. [N/m]
-    crystal_damping_n_s_per_m, crystal_damping_u_n_s_per_m : float
-        mu. [N s/m]
-    hsd_n_per_v : float or None
-        S of Eq. 7 for a rigid cell; ``None`` takes k c. [N/V]
-    """
+    """The load cell as its certificate describes it, values and standard deviations."""
 
     compliance_m_per_v: float = 1.2e-8
+    """c of Eq. 11."""
     compliance_u_m_per_v: float = 3.6e-10
     crystal_mass_kg: float = 35.4e-3
+    """M."""
     crystal_mass_u_kg: float = 3.1e-3
     crystal_stiffness_n_per_m: float = 0.416e9
+    """k."""
     crystal_stiffness_u_n_per_m: float = 0.042e9
     crystal_damping_n_s_per_m: float = 560.0
+    """mu."""
     crystal_damping_u_n_s_per_m: float = 60.0
     hsd_n_per_v: float | None = None
+    """S of Eq. 7 for a rigid cell; ``None`` takes k c."""
 
 
 def _sphere(radius_m: float, mass_kg: float, e_pa: float, nu: float) -> SphereSpec:

@@ -1,4 +1,4 @@
-"""The sealed truth of a simulated rig, revealed to its owner on request."""
+"""The sealed truth of a simulated rig; its owner may open it."""
 
 from __future__ import annotations
 
@@ -11,17 +11,7 @@ from typing import Any
 def seal(path: Path, truth: dict[str, object]) -> None:
     """Write the truth where only its owner can read it (mode 0600), replacing an older one.
 
-    Parameters
-    ----------
-    path : Path
-        File to write; its folder must exist.
-    truth : dict
-        Ready for JSON.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written.
+    The file's folder must exist.
     """
     beside = path.with_name(path.name + ".new")
     beside.unlink(missing_ok=True)
@@ -34,20 +24,7 @@ def seal(path: Path, truth: dict[str, object]) -> None:
 
 
 def unseal(path: Path) -> dict[str, Any]:
-    """Open the envelope.
-
-    Parameters
-    ----------
-    path : Path
-        File `seal` wrote.
-
-    Raises
-    ------
-    OSError
-        If there is no such file.
-    ValueError
-        If it does not hold a truth.
-    """
+    """Return the truth that `seal` wrote; ValueError if the file does not hold one."""
     truth = json.loads(path.read_text(encoding="utf-8"))
     if not isinstance(truth, dict):
         raise ValueError(f"{path} does not hold a sealed truth.")  # noqa: TRY004 - a bad file

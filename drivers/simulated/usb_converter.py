@@ -77,17 +77,9 @@ class SignalSource(Protocol):
 class SimulatedConverter:
     """Converts what the source shows and hands it out in packets.
 
-    Parameters
-    ----------
-    source : SignalSource
-        What is at the input.
-    fifo_samples : int or None
-        Depth of the results FIFO; ``None`` for endless, as the real depth is NOT KNOWN. [1]
-
-    Notes
-    -----
-    Packets left in the endpoint's buffers survive a stop, so a host that does not drain finds
-    old samples at the head of its next run. That the real board does the same is INFERRED.
+    The depth of the results FIFO is ``None`` for endless, as the real depth is NOT KNOWN. Packets
+    left in the endpoint's buffers survive a stop, so a host that does not drain finds old samples
+    at the head of its next run. That the real board does the same is INFERRED.
     """
 
     def __init__(
@@ -121,15 +113,7 @@ class SimulatedConverter:
         return self._running
 
     def start(self, rate_hz: float, range_index: int) -> None:
-        """Start the pacer.
-
-        Parameters
-        ----------
-        rate_hz : float
-            Nominal rate. [Hz]
-        range_index : int
-            Gain code of the scan list's entry.
-        """
+        """Start the pacer at a nominal rate; the index is the gain code of the scan list."""
         with self._lock:
             self._rate_hz = rate_hz
             self._next = 0
@@ -162,21 +146,10 @@ class SimulatedConverter:
     def read_into(
         self, out: NDArray[np.uint16], timeout_s: float, check: Callable[[], None]
     ) -> int:
-        """Fill a host's buffer as a bulk read does.
+        """Fill a host's buffer as a bulk read does and return the number of samples written.
 
-        Parameters
-        ----------
-        out : ndarray of uint16, shape (n,)
-            The buffer.
-        timeout_s : float
-            Longest wait. [s]
-        check : callable
-            Called often; raises when the device is gone or stalled.
-
-        Returns
-        -------
-        int
-            Samples written: all, or the whole packets there were when time was up. [1]
+        These are all, or the whole packets there were when time was up. ``check`` is called often;
+        it raises when the device is gone or stalled.
         """
         deadline_s = time.monotonic() + timeout_s
         while True:

@@ -12,19 +12,10 @@ SERIAL_STRING_INDEX = 3
 
 
 def device_descriptor(product_id: int, *, address: int, loaded: bool) -> SimpleNamespace:
-    """Return the device descriptor.
+    """Return the device descriptor, with the fields pyusb asks for.
 
-    Parameters
-    ----------
-    address : int
-        On the bus; a new one after each enumeration.
-    loaded : bool
-        Whether the firmware runs. The bare chip states no serial number.
-
-    Returns
-    -------
-    SimpleNamespace
-        With the fields pyusb asks for.
+    ``address`` is a new one after each enumeration. ``loaded`` says whether the firmware runs; the
+    bare chip states no serial number.
     """
     return SimpleNamespace(
         bLength=18,
@@ -65,17 +56,9 @@ def configuration_descriptor() -> SimpleNamespace:
 
 
 def interface_descriptor(*, loaded: bool) -> SimpleNamespace:
-    """Return the only interface's descriptor.
+    """Return the only interface's descriptor, with the fields pyusb asks for.
 
-    Parameters
-    ----------
-    loaded : bool
-        Whether the firmware runs; the bare chip shows no endpoints here.
-
-    Returns
-    -------
-    SimpleNamespace
-        With the fields pyusb asks for.
+    ``loaded`` says whether the firmware runs; the bare chip shows no endpoints here.
     """
     return SimpleNamespace(
         bLength=9,
@@ -92,13 +75,7 @@ def interface_descriptor(*, loaded: bool) -> SimpleNamespace:
 
 
 def endpoint_descriptor(index: int) -> SimpleNamespace:
-    """Return a bulk endpoint's descriptor.
-
-    Returns
-    -------
-    SimpleNamespace
-        With the fields pyusb asks for.
-    """
+    """Return a bulk endpoint's descriptor, with the fields pyusb asks for."""
     return SimpleNamespace(
         bLength=7,
         bDescriptorType=5,

@@ -60,22 +60,10 @@ class _Handle:
 class SimulatedDaq3500(usb.backend.IBackend):  # type: ignore[misc] # pyusb has no types
     """A board on a bus of its own.
 
-    Parameters
-    ----------
-    source : SignalSource
-        The simulated world, or a test source.
-    loaded : bool, optional
-        Whether it wakes up with firmware and FPGA loaded.
-    serial_number : str, optional
-        What it states.
-    errors : BoardErrors, optional
-        Its gains and offsets, stated in its EEPROM.
-    eeprom : bytes, optional
-        Another content than that, e.g. a damaged one.
-    reenumeration_s : float, optional
-        Absence from the bus after its firmware is loaded. [s]
-    fifo_samples : int, optional
-        Depth of its results FIFO, endless by default: NOT KNOWN. [1]
+    With ``loaded`` it wakes up with firmware and FPGA loaded. ``errors`` are its gains and offsets,
+    stated in its EEPROM; ``eeprom`` is another content than that, e.g. a damaged one. After its
+    firmware is loaded it is absent from the bus for ``reenumeration_s``. The depth of its results
+    FIFO, endless by default, is NOT KNOWN.
     """
 
     def __init__(

@@ -14,19 +14,14 @@ EEPROM_BYTES = 808
 
 @dataclass(frozen=True)
 class BoardErrors:
-    """What each range's table entry says: true volts = gain * raw volts + offset.
-
-    Attributes
-    ----------
-    gain_plus, gain_minus : tuple of float
-        Gain minus one for either sign, per range. [1]
-    offset_v : tuple of float
-        Per range. [V]
-    """
+    """What each range's table entry says: true volts = gain * raw volts + offset."""
 
     gain_plus: tuple[float, ...] = (8.1e-4, -5.3e-4, 4.4e-4, 1.2e-3, -9.0e-4, 1.7e-3, 2.1e-3)
+    """Gain minus one for positive volts, per range."""
     gain_minus: tuple[float, ...] = (7.7e-4, -4.9e-4, 4.0e-4, 1.0e-3, -1.1e-3, 1.5e-3, 2.3e-3)
+    """The same for negative volts."""
     offset_v: tuple[float, ...] = (2.4e-3, -1.1e-3, 3.0e-4, 2.0e-4, -1.5e-4, 8e-5, -6e-5)
+    """Per range."""
 
     def eeprom(self) -> bytes:
         """Return the EEPROM's 808 bytes; those behind the table are blank."""
@@ -36,18 +31,7 @@ class BoardErrors:
         return table.ljust(EEPROM_BYTES, b"\xff")
 
     def gain(self, range_index: int) -> float:
-        """Return a range's gain.
-
-        Parameters
-        ----------
-        range_index : int
-            Position in `RANGES_V`.
-
-        Returns
-        -------
-        float
-            True volts over raw volts, offset apart. [1]
-        """
+        """Return the gain of a range, by its position in `RANGES_V`."""
         return 1.0 + (self.gain_plus[range_index] + self.gain_minus[range_index]) / 2.0
 
 

@@ -12,13 +12,6 @@ _SCAN_LIST_EMPTY = 0x0020
 class SimulatedFpga:
     """Registers that drive the converter once the bit stream is in.
 
-    Parameters
-    ----------
-    loaded : bool
-        Whether the bit stream is in already.
-
-    Notes
-    -----
     The pacer starts only if the whole of the start sequence was sent: scan list, list running,
     endpoint enabled, transfer on. What a real board does otherwise is NOT KNOWN; this one stays
     silent, so a forgotten step shows.
@@ -42,13 +35,7 @@ class SimulatedFpga:
         self.loaded = False
 
     def take_block(self, data: bytes) -> bool:
-        """Take a block of the bit stream.
-
-        Parameters
-        ----------
-        data : bytes
-            2048 of them, fewer in the last block.
-        """
+        """Take a block of the bit stream: 2048 bytes, fewer in the last one."""
         if self._image_ended or len(data) > _BLOCK_BYTES:
             return False
         self.image += data
@@ -57,13 +44,7 @@ class SimulatedFpga:
         return True
 
     def read_register(self, register: int) -> int:
-        """Return a register's word.
-
-        Returns
-        -------
-        int
-            All ones while the bit stream is missing.
-        """
+        """Return a register's word; all ones while the bit stream is missing."""
         if not self.loaded:
             return 0xFFFF
         if register == 0x00:

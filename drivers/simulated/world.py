@@ -54,14 +54,8 @@ class _Stream:
 class World:
     """One rig: time, sphere, coupon, cell, noise. Thread safe.
 
-    Attributes
-    ----------
-    settings : WorldSettings
-        As given.
-    faults : Faults
-        Switches for whatever shall break.
-    openings_ns : list of int
-        Host clock at each opening of the valve, whatever the daemon says of it. [ns]
+    ``faults`` are switches for whatever shall break; ``openings_ns`` the host clock at each opening
+    of the valve, whatever the daemon says of it.
     """
 
     def __init__(self, settings: WorldSettings) -> None:
@@ -117,15 +111,8 @@ class World:
     ) -> None:
         """Start the converter: sample 0 is now.
 
-        Parameters
-        ----------
-        sample_rate_hz : float
-            Rate asked for; the true one is this times ``rate_error``. [Hz]
-        range_v : float
-            +/- range. [V]
-        board_gain, board_offset_v : float
-            The board's own error, ``V = gain * Vraw + offset``, as its calibration table
-            states it. [1, V]
+        The true rate is the one asked for times ``rate_error``. Gain and offset are the board's own
+        error, ``V = gain * Vraw + offset``, as its calibration table states it.
         """
         board = Board(range_v, board_gain, board_offset_v)
         rate_hz = sample_rate_hz * self.settings.rate_error * self._rig.inputs.sample_rate_factor
@@ -151,10 +138,7 @@ class World:
     def samples_due(self) -> int:
         """Return how many samples the converter has produced since `start_stream`.
 
-        Returns
-        -------
-        int
-            Samples; a very large number while a driven clock streams, 0 without a stream. [1]
+        A very large number while a driven clock streams, 0 without a stream.
         """
         stream = self._stream
         if stream is None:
@@ -166,20 +150,7 @@ class World:
     def read_codes(self, start: int, count: int) -> NDArray[np.uint16]:
         """Return the converter's codes of samples ``start`` to ``start + count``.
 
-        Parameters
-        ----------
-        start, count : int
-            Position in the stream and number of samples. [1]
-
-        Returns
-        -------
-        ndarray of uint16, shape (count,)
-            Offset binary, ``V = code * 2 R / 65536 - R``.
-
-        Raises
-        ------
-        RuntimeError
-            If no stream runs.
+        Offset binary, ``V = code * 2 R / 65536 - R``. A RuntimeError says that no stream runs.
         """
         with self._sampling:
             stream = self._stream
@@ -246,7 +217,7 @@ class World:
         return found
 
     def _pass_by(self, stream: _Stream) -> None:
-        """Look no more at flights that were over when the stream began; keep less of old ones."""
+        """Drop the flights that were over when the stream began; keep less of old ones."""
         while self._over_s.get(self._passed, math.inf) < stream.began_s:
             del self._over_s[self._passed]
             if self._passed >= _BOUNCES_KEPT:
@@ -258,10 +229,7 @@ class World:
     def set_vacuum(self, on: bool) -> None:
         """Switch the vacuum; without it the sphere leaves the tube a moment later.
 
-        Parameters
-        ----------
-        on : bool
-            Whether the pump is connected. Back in time, the sphere stays where it is.
+        If it is back in time, the sphere stays where it is.
         """
         with self._lock:
             self._let_go()
@@ -277,7 +245,7 @@ class World:
             self._vacuum_on = on
 
     def _let_go(self) -> None:
-        """Turn a sphere whose time has come into a flight; it begins when it was due."""
+        """Turn a sphere that is due into a flight, which begins when it was due."""
         if self._hanging is None or self.clock.now_s() < self._leaves_s:
             return
         hanging, leaves_s = self._hanging, self._leaves_s
@@ -309,17 +277,7 @@ class World:
     def load(self, sphere: str, surface: str, drop_height_m: float) -> None:
         """Hang a sphere over a surface; without vacuum it does not stay.
 
-        Parameters
-        ----------
-        sphere, surface : str
-            Names from the settings.
-        drop_height_m : float
-            Height above the surface. [m]
-
-        Raises
-        ------
-        ConfigurationError
-            If a name is unknown or the height is not positive.
+        A ConfigurationError says that a name is unknown or the height is not positive.
         """
         for name, drawer in ((sphere, self.settings.spheres), (surface, self.settings.surfaces)):
             if name not in drawer:
@@ -337,13 +295,7 @@ class World:
             self._leaves_s = math.inf
 
     def replay(self, recording: Recording | None) -> None:
-        """Play a recording at the next releases, or simulate again.
-
-        Parameters
-        ----------
-        recording : Recording or None
-            ``None`` for simulated impacts.
-        """
+        """Play a recording at the next releases; ``None`` simulates again."""
         with self._lock:
             self._recording = recording
 
@@ -352,8 +304,7 @@ class World:
     def truth(self) -> dict[str, object]:
         """Return everything drawn and everything that happened, ready for JSON.
 
-        A rig may run for months: of flights before the last hundred the first touch-down is told,
-        not the bounces.
+        A rig may run for months: flights before the last hundred have only their first touch-down.
         """
         with self._sampling, self._lock:
             shots = [

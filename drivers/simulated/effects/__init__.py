@@ -26,21 +26,8 @@ def make_effect(
 ) -> Effect:
     """Return an effect by its id.
 
-    Parameters
-    ----------
-    effect_id : str
-        One of `EFFECTS`.
-    values : Mapping
-        All its parameters by name. [SI]
-    scope : Scope, optional
-        Where it acts; everywhere when left out.
-    form : str
-        Which of its published forms; the first when left out.
-
-    Raises
-    ------
-    ValueError
-        If the id, a parameter or the form is unknown or a parameter is missing.
+    ``values`` has all parameters by name [SI]; ``scope`` left out means everywhere, ``form`` left
+    out the first of the published forms. What is unknown or missing is a ValueError.
     """
     if effect_id not in EFFECTS:
         raise ValueError(f"No effect {effect_id!r}; the simulator knows {', '.join(EFFECTS)}.")

@@ -20,55 +20,36 @@ from drivers.simulated.impact import Mechanics
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect.
-
-    Attributes
-    ----------
-    name, unit : str
-        Name with its unit as suffix, and the unit itself.
-    low, high : float
-        From barely visible to large; a random size is drawn between them, even in the logarithm.
-    neutral : float
-        Value at which the effect does nothing.
-    meaning : str
-        In a few words.
-    either_sign : bool
-        A random value may also be negative.
-    """
+    """One number of an effect."""
 
     name: str
     unit: str
     low: float
     high: float
+    """From barely visible (``low``) to large; a random size is drawn between them, even in the
+    logarithm."""
     neutral: float
+    """Value at which the effect does nothing."""
     meaning: str
+    """In a few words."""
     either_sign: bool = False
+    """A random value may also be negative."""
 
 
 @dataclass
 class Shot:
-    """One release, as an effect sees it.
-
-    Attributes
-    ----------
-    number : int
-        Releases so far on this rig. [1]
-    sphere, surface : str
-        What falls on what.
-    drop_height_m : float
-        Height asked for; effects of the release slot change it. [m]
-    speed_factor : float
-        Factor on the impact speed; effects of the release slot change it. [1]
-    rng : numpy.random.Generator
-        Chance that belongs to this shot and this effect alone.
-    """
+    """One release, as an effect sees it."""
 
     number: int
+    """Releases so far on this rig."""
     sphere: str
     surface: str
     drop_height_m: float
+    """Height asked for; effects of the release slot change it. [m]"""
     rng: np.random.Generator
+    """Random numbers of this shot and this effect alone."""
     speed_factor: float = 1.0
+    """Factor on the impact speed; effects of the release slot change it. [1]"""
 
 
 Names = str | tuple[str, ...]
@@ -77,17 +58,12 @@ Names = str | tuple[str, ...]
 
 @dataclass(frozen=True)
 class Scope:
-    """Where an effect acts; ``None`` means everywhere.
-
-    Attributes
-    ----------
-    sphere, surface : str, tuple of str or None
-        Names of the only spheres and the only surfaces concerned; a tuple is kept sorted, and one
-        of a single name as that name.
-    """
+    """Where an effect acts; ``None`` means everywhere."""
 
     sphere: Names | None = None
     surface: Names | None = None
+    """Names of the only spheres (``sphere``) and the only surfaces concerned; a tuple is kept
+    sorted, and one of a single name as that name."""
 
     def __post_init__(self) -> None:
         """Keep names in order, so that equal scopes compare equal."""
@@ -100,13 +76,7 @@ class Scope:
                 object.__setattr__(self, side, kept[0] if len(kept) == 1 else kept)
 
     def includes(self, sphere: str, surface: str) -> bool:
-        """Return whether a pair is concerned.
-
-        Returns
-        -------
-        bool
-            Whether both names fit.
-        """
+        """Return whether both names of a pair are concerned."""
         return _names(self.sphere, sphere) and _names(self.surface, surface)
 
     def to_json(self) -> dict[str, str | list[str]]:
@@ -125,15 +95,7 @@ def _names(wanted: Names | None, name: str) -> bool:
 
 @dataclass
 class Effect:
-    """Base of all effects: does nothing.
-
-    Attributes
-    ----------
-    values : Mapping
-        Parameter values by name; all of them, no defaults. [SI]
-    form : str
-        Which published form of its law, one of ``forms``; left out, the first.
-    """
+    """Base of all effects: does nothing."""
 
     id: ClassVar[str] = ""
     slot: ClassVar[str] = ""
@@ -147,8 +109,10 @@ class Effect:
     sound_forms: ClassVar[tuple[str, ...]] = ()
 
     values: Mapping[str, float]
+    """By name; all of them, no defaults. [SI]"""
     scope: Scope = field(default_factory=Scope)
     form: str = ""
+    """Which published form of its law, one of ``forms``; left out, the first."""
 
     def __post_init__(self) -> None:
         """Refuse unknown, missing and non-finite parameters, and forms that there are not."""
@@ -167,13 +131,7 @@ class Effect:
 
     @classmethod
     def draw(cls, rng: np.random.Generator) -> dict[str, float]:
-        """Return parameter values of random size.
-
-        Returns
-        -------
-        dict
-            Values by name. [SI]
-        """
+        """Return parameter values of random size, by name. [SI]"""
         values = {}
         for p in cls.parameters:
             size = math.exp(rng.uniform(math.log(p.low), math.log(p.high)))
@@ -185,15 +143,7 @@ class Effect:
     def form_on(cls, rig: str) -> str:
         """Return the form that a rig of this name has when none is drawn.
 
-        Parameters
-        ----------
-        rig : str
-            ``"paper"`` takes the first form, any other the first sound one.
-
-        Returns
-        -------
-        str
-            One of ``forms``.
+        ``"paper"`` takes the first form, any other the first sound one.
         """
         return cls.forms[0] if rig == "paper" or not cls.sound_forms else cls.sound_forms[0]
 
@@ -203,10 +153,7 @@ class Effect:
     ) -> tuple[str, dict[str, float]]:
         """Return a form at random, and the values that go with it.
 
-        Parameters
-        ----------
-        values : dict
-            As drawn for the first form. [SI]
+        ``values`` are as drawn for the first form.
         """
         return str(rng.choice(cls.sound_forms or cls.forms)), values
 
@@ -227,62 +174,29 @@ class Effect:
         }
 
     def at_release(self, shot: Shot) -> None:
-        """Change how the sphere leaves the tube.
-
-        Parameters
-        ----------
-        shot : Shot
-            Its height and speed factor may be changed.
-        """
+        """Change how the sphere leaves the tube: its height or its speed factor."""
 
     def before_impact(self, mechanics: Mechanics, shot: Shot, speed_m_per_s: float) -> None:
         """Change the bodies before an impact is integrated.
 
-        Parameters
-        ----------
-        shot : Shot
-            The release this impact belongs to.
-        speed_m_per_s : float
-            Speed at touch-down. [m/s]
+        The shot is the release this impact belongs to, the speed that at touch-down.
         """
 
     def stage(self, shot: Shot) -> Stage | None:
-        """Return this effect's part of the chain behind the crystal, at rest.
-
-        Returns
-        -------
-        Stage or None
-            ``None`` when the effect is not there.
-        """
+        """Return this effect's part of the chain behind the crystal, at rest; None for none."""
         return None
 
     def ambient(self, t_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return what is on the line even when nothing falls.
+        """Return what is on the line at a rig time even when nothing falls. [V]
 
-        Parameters
-        ----------
-        t_s : ndarray, shape (n,)
-            Rig time. [s]
-
-        Returns
-        -------
-        ndarray or None, shape (n,)
-            Added to the signal. [V]
+        It is added to the signal.
         """
         return None
 
     def after_release(self, shot: Shot, t_s: NDArray[np.float64]) -> NDArray[np.float64] | None:
-        """Return what a release puts on the line by itself, impact or not.
+        """Return what a release puts on the line by itself, impact or not. [V]
 
-        Parameters
-        ----------
-        t_s : ndarray, shape (n,)
-            Time since then, >= 0. [s]
-
-        Returns
-        -------
-        ndarray or None, shape (n,)
-            Added to the signal. [V]
+        ``t_s`` is the time since then, >= 0. It is added to the signal.
         """
         return None
 

@@ -13,7 +13,7 @@ LEAST_HEIGHT_M = 1e-4  # a seal that would hold for ever is no release
 
 
 class DraggedRelease(Effect):
-    """A release that comes by and by."""
+    """A release that holds the sphere back for a while."""
 
     id = "x_dragged_release"
     slot = "release"

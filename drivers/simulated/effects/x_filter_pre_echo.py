@@ -29,7 +29,7 @@ class _PairedEcho:
 
 
 class FilterPreEcho(Effect):
-    """A filter that knows what is to come."""
+    """A filter that rings before the signal."""
 
     id = "x_filter_pre_echo"
     slot = "electronics"

@@ -17,7 +17,7 @@ from drivers.simulated.effects.effect import Effect, Parameter, Shot
 
 
 class MicrophonicCable(Effect):
-    """A cable that hears itself."""
+    """A cable that makes a voltage when it swings."""
 
     id = "x_microphonic_cable"
     slot = "electronics"

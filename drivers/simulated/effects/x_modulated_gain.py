@@ -27,7 +27,7 @@ class _Breathing(Memoryless):
 
 
 class ModulatedGain(Effect):
-    """A gain that breathes."""
+    """A gain with a ripple."""
 
     id = "x_modulated_gain"
     slot = "electronics"

@@ -23,7 +23,7 @@ class _Gain(Memoryless):
 
 
 class OffCentre(Effect):
-    """A cell that asks to be hit in the middle."""
+    """A cell whose gain depends on the place of the hit."""
 
     id = "x_off_centre"
     slot = "sensor"

@@ -17,7 +17,7 @@ MASS_KG = 4e-3  # of the coupon that the damping ratio is meant for
 
 
 class StiffeningTape(Effect):
-    """A tape that grows hard."""
+    """A tape that stiffens."""
 
     id = "x_stiffening_tape"
     slot = "mounting"

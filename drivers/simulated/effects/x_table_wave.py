@@ -19,7 +19,7 @@ DAMPING_RATIO = 0.03
 
 
 class TableWave(Effect):
-    """A table that answers."""
+    """A table that sends the blow back."""
 
     id = "x_table_wave"
     slot = "sensor"

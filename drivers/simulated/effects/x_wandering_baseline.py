@@ -15,7 +15,7 @@ SCALE_S = 1e-3
 
 
 class WanderingBaseline(Effect):
-    """A baseline on its way."""
+    """A baseline that walks at random."""
 
     id = "x_wandering_baseline"
     slot = "electronics"
