@@ -49,7 +49,7 @@ class NumberSequence:
             return 0
 
     def findings(self) -> Iterator[tuple[str, str | None]]:
-        """Yield what the file is called and what is wrong with it, if there is one.
+        """Yield the name of the file, if there is one, and what is wrong with it.
 
         Yields
         ------
