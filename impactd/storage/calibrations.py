@@ -100,8 +100,7 @@ class CalibrationTable:
         return self._update(number, "state=?", (state,))
 
     def attach(self, number: int, drop: int) -> None:
-        """Write that a drop belongs to a calibration; `begin_drop(calibration=...)` does the same.
-        """
+        """Write that a drop belongs to a calibration, as `begin_drop(calibration=...)` does."""
         self._index.write("UPDATE drops SET calibration=? WHERE number=?", (number, drop))
 
     def finish(self, number: int, result: dict[str, Any], valid_until_utc: str) -> Calibration:

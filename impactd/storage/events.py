@@ -51,8 +51,7 @@ class EventTable:
     def latest(
         self, *, limit: int, before: int | None = None, kinds: Sequence[str] = ()
     ) -> list[Event]:
-        """Return events, newest first: those below ``before``, of these ``kinds`` (all without it).
-        """
+        """Return events, newest first: those below ``before``, of ``kinds`` if any are named."""
         marks = ", ".join("?" * len(kinds))
         chosen = f"kind IN ({marks})" if kinds else "1"
         rows = self._index.rows(
