@@ -111,8 +111,7 @@ class Admission:
     def quick_checks(
         self, calibration: CalibrationState, *, for_calibration: bool = False
     ) -> tuple[Check, ...]:
-        """Return the checks that cost nothing: disk and calibration; a failed one does not raise.
-        """
+        """Return the checks that cost nothing, disk and calibration; a failed one is no error."""
         try:
             disk = check_disk(self._archive.free_bytes())
         except OSError as error:

@@ -60,7 +60,7 @@ def _warm_up(name: str) -> None:
 
 
 class _Reporter:
-    """Progress as lines: what is new at once, how much of it not oftener than anybody reads."""
+    """Progress as lines: a new text at once, a new share no oftener than anybody reads."""
 
     def __init__(self, answers: TextIO) -> None:
         self._answers = answers
@@ -91,7 +91,7 @@ def _die_with_parent(parent: int) -> None:
 
 
 def _be_ended_first() -> None:
-    """Let the kernel, when memory runs out, end this process and not the daemon."""
+    """Have the kernel end this process before the daemon when memory runs out."""
     try:
         Path("/proc/self/oom_score_adj").write_text("1000")  # the largest there is, proc(5)
     except OSError as error:  # no /proc, or it is not ours to write: the fit runs all the same
