@@ -47,7 +47,7 @@ class Admission:
 
     @contextmanager
     def way_in(self) -> Iterator[None]:
-        """Hold the lock; a thread counts before it has it: an abort must know who is on the way."""
+        """Hold the lock; count whoever waits for it, because an abort must know of them."""
         with self._counting:
             self.entering += 1
         try:

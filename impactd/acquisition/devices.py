@@ -118,7 +118,7 @@ def _stop_digitizer(rig: Rig, troubles: list[Exception]) -> None:
 
 
 def hold(rig: Rig) -> ValveReport:
-    """Put the vacuum on and return the last report; an abort may have asked for the same meanwhile.
+    """Put the vacuum on, once more where an abort cut in, and return the last report.
 
     Raises DriverError if the valve does not follow.
     """

@@ -219,7 +219,7 @@ class DropRun:
         self._advance(Event.CHECKS_PASSED, "arms the digitizer", "arming")
 
     def _read_environment(self) -> None:
-        """Take temperature and humidity; without them the drop goes on, and says why."""
+        """Read temperature and humidity; without them the drop goes on, with a note why."""
         # Before the look at the input, which nothing may part from the release.
         with EnvironmentReading(self._settings.environment, self.drop.request.environment) as read:
             if not read.wait(0.0):
@@ -327,7 +327,7 @@ class DropRun:
                 self._keep_in_memory(error)
 
     def _rescued(self, record: Record, error: ArchiveError) -> RescuedError | ArchiveError:
-        """Put a record where there is room, because memory ends with this process."""
+        """Write a record to another disk, because memory ends with this process."""
         try:
             path = self._archive.rescue_shot(self.drop.number, record, self.metadata())
         except ArchiveError as nowhere:

@@ -63,9 +63,10 @@ def worst_of(*found: Failure | None) -> Failure | None:
 
 
 def keep_evidence(archive: Archive, run: DropRun, failure: Failure, reason: str) -> str | None:
-    """Keep the record of a failed drop in ``partial/``, if the failure carries one.
+    """Keep the record of a failed drop in ``partial/``, and return the name of its file.
 
-    ``reason`` says why it is no shot.
+    ``None`` where the failure carries no record, or it cannot be kept. ``reason`` says why it is no
+    shot.
     """
     if failure.record is None:
         return None

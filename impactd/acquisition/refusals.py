@@ -50,7 +50,7 @@ def valve_unconfirmed() -> StepFailedError:
 
 
 def early_trigger(seen_s: float, fall_s: float, record: Record) -> StepFailedError:
-    """The trigger came before the sphere could fall so far; the record is the evidence."""
+    """Something hit the cell before the sphere could; the record is the evidence."""
     return StepFailedError(
         Problem(
             "early-trigger",

@@ -117,7 +117,7 @@ class RigLoop:
     # For other threads
 
     def use_materials(self, materials: Materials) -> None:
-        """Take these for drops that begin later; the one under way keeps its own."""
+        """Use these materials for drops that begin later; the one under way keeps its own."""
         self._materials = materials
 
     def start(self) -> None:

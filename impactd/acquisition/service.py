@@ -106,7 +106,7 @@ class AcquisitionService:
         self._writer.stop(_LAST_WORDS_S)
 
     def alive(self) -> bool:
-        """Return whether loop and database showed life within the watchdog's time."""
+        """Return whether loop and database answered lately, for the watchdog."""
         if not self._loop.is_running():
             return False
         if time.monotonic() - self._loop.beat_s > _ALIVE_WITHIN_S:
@@ -122,7 +122,7 @@ class AcquisitionService:
 
     @property
     def epoch(self) -> AbortEpoch:
-        """What requests are stamped with as they arrive."""
+        """The abort epoch; each request is stamped with it on arrival."""
         return self._epoch
 
     @property
@@ -297,7 +297,7 @@ class AcquisitionService:
 
     @property
     def materials(self) -> Materials:
-        """What may be dropped on what."""
+        """The spheres and surfaces that a drop may name."""
         return self._materials
 
     # Answers
@@ -337,7 +337,7 @@ class AcquisitionService:
                 self._loop.changed.wait(min(left_s, 0.5))
 
     def wait_for_end(self, number: int) -> Drop:
-        """Return a drop once it has ended, or its state when all its own limits have passed."""
+        """Return a drop once it has ended, or still under way when its own limits have passed."""
         times, around = self._settings.timeouts, self._settings.environment
         reading_s = 0.0 if around is None else around.command_limit_s
         limit_s = times.loading_s + times.blind_loading_s + times.settle_s + reading_s
@@ -355,7 +355,7 @@ class AcquisitionService:
         return True
 
     def publish(self, kind: str, data: dict[str, Any]) -> None:
-        """Tell clients soon, in order; an event that cannot be told is logged and harms nothing.
+        """Publish an event soon, in order; one that cannot be published is logged and does no harm.
 
         ``kind`` is e.g. ``calibration.progress``, ``data`` is JSON-ready.
         """

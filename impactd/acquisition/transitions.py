@@ -18,7 +18,7 @@ from impactd.acquisition.events import Event
 
 
 class State(Enum):
-    """Where the rig is; the value is what clients see."""
+    """The state of the rig; the value is what clients see."""
 
     STOPPED = "STOPPED"
     """Before the daemon started the rig and after it ended: nothing may be asked."""

@@ -85,7 +85,7 @@ class Connections:
         self._sweeping = False
 
     def add(self, connection: Limited, loop: asyncio.AbstractEventLoop) -> None:
-        """Take a new connection in; another one makes room for it."""
+        """Add a new connection; another one is closed for it when there are too many."""
         if len(self._open) >= self._most:
             self._make_room()
         self._open[connection] = None
@@ -94,7 +94,7 @@ class Connections:
             loop.call_later(_SWEEP_EVERY_S, self._sweep, loop)
 
     def discard(self, connection: Limited) -> None:
-        """Forget a connection that has ended."""
+        """Remove a connection that has ended."""
         self._open.pop(connection, None)
 
     def count(self, what: str) -> None:

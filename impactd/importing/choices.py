@@ -1,4 +1,4 @@
-"""What a person says about recordings beforehand, and what is asked when nothing was said."""
+"""The options that a person states about recordings, and the questions about the others."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the hits are in a long record, and which samples belong to each.
+"""The hits in a long record, and the samples that belong to each.
 
 A hit is what rises above the quiet noise. How long a window it needs follows from how long the
 contact lasts, so that the same rule serves a foam pad at 1 kHz and a ball on glass at 10 MHz.

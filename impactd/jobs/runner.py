@@ -60,7 +60,7 @@ class _Lane:
     thread: threading.Thread | None = None
 
     def alive(self) -> bool:
-        """Return whether its thread and the threads of its workers checked for work lately."""
+        """Return whether its thread checked the queue lately, and its executor is alive."""
         if self.thread is None or not self.thread.is_alive() or not self.executor.alive():
             return False
         return time.monotonic() - self.last_turn_s < ALIVE_S
@@ -109,7 +109,7 @@ class JobRunner:
         self._progress: dict[int, tuple[str, float]] = {}
 
     def use_materials(self, materials: Materials) -> None:
-        """Take these for the fits that begin from now on."""
+        """Use these materials for the fits that begin from now on."""
         self._materials = materials
 
     def start(self) -> None:
@@ -242,7 +242,7 @@ class JobRunner:
         self._end(lane, job, future.exception() or future.result())
 
     def _end(self, lane: _Lane, job: Job, outcome: BaseException | dict[str, Any]) -> None:
-        """Have the end of a job written; its place is free at once."""
+        """Queue the write of a job's end; its place is free at once."""
         if isinstance(outcome, Exception) and not isinstance(outcome, TaskError | ArchiveError):
             _log.error("a job failed in the daemon", job=job.id, exc_info=outcome)
 

@@ -102,7 +102,7 @@ def calibrate(order: Json) -> Json:
 
 
 def _holds_for_bounces(model: str, definition: Json | None) -> bool:
-    """Tell whether a model describes later landings too, its definition's effects included."""
+    """Return whether a model describes later landings too, its definition's effects included."""
     said = f"{model} {definition}"
     return not any(effect in said for effect in _FIRST_LANDING_ONLY)
 

@@ -60,7 +60,7 @@ def _warm_up(name: str) -> None:
 
 
 class _Reporter:
-    """Progress as lines: a new text at once, a new share no oftener than anybody reads."""
+    """Progress as lines: a new text at once, else a line each `REPORT_EVERY_S` at most."""
 
     def __init__(self, answers: TextIO) -> None:
         self._answers = answers
@@ -84,7 +84,7 @@ def _options() -> argparse.Namespace:
 
 
 def _die_with_parent(parent: int) -> None:
-    """Let the kernel end this process with the daemon, even in the middle of a fit."""
+    """Have the kernel end this process with the daemon, even in the middle of a fit."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it died before the line above
         raise SystemExit(1)

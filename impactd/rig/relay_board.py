@@ -20,7 +20,7 @@ from impactd.settings.settings import SettingsError, read_toml
 
 
 class _ValveOnly(BaseModel):
-    """The relay board of a settings file, whatever else the file holds."""
+    """What a settings file says about the relay board, whatever else it says."""
 
     model_config = ConfigDict(extra="ignore")
 

@@ -180,7 +180,7 @@ class SeriesRunner:
             return self._set(replace(self._alive(), state="paused", reason=f"{by} paused it."))
 
     def resume(self) -> Series:
-        """Go on with the next drop."""
+        """Continue with the next drop."""
         with self._changed:
             return self._set(replace(self._alive(), state="running", reason=""))
 

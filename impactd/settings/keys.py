@@ -1,4 +1,4 @@
-"""How one key of the settings file is described: meaning, unit, limits, and its source.
+"""The description of one key of the settings file: meaning, unit, limits, and its source.
 
 A key that must be measured, read off a certificate or looked up on the rig has no default, and
 its ``json_schema_extra["where"]`` says where its value comes from; the message for a missing key

@@ -188,7 +188,7 @@ class Archive:
             os.close(lock)
 
     def close(self) -> None:
-        """Give index and lock back; nothing is lost without it."""
+        """Close the index and release the lock; nothing is lost without it."""
         self._index.close()
         if self._lock is not None:
             os.close(self._lock)
@@ -393,7 +393,7 @@ class Archive:
     # In and out
 
     def import_campaign(self, path: Path) -> ImportReport:
-        """Take a campaign folder in; the same samples are taken once. See `import_folder`."""
+        """Import a campaign folder; the same samples are stored once. See `import_folder`."""
         return import_folder(path, known=self._shots.by_origin, store=self.store_import)
 
     def export(self, numbers: Sequence[int], form: str, out: Path) -> list[Path]:

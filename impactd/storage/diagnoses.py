@@ -152,7 +152,7 @@ class DiagnosisStore:
         return new
 
     def _never_again(self, path: Path) -> None:
-        """Keep the number of a file that cannot be read from being given out again."""
+        """Reserve the number of a file that cannot be read, so that it is not given out again."""
         number = int(path.stem)
         with self._index.transaction():
             self._index.write(

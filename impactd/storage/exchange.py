@@ -56,7 +56,7 @@ def import_folder(
     known: Callable[[str], Shot | None],
     store: Callable[[Recording, ShotMetadata], Shot],
 ) -> ImportReport:
-    """Take the shots of a campaign folder (or its ``campaign.json``) into an archive.
+    """Store the shots of a campaign folder (or its ``campaign.json``) in an archive.
 
     ``known`` gives the shot that was imported from an origin before, or ``None``. Raises
     CampaignError if the folder cannot be used as a whole.

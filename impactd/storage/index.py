@@ -333,7 +333,7 @@ class Index:
             yield self._connection
 
     def close(self) -> None:
-        """Give the files back."""
+        """Close the connections and the journal."""
         with self._lock, self._reading, self._looking_up:
             self._journaling.close()
             for connection in (self._tokens, self._reader, self._connection):

@@ -40,7 +40,7 @@ def install(connection: sqlite3.Connection, collect: Collect) -> None:
     """
 
     def written(table: str, *values: Any) -> None:
-        """Take a row that was inserted or updated."""
+        """Collect a row that was inserted or updated."""
         named = dict(zip(checksums.COLUMNS[table].split(), values, strict=True))
         collect(table, tuple(named[name] for name in key_of(table)), values)
 
@@ -96,7 +96,7 @@ class Collected:
         self.rows: list[Change] = []
 
     def add(self, table: str, key: tuple[Any, ...], values: tuple[Any, ...] | None) -> None:
-        """Take a change; deleted rows that follow one another become one range."""
+        """Add a change; deleted rows that follow one another become one range."""
         if values is not None:
             self.rows.append(
                 [table, dict(zip(checksums.COLUMNS[table].split(), values, strict=True))]

@@ -31,7 +31,7 @@ class NumberSequence:
             return number
 
     def raise_to(self, number: int) -> None:
-        """Let the sequence go on after a number, if it is not beyond it already."""
+        """Continue the sequence after a number, if it is not beyond it already."""
         with self._index.transaction():
             last = max(number, self.last(), self.last_in_file())
             publish(self._path, _text(last), replace=True)

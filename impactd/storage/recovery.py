@@ -38,7 +38,7 @@ def end_interrupted(
 
 
 def _take_back(store: ShotStore, number: int, rescue_directory: Path | None) -> Path | None:
-    """Take a rescued file into the archive; return where it stays if that is not possible."""
+    """Publish a rescued file in the archive; return where it stays if that is not possible."""
     if store.path(number).exists():
         return None
     path = rescue.find(store.directory, number, rescue_directory)

@@ -134,7 +134,7 @@ def _make_folders(folder: Path) -> None:
 
 
 def _ours(folder: Path) -> bool:
-    """Tell whether nobody else can have put a file there."""
+    """Return whether nobody else can have put a file there."""
     folders = [folder] if folder.name == _FOLDER else [folder.parent, folder]
     return all(
         not one.is_symlink() and one.stat().st_uid == os.getuid() and not one.stat().st_mode & 0o022

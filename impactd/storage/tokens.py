@@ -93,7 +93,7 @@ class TokenTable:
         return [_token_of(row) for row in self._index.rows("SELECT * FROM tokens ORDER BY id")]
 
     def revoke(self, number: int) -> Token:
-        """Take a token back; it stays on the list. Raise NotFoundError."""
+        """Revoke a token; it stays on the list. Raise NotFoundError."""
         self._index.write(
             "UPDATE tokens SET revoked_utc=coalesce(revoked_utc, ?) WHERE id=?",
             (utc_now(), number),
