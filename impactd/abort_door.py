@@ -78,7 +78,7 @@ def _folders() -> Iterator[Path]:
 
 @dataclass
 class _Visitor:
-    """Somebody who has not said his line yet."""
+    """A client whose line has not arrived yet."""
 
     began_s: float = field(default_factory=time.monotonic)
     said: bytes = b""
@@ -87,17 +87,8 @@ class _Visitor:
 class AbortDoor:
     """The socket and its threads.
 
-    Parameters
-    ----------
-    arrivals : Arrivals
-        Refuses what the event loop reads too late.
-    port : int
-        The daemon's TCP port, by which clients find the socket.
-
-    Attributes
-    ----------
-    path : Path or None
-        Of the socket, once it is open.
+    ``arrivals`` refuses what the event loop reads too late. Clients find the socket by the daemon's
+    TCP ``port``; ``path`` is set once it is open.
     """
 
     def __init__(self, service: AcquisitionService, arrivals: Arrivals, port: int) -> None:
@@ -262,7 +253,7 @@ class AbortDoor:
 
 
 def _who(visitor: socket.socket, name: str) -> str:
-    """Return the name somebody gave, as far as it can be printed, with what the kernel knows."""
+    """Return the name a client gave, as far as it can be printed, and the user it runs as."""
     size = struct.calcsize("3i")
     _, uid, _ = struct.unpack("3i", visitor.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))
     printable = "".join(one for one in name if one.isprintable())[:64].strip()

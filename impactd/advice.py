@@ -59,12 +59,12 @@ SENTENCES = {
 
 
 def in_words(reason: str) -> str:
-    """Return a reason in words; one that is not known is shown as it is, never hidden."""
+    """Return a reason in words; an unknown one as it is."""
     return SENTENCES.get(reason, f"{reason.replace('_', ' ')}.")
 
 
 def best_fit(fits: Sequence[Fit]) -> Fit | None:
-    """Return the fit that speaks for a shot: of the closed base, else of the paper's, else any."""
+    """Return the fit that counts for a shot: of the closed base, else of the paper's, else any."""
     for base in (DEFAULT_BASE, "kv"):
         for fit in fits:
             if fit.model.partition("+")[0] == base:
@@ -75,20 +75,10 @@ def best_fit(fits: Sequence[Fit]) -> Fit | None:
 def advice(
     shot: Shot, fits: Sequence[Fit], *, unlike: bool = False
 ) -> tuple[Advice | None, list[str]]:
-    """Return what to do with a shot, and why.
+    """Return ``use``, ``check`` or ``repeat`` for a shot, and the reasons.
 
-    Parameters
-    ----------
-    fits : sequence of Fit
-        Its latest fits; may be empty.
-    unlike : bool
-        Whether it was unlike its repetitions right after the drop.
-
-    Returns
-    -------
-    tuple of str or None and list of str
-        ``use``, ``check`` or ``repeat``; ``None`` while there is no fit yet. The reasons are
-        short words for programs, see `in_words`.
+    ``None`` while there is no fit yet. The reasons are short words for programs, see `in_words`.
+    ``unlike`` says whether the shot was unlike its repetitions right after the drop.
     """
     reasons = ["clipped"] if shot.clipped else []
     if unlike:

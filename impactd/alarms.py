@@ -33,33 +33,19 @@ _MAJOR = frozenset({"rig.fault", "drop.interrupted", "drop.failed"})
 
 
 def severity_of(kind: str) -> Severity:
-    """Return how grave an alarm is: ``major`` stops the work, ``minor`` can wait."""
+    """Return the severity of an alarm: ``major`` stops the work, ``minor`` can wait."""
     return "major" if kind in _MAJOR else "minor"
 
 
 class Alarms:
-    """The event bus, with a memory for what went wrong.
-
-    Parameters
-    ----------
-    bus : EventBus
-        Gets every event.
-    """
+    """The event bus, with a memory for alarms."""
 
     def __init__(self, bus: EventBus, table: AlarmTable) -> None:
         self._bus = bus
         self._table = table
 
     def publish(self, kind: str, data: dict[str, Any]) -> None:
-        """Tell an event, and raise an alarm when it is one; callable from any thread.
-
-        Parameters
-        ----------
-        kind : str
-            For example ``rig.fault``.
-        data : dict
-            JSON-ready.
-        """
+        """Publish an event, e.g. ``rig.fault``, from any thread; raise an alarm when it is one."""
         self._bus.publish(kind, data)
         words = alarm_words(kind, data)
         if words is None:
@@ -71,18 +57,7 @@ class Alarms:
             _log.warning("an alarm could not be kept", kind=kind, why=error.what)
 
     def acknowledge(self, number: int, *, by: str) -> Alarm:
-        """Say that an alarm was seen.
-
-        Returns
-        -------
-        Alarm
-            As it is now; the first acknowledgement counts.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Acknowledge an alarm; the first acknowledgement counts. Raise NotFoundError."""
         open_before = self._table.get(number).acknowledged_utc is None
         alarm = self._table.acknowledge(number, by)
         if open_before:
@@ -91,13 +66,7 @@ class Alarms:
 
 
 def alarm_words(kind: str, data: dict[str, Any]) -> tuple[str, str] | None:
-    """Return what an alarm says and what to do about it.
-
-    Returns
-    -------
-    tuple of str or None
-        Sentence and remedy; ``None`` for an event that is no alarm.
-    """
+    """Return sentence and remedy of an alarm, ``None`` for an event that is no alarm."""
     words = _WORDS.get(kind)
     return None if words is None else words(data)
 

@@ -51,28 +51,6 @@ _STATUS_EVERY_S = 2.0
 class Daemon:
     """All parts that the REST API uses.
 
-    Parameters
-    ----------
-    settings : Settings
-        Checked whole.
-
-    Attributes
-    ----------
-    settings : Settings
-        As given.
-    archive : Archive
-        Shots, drops, fits, tokens.
-    book : MaterialBook
-        Spheres and surfaces, with their changes.
-    rig : Rig
-        Digitizer and valve, real or simulated.
-    alarms : Alarms
-        What went wrong, until somebody has seen it.
-    calibrations : CalibrationRunner
-        Series of drops of known spheres.
-    series : SeriesRunner
-        Queues of planned drops.
-
     Raises
     ------
     DataLockedError
@@ -140,7 +118,7 @@ class Daemon:
         self._moduli.start(self.archive.models.active(), self.jobs.wait_warm)
 
     def _leave_mark(self) -> None:
-        """Let `impactd doctor` see later whether the rescue directory keeps files."""
+        """Leave a mark by which `impactd doctor` sees whether the rescue directory keeps files."""
         place = self.archive.rescue_directory
         if place is None:
             return
@@ -170,18 +148,14 @@ class Daemon:
         self.lock.release()
 
     def announce(self, url: str) -> None:
-        """Say that requests are answered from now on, to systemd and to other commands."""
+        """Tell systemd and other commands that requests are answered from now on."""
         self.lock.tell(url=url)
         self._heart.start()
 
     def status(self) -> dict[str, Any]:
         """Return the status and its reasons.
 
-        Returns
-        -------
-        dict
-            ``ready``, ``sentence``, ``state``, ``owner``, ``drop``, checks, calibration, alarms,
-            and ``series``: how far a calibration run is, ``None`` where none makes drops.
+        ``series`` is how far a calibration run is, ``None`` where none makes drops.
         """
         status = asdict(self.service.status())
         status["rig"] = {"name": self.rig.name, "simulated": self.rig.simulated}
@@ -196,21 +170,9 @@ class Daemon:
         return {"acquisition": self.service.alive(), "jobs": self.jobs.alive()}
 
     def request_fit(self, shots: list[int], model: str, *, key: str | None) -> Job:
-        """Ask the worker for a fit.
+        """Ask the worker for a fit: one shot by itself, several together.
 
-        Parameters
-        ----------
-        shots : list of int
-            Numbers; one is fitted by itself, several together.
-        model : str
-            E.g. ``kv``.
-        key : str or None
-            The client's idempotency key.
-
-        Returns
-        -------
-        Job
-            Queued, or the one of the same key.
+        A known idempotency ``key`` gives the old job.
 
         Raises
         ------
@@ -225,50 +187,20 @@ class Daemon:
     def request_diagnosis(
         self, shots: list[int], base: str, *, budget_s: float | None, key: str | None
     ) -> Job:
-        """Ask the worker what a model misses on these shots.
+        """Ask the worker what a model misses on these shots; raise NotFoundError for a shot.
 
-        Parameters
-        ----------
-        base : str
-            Model to start from.
-        budget_s : float or None
-            How long it may search once it runs. [s]
-        key : str or None
-            The client's idempotency key.
-
-        Returns
-        -------
-        Job
-            Queued, or the one of the same key.
-
-        Raises
-        ------
-        NotFoundError
-            If a shot is not there.
+        It may search for ``budget_s`` once it runs. A known idempotency ``key`` gives the old job.
         """
         return request_diagnosis(self.archive, shots, base, budget_s=budget_s, key=key)
 
     def moduli(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None
     ) -> ModuliAnswer:
-        """Return what all stored fits together say about each material.
+        """Return what all stored fits together say about each material: ``impactd-moduli/1``.
 
-        Parameters
-        ----------
-        since, until : str or None
-            First moment of a shot that counts and first that does not, in the archive's form.
-        model : str or None
-            Of the fits; ``None`` takes the active one.
-
-        Returns
-        -------
-        ModuliAnswer
-            ``impactd-moduli/1``.
-
-        Raises
-        ------
-        UnknownModelError
-            If this version does not know the model.
+        ``since`` is the first timestamp of a shot that counts, ``until`` the first that does not,
+        in the archive's form. ``model`` is the active one unless it is named. Raises
+        UnknownModelError if this version does not know it.
         """
         name = model or self.archive.models.active()
         check_model(name)
@@ -287,17 +219,9 @@ class Daemon:
     def moduli_budget(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None
     ) -> dict[str, Any]:
-        """Return what the uncertainty of each of these moduli is made of.
+        """Return the uncertainty budget of each of these moduli: ``impactd-budget/1``.
 
-        Returns
-        -------
-        dict
-            ``impactd-budget/1``.
-
-        Raises
-        ------
-        UnknownModelError
-            If this version does not know the model.
+        Raises UnknownModelError if this version does not know the model.
         """
         name = model or self.archive.models.active()
         check_model(name)
@@ -315,12 +239,8 @@ class Daemon:
     def choose_model(self, name: str, *, version: int | None, by: str) -> None:
         """Choose the model that later fits use and results are reported with.
 
-        Parameters
-        ----------
-        name : str
-            A base model, or one that a diagnosis has named.
-        version : int or None
-            Of a named model; its latest one without it.
+        It is a base model, or one that a diagnosis has named, in its latest ``version`` unless one
+        is given.
 
         Raises
         ------
@@ -339,18 +259,7 @@ class Daemon:
 
 
 def check_model(name: str) -> None:
-    """Raise `UnknownModelError` unless this version of the program can build a model.
-
-    Parameters
-    ----------
-    name : str
-        E.g. ``kv``.
-
-    Raises
-    ------
-    UnknownModelError
-        With the names that it knows.
-    """
+    """Raise `UnknownModelError`, with the names it knows, unless this version can build a model."""
     from analysis.model.impact_model import model_named
 
     model_named(name)
@@ -360,7 +269,7 @@ class Heart:
     """Tells systemd how the daemon is.
 
     The watchdog is fed only while acquisition loop, job runner and database answer: a daemon that
-    merely still answers HTTP is not alive. The status line is the sentence of the light.
+    merely still answers HTTP is not alive. The status line is the sentence of the status.
     """
 
     def __init__(self, daemon: Daemon) -> None:
@@ -369,13 +278,13 @@ class Heart:
         self._thread: threading.Thread | None = None
 
     def start(self) -> None:
-        """Say READY=1 and go on from there in a thread."""
+        """Send READY=1, then go on in a thread."""
         notify(ready="1", status=self._sentence())
         self._thread = threading.Thread(target=self._beat, name="heart", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Say STOPPING=1 and end."""
+        """Send STOPPING=1 and end."""
         if self._thread is None or self._end.is_set():
             return
         notify(stopping="1", status="Stopping: the valve is made safe.")

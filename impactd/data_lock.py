@@ -14,13 +14,7 @@ LOCK_NAME = "daemon.lock"
 
 
 class DataLockedError(Exception):
-    """Another daemon serves this data directory.
-
-    Parameters
-    ----------
-    holder : dict
-        What the other daemon wrote about itself: ``pid``, ``url``.
-    """
+    """Another daemon serves this data directory; ``holder`` is its ``pid`` and ``url``."""
 
     def __init__(self, directory: Path, holder: dict[str, Any]) -> None:
         self.directory = directory
@@ -34,20 +28,10 @@ class DataLockedError(Exception):
 
 
 class DataLock:
-    """Exclusive use of a data directory.
+    """Exclusive use of a data directory, which is created when absent.
 
-    Parameters
-    ----------
-    directory : Path
-        Created when absent.
+    Raises DataLockedError if another process holds it.
 
-    Raises
-    ------
-    DataLockedError
-        If another process holds it.
-
-    Notes
-    -----
     ``flock`` belongs to the open file: the kernel drops it with the process, however it ends. It is
     held on the directory itself: a file in it could be deleted and made anew, and two daemons would
     each hold a lock of their own. A network file system may refuse locks on directories; SQLite's
@@ -80,7 +64,7 @@ class DataLock:
             os.close(file)
 
     def release(self) -> None:
-        """Let the next one in; safe to call twice."""
+        """Release the lock; safe to call twice."""
         if self._directory >= 0:
             try:
                 self._note("")
@@ -101,13 +85,7 @@ class DataLock:
 
 
 def read_holder(directory: Path) -> dict[str, Any]:
-    """Return what the daemon of a data directory wrote about itself.
-
-    Returns
-    -------
-    dict
-        ``pid`` and ``url``, empty when no daemon wrote anything.
-    """
+    """Return ``pid`` and ``url`` of a data directory's daemon, nothing when it wrote none."""
     try:
         text = (directory / LOCK_NAME).read_text()
         holder = json.loads(text) if text else {}

@@ -1,4 +1,4 @@
-"""The effect library, as people and programs are shown it."""
+"""The effect library as a list for people and programs."""
 
 # ruff: noqa: PLC0415 - imported when a command runs: `--help` must not wait for numpy
 
@@ -11,14 +11,11 @@ if TYPE_CHECKING:
 
 
 def effect_list() -> list[dict[str, Any]]:
-    """Return every effect this version knows, in the order of the slots.
+    """Return every effect this version knows, in the order of the slots, JSON-ready.
 
-    Returns
-    -------
-    list of dict
-        JSON-ready: id, slot, title, how it shows, source, validation, parameters with units,
-        bounds and neutral value, what must be known to try it, other forms, and those that only a
-        model's name asks for.
+    Each has id, slot, title, how it shows, source, validation, parameters with units, bounds and
+    neutral value, what must be known to try it, other forms, and those that only a model's name
+    asks for.
     """
     from analysis.effects.library import library
 

@@ -19,7 +19,7 @@ class EndSignals:
         self._tell: Callable[[int, FrameType | None], None] | None = None
 
     def catch(self) -> None:
-        """Take the place of the default action, which is death."""
+        """Replace the default action, which is to end the process at once."""
         for number in _ENDING:
             # `nohup impactd serve` wants to outlive its terminal.
             if number == signal.SIGHUP and signal.getsignal(number) is signal.SIG_IGN:
@@ -27,13 +27,7 @@ class EndSignals:
             signal.signal(number, self._handle)
 
     def pass_on(self, tell: Callable[[int, FrameType | None], None]) -> None:
-        """Tell somebody of each from now on, and at once of one that came before.
-
-        Parameters
-        ----------
-        tell : callable
-            Gets number and frame, as a handler does.
-        """
+        """Call ``tell`` with number and frame of each from now on, and of one that came before."""
         self._tell = tell
         if self.arrived:
             tell(signal.SIGTERM, None)

@@ -1,4 +1,4 @@
-"""What happened, told to everybody who listens.
+"""The event bus: events go from threads of the daemon to the listeners of the API.
 
 Every event is first written to the archive's event table and only then announced, so that the
 table is the queue: a listener that was away asks for what came after the last number it saw, and
@@ -25,7 +25,7 @@ _BATCH = 200
 
 
 class EventBus:
-    """The event table with a bell."""
+    """The event table with a signal for new events."""
 
     def __init__(self, table: EventTable) -> None:
         self._table = table
@@ -34,15 +34,7 @@ class EventBus:
         self._closed = False
 
     def publish(self, kind: str, data: dict[str, Any]) -> None:
-        """Write an event and wake the listeners; callable from any thread.
-
-        Parameters
-        ----------
-        kind : str
-            For example ``drop.stored``.
-        data : dict
-            JSON-ready.
-        """
+        """Write an event, e.g. ``drop.stored``, and wake the listeners; from any thread."""
         self._table.append(kind, data)
         self._ring()
 
@@ -62,12 +54,7 @@ class EventBus:
         return found
 
     async def listen(self, after: int) -> AsyncIterator[Event]:
-        """Yield events as they come, forever or until `close`.
-
-        Parameters
-        ----------
-        after : int
-            Number of the last event that was seen.
+        """Yield the events after a number as they come, forever or until `close`.
 
         Yields
         ------

@@ -42,38 +42,24 @@ LOCK_NAME = "refit.lock"
 
 @dataclass
 class RefitReport:
-    """How a re-fit went.
-
-    Attributes
-    ----------
-    run : str
-        Its name.
-    before : int
-        Shots that were done already when it started.
-    fitted : int
-        Shots that it did.
-    failed : dict of int to str
-        Shots that could not be fitted, with the reason; the next start tries them again.
-    duration_s : float
-        [s]
-    """
+    """The outcome of a re-fit."""
 
     run: str
+    """Its name."""
     before: int
+    """Shots that were done already when it started."""
     fitted: int = 0
+    """Shots that it did."""
     failed: dict[int, str] = field(default_factory=dict)
+    """Shots that could not be fitted, with the reason; the next start tries them again."""
     duration_s: float = 0.0
 
 
 def run_name(order: Json, label: str = "") -> str:
     """Return the name of a run: the same for the same knowledge, models and program.
 
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_without_shots`.
-    label : str
-        A person's own; another label makes another run of the same knowledge.
+    The order is from `orders.order_without_shots`. Another ``label``, a person's own, makes another
+    run of the same knowledge.
     """
     text = as_text({**order, "software": software(), "label": label})
     return hashlib.sha256(text.encode()).hexdigest()[:16]
@@ -90,23 +76,16 @@ def refit(
     label: str = "",
     progress: Callable[[int, int], None] | None = None,
 ) -> RefitReport:
-    """Fit every shot that this run has not fitted yet.
+    """Fit every shot that this run has not fitted yet; a daemon may serve the archive meanwhile.
 
     Parameters
     ----------
-    archive : Archive
-        Shots in, fits out; a daemon may serve it meanwhile.
     models : sequence of str, optional
-        Which to fit; by default those that every new shot is fitted with.
+        By default those that every new shot is fitted with.
     label : str
         See `run_name`.
     progress : callable, optional
         Hears shots done, those of an earlier start included, and shots in all.
-
-    Returns
-    -------
-    RefitReport
-        What was done now and before.
 
     Raises
     ------
@@ -160,7 +139,7 @@ def _submit(
 def _take(
     future: Future[list[Json]], numbers: list[int], archive: Archive, report: RefitReport
 ) -> list[int]:
-    """Write what a chunk brought; return the shots to try again, each by itself."""
+    """Write the results of a chunk; return the shots to try again, each by itself."""
     error = future.exception()
     if isinstance(error, WorkerLostError) and len(numbers) > 1:
         return numbers  # one of them took the worker with it; alone it harms no other

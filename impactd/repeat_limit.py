@@ -1,4 +1,4 @@
-"""A log that nobody outside can fill: what a library says again and again is said once a minute."""
+"""A log filter against floods: a message that a library repeats is written once a minute."""
 
 from __future__ import annotations
 
@@ -13,13 +13,7 @@ _MOST_KEPT = 256
 
 
 class RepeatLimit(logging.Filter):
-    """Lets each message through once a minute, with how often it came meanwhile.
-
-    Parameters
-    ----------
-    now_s : callable, optional
-        The clock. [s]
-    """
+    """Lets each message through once a minute, with the number of its repetitions."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         super().__init__()

@@ -11,19 +11,16 @@ import socket
 
 
 def notify(**fields: str) -> bool:
-    """Send one notification.
+    """Send one notification; return whether it was sent.
+
+    It is not outside systemd, nor where the socket refuses: a daemon that runs well must not end
+    because nobody listens.
 
     Parameters
     ----------
     **fields : str
-        What to say, by the protocol's names in small letters: ``ready="1"``, ``stopping="1"``,
-        ``watchdog="1"``, ``status="READY: ..."``. A line break in a value becomes a space.
-
-    Returns
-    -------
-    bool
-        Whether somebody was told. ``False`` outside systemd, and where the socket refuses: a
-        daemon that runs well must not end because nobody listens.
+        The protocol's names in small letters: ``ready="1"``, ``stopping="1"``, ``watchdog="1"``,
+        ``status="READY: ..."``. A line break in a value becomes a space.
 
     Notes
     -----
@@ -48,17 +45,10 @@ def notify(**fields: str) -> bool:
 
 
 def watchdog_interval_s() -> float | None:
-    """Return how often systemd wants to hear ``watchdog="1"``, halved as it recommends.
+    """Return half the time in which systemd wants to hear ``watchdog="1"``, as it recommends. [s]
 
-    Returns
-    -------
-    float or None
-        Seconds between two notifications, or ``None`` where no watchdog waits for this process. [s]
-
-    Notes
-    -----
-    Source: ``sd_watchdog_enabled(3)``. ``$WATCHDOG_PID`` names the process that is meant, because
-    children inherit the environment.
+    ``None`` where no watchdog waits for this process. Source: ``sd_watchdog_enabled(3)``.
+    ``$WATCHDOG_PID`` names the process that is meant, because children inherit the environment.
     """
     meant = os.environ.get("WATCHDOG_PID", "")
     if meant and meant != str(os.getpid()):

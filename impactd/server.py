@@ -39,13 +39,7 @@ _SWITCH_INTERVAL_S = 0.0005
 
 
 class AddressTakenError(Exception):
-    """Nobody can listen at the address.
-
-    Parameters
-    ----------
-    host : str
-        Address or name.
-    """
+    """Nobody can listen at the address."""
 
     def __init__(self, host: str, port: int, reason: str) -> None:
         self.host = host
@@ -59,16 +53,8 @@ class AddressTakenError(Exception):
 class Server(uvicorn.Server):
     """Uvicorn that stops the rig before the web.
 
-    Parameters
-    ----------
-    config : uvicorn.Config
-        With the application of `daemon`.
-    daemon : Daemon
-        Started; the caller stops it in the end.
-    state : starlette.datastructures.State
-        Of the application: arrivals, tokens, failed logins.
-    announce : callable, optional
-        Told the address once it listens.
+    The caller stops the daemon in the end. ``state`` is the application's: arrivals, tokens, failed
+    logins. ``announce`` is told the address once it listens.
     """
 
     def __init__(
@@ -109,7 +95,7 @@ class Server(uvicorn.Server):
                 self._announce(self.url)
 
     async def on_tick(self, counter: int) -> bool:
-        """Tell of failed logins now and then; ten ticks are a second."""
+        """Log failed logins now and then; ten ticks are a second."""
         if counter % 10 == 0:
             self._failed_logins.summarize()
         return await super().on_tick(counter)
@@ -126,17 +112,8 @@ class Server(uvicorn.Server):
 def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -> Server:
     """Return a server for a daemon, not yet started.
 
-    Parameters
-    ----------
-    daemon : Daemon
-        Its settings say host and port.
-    announce : callable, optional
-        Told the address once it listens.
-
-    Returns
-    -------
-    Server
-        ``run()`` serves until a signal; ``url`` is known once ``started``.
+    Host and port are those of the daemon's settings. ``announce`` is told the address once it
+    listens. ``run()`` serves until a signal; ``url`` is known once ``started``.
     """
     server = daemon.settings.server
     app = create_app(daemon)
@@ -163,12 +140,7 @@ def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -
 def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> None:
     """Run the daemon until SIGTERM, SIGINT or SIGHUP.
 
-    Parameters
-    ----------
-    settings : Settings
-        Checked whole.
-    announce : callable, optional
-        Told the address once it listens.
+    ``announce`` is told the address once it listens.
 
     Raises
     ------
@@ -196,19 +168,9 @@ def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> 
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """Return a bound socket, before any hardware is touched.
+    """Return a bound socket, before any hardware is touched; port 0 takes a free one.
 
-    Parameters
-    ----------
-    host : str
-        Address or name.
-    port : int
-        0 takes a free one.
-
-    Raises
-    ------
-    AddressTakenError
-        If nobody can listen there.
+    Raises AddressTakenError if nobody can listen there.
     """
     try:
         family, _, _, _, address = socket.getaddrinfo(
@@ -230,7 +192,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def configure_log() -> None:
-    """Log one line per happening to stderr: for a person on a terminal, logfmt for the journal."""
+    """Log one line per event to stderr: for a person on a terminal, logfmt for the journal."""
     terminal = sys.stderr.isatty()
     structlog.configure(
         processors=[

@@ -22,8 +22,6 @@ from impactd.storage.timestamp import utc_now
 class AbortEpoch:
     """A counter that only grows. Thread safe.
 
-    Notes
-    -----
     It starts at 1 with each daemon, so 0 is older than everything: the epoch of a request whose
     time of arrival is not known.
     """
@@ -50,7 +48,7 @@ class AbortEpoch:
             return self._value
 
     def close(self, by: str) -> None:
-        """Make everything void, for good: the daemon ends."""
+        """Make everything void until `open`: the daemon ends."""
         with self._lock:
             self._closed = True
         self.advance(by)

@@ -28,17 +28,10 @@ _LAST_STEPS_S = 1.0
 class Admission:
     """Decides whether a drop or a series may begin.
 
-    Parameters
-    ----------
-    loop : RigLoop
-        Knows what runs and what was found.
-
     Attributes
     ----------
     lock : threading.Lock
         Held from `admit` until the drop has begun, so that of many requests one wins.
-    reservation : Reservation or None
-        The series that holds the rig.
     entering : int
         Requests on their way from `admit` to the loop; read without the lock.
     """
@@ -54,7 +47,7 @@ class Admission:
 
     @contextmanager
     def way_in(self) -> Iterator[None]:
-        """Hold the lock, counted from before it is there: an abort must know who is on the way."""
+        """Hold the lock; count whoever waits for it, because an abort must know of them."""
         with self._counting:
             self.entering += 1
         try:
@@ -65,18 +58,7 @@ class Admission:
                 self.entering -= 1
 
     def check_height(self, drop_height_m: float) -> None:
-        """Raise `DropHeightError` unless the rig allows a height.
-
-        Parameters
-        ----------
-        drop_height_m : float
-            [m]
-
-        Raises
-        ------
-        DropHeightError
-            With what is allowed.
-        """
+        """Raise `DropHeightError`, which says what is allowed, unless the rig allows a height."""
         rig = self._settings.rig
         # Written so that NaN is refused too.
         if not rig.min_drop_height_m <= drop_height_m <= rig.max_drop_height_m:
@@ -87,10 +69,7 @@ class Admission:
     ) -> None:
         """Raise unless a drop may begin now; the caller holds the lock.
 
-        Parameters
-        ----------
-        sentence : str
-            Of the status, for a rig that is not ready.
+        ``sentence`` is that of the status, for a rig that is not ready.
 
         Raises
         ------
@@ -126,24 +105,13 @@ class Admission:
                 raise NotReadyError(f"NOT READY: {check.sentence}.", check.remedy or REMEDY)
 
     def calibration(self) -> CalibrationState:
-        """Return how the load cell's calibration stands."""
+        """Return the state of the load cell's calibration."""
         return calibration_state(self._archive.calibrations.current(), self._settings.calibration)
 
     def quick_checks(
         self, calibration: CalibrationState, *, for_calibration: bool = False
     ) -> tuple[Check, ...]:
-        """Return the checks that cost nothing: disk and calibration.
-
-        Parameters
-        ----------
-        for_calibration : bool
-            Whether the drop belongs to a calibration run.
-
-        Returns
-        -------
-        tuple of Check
-            Never raises for a check that fails.
-        """
+        """Return the checks that cost nothing, disk and calibration; a failed one is no error."""
         try:
             disk = check_disk(self._archive.free_bytes())
         except OSError as error:

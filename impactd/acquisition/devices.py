@@ -20,18 +20,15 @@ _LOOK_SAMPLES = 20_000
 
 @dataclass
 class Findings:
-    """What was found at the last look; replaced as a whole, so reading needs no lock.
+    """The results of the last check of the devices.
 
-    Attributes
-    ----------
-    checks : tuple of Check
-        Digitizer, valve, sphere, input.
-    baseline : Baseline or None
-        Of the idle input.
+    They are replaced as a whole, so reading needs no lock.
     """
 
     checks: tuple[Check, ...] = field(default=())
+    """Digitizer, valve, sphere, input."""
     baseline: Baseline | None = None
+    """Of the idle input."""
 
     @property
     def refusal(self) -> Check | None:
@@ -40,17 +37,10 @@ class Findings:
 
 
 def connect(rig: Rig) -> None:
-    """Open both devices; a device that fails is given back, so that the next try starts clean.
+    """Open both devices; a device that fails is closed, so that the next try starts clean.
 
-    Parameters
-    ----------
-    rig : Rig
-        Its devices may be open, lost or never opened.
-
-    Raises
-    ------
-    DriverError
-        The valve's trouble first: it is the part that can drop something.
+    Both may be open, lost or never opened. Raises DriverError, for the valve first: it is the part
+    that can drop something.
     """
     troubles: list[DriverError] = []
     for device, prove in ((rig.valve, lambda: hold(rig)), (rig.digitizer, lambda: None)):
@@ -67,26 +57,10 @@ def connect(rig: Rig) -> None:
 
 
 def look(rig: Rig, settings: Settings, *, at_input: bool) -> Findings:
-    """Look at an idle rig.
+    """Check a connected rig on which nothing runs; a failed check does not raise.
 
-    Parameters
-    ----------
-    rig : Rig
-        Connected; nothing runs.
-    settings : Settings
-        What the idle input may be.
-    at_input : bool
-        Whether to sample the input too, which takes some ten milliseconds.
-
-    Returns
-    -------
-    Findings
-        Never raises for a check that fails.
-
-    Raises
-    ------
-    DriverError
-        If a device does not answer.
+    ``at_input`` samples the input too, which takes some ten milliseconds. Raises DriverError if a
+    device does not answer.
     """
     reading = rig.valve.vacuum()
     sphere = (
@@ -117,17 +91,7 @@ def make_safe(rig: Rig) -> list[Exception]:
     """Put the vacuum on and stop the digitizer, from any thread, whatever state they are in.
 
     The valve is waited for. The digitizer is told to stop and waited for only briefly: whoever
-    drives it drains it.
-
-    Parameters
-    ----------
-    rig : Rig
-        Its devices may be gone.
-
-    Returns
-    -------
-    list of Exception
-        What did not work, whatever it was; both devices were tried.
+    drives it drains it. Return all errors; both devices were tried, also when they are gone.
     """
     troubles: list[Exception] = []
     stopping = threading.Thread(
@@ -154,22 +118,9 @@ def _stop_digitizer(rig: Rig, troubles: list[Exception]) -> None:
 
 
 def hold(rig: Rig) -> ValveReport:
-    """Put the vacuum on; an abort that cuts in wants the same, so it is simply asked again.
+    """Put the vacuum on, once more where an abort cut in, and return the last report.
 
-    Parameters
-    ----------
-    rig : Rig
-        Connected.
-
-    Returns
-    -------
-    ValveReport
-        Of the last command.
-
-    Raises
-    ------
-    DriverError
-        If the valve does not follow.
+    Raises DriverError if the valve does not follow.
     """
     try:
         return rig.valve.hold()
@@ -180,15 +131,7 @@ def hold(rig: Rig) -> ValveReport:
 def confirm_safe(rig: Rig) -> Failure | None:
     """Make safe and require confirmation, after a drop that ended early.
 
-    Parameters
-    ----------
-    rig : Rig
-        Its devices may be gone.
-
-    Returns
-    -------
-    Failure or None
-        What speaks against the next drop.
+    Return what forbids the next drop, ``None`` when nothing does. The devices may be gone.
     """
     report: ValveReport | None = None
     troubles: list[Exception] = []

@@ -64,8 +64,6 @@ class DropRun:
     ----------
     accepted : int
         Abort epoch at which it was asked for.
-    guard : ValveGuard
-        Opens the valve.
     moved : callable
         Told after each step: ``(drop_state or None)``.
     tell : callable
@@ -73,20 +71,18 @@ class DropRun:
     beat : callable
         Called while waiting, for the watchdog.
     ending : threading.Event
-        Set once the daemon goes down: a record that cannot be stored is waited for no longer.
+        Set once the daemon ends: a record that cannot be stored is waited for no longer.
 
     Attributes
     ----------
     doing : str
         What happens now, in words for the status sentence.
-    seen : Observation
-        What was seen so far.
     aborting : threading.Event
         Set by whoever wants the end.
     finished : threading.Event
         Set once the drop's row says how it ended.
     hold_error : DriverError or None
-        A valve that did not close after the impact.
+        Of a valve that did not close after the impact.
     """
 
     def __init__(
@@ -136,12 +132,9 @@ class DropRun:
         return self.fall_time_s + self._settings.timeouts.impact_margin_s
 
     def run(self) -> Shot:
-        """Walk through all steps.
+        """Execute all steps; return the shot, durably stored.
 
-        Returns
-        -------
-        Shot
-            Durably stored. `hold_error` tells of a valve that did not close afterwards.
+        `hold_error` tells of a valve that did not close afterwards.
 
         Raises
         ------
@@ -157,7 +150,7 @@ class DropRun:
         return self._store(record)
 
     def metadata(self) -> ShotMetadata:
-        """Return the metadata as far as they are known by now."""
+        """Return the metadata that are known by now."""
         return metadata_of(
             self.seen,
             self.drop.request,
@@ -226,7 +219,7 @@ class DropRun:
         self._advance(Event.CHECKS_PASSED, "arms the digitizer", "arming")
 
     def _read_environment(self) -> None:
-        """Take temperature and humidity; without them the drop goes on, and says why."""
+        """Read temperature and humidity; without them the drop goes on, with a note why."""
         # Before the look at the input, which nothing may part from the release.
         with EnvironmentReading(self._settings.environment, self.drop.request.environment) as read:
             if not read.wait(0.0):
@@ -244,7 +237,7 @@ class DropRun:
         self.doing = "waits for a quiet input"
 
     def _wait_quiet(self) -> Check:
-        """Look at the idle input until it is quiet: the last sphere may still be bouncing."""
+        """Check the idle input until it is quiet: the last sphere may still be bouncing."""
         limits = self._settings.preflight
         ends_s = time.monotonic() + self._settings.timeouts.settle_s
         while True:
@@ -334,7 +327,7 @@ class DropRun:
                 self._keep_in_memory(error)
 
     def _rescued(self, record: Record, error: ArchiveError) -> RescuedError | ArchiveError:
-        """Put a record where there is room, because memory ends with this process."""
+        """Write a record to another disk, because memory ends with this process."""
         try:
             path = self._archive.rescue_shot(self.drop.number, record, self.metadata())
         except ArchiveError as nowhere:
@@ -346,7 +339,7 @@ class DropRun:
         return RescuedError(path)
 
     def _keep_in_memory(self, error: ArchiveError) -> None:
-        """Say what keeps the record from being stored, and wait: a fall cannot be repeated."""
+        """Publish what keeps the record from being stored, and wait: a fall cannot be repeated."""
         doing = f"keeps its record in memory until it can be stored: {error}"
         if doing != self.doing:
             self.doing = doing

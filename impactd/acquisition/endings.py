@@ -17,13 +17,7 @@ _log = structlog.get_logger("impactd.acquisition")
 
 
 def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
-    """Return the final state of a drop and why.
-
-    Returns
-    -------
-    tuple of str and Problem
-        ``failed`` or ``aborted``.
-    """
+    """Return the final state of a drop, ``failed`` or ``aborted``, and why."""
     if not run.aborting.is_set():
         return "failed", failure.problem
     detail = f"Drop {run.drop.number} was aborted by {run.aborted_by} while it {run.doing}."
@@ -38,38 +32,30 @@ def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
 
 
 def aftermath_of(run: DropRun) -> str:
-    """Return what to look at after a drop that brought no shot, before the next one is hung."""
+    """Return what to check after a drop without a shot, before the next sphere is hung."""
     if not run.seen.may_have_fallen:
         return ""
     return f"drop {run.drop.number} ended after its release: look at the coupon first"
 
 
 def voided_problem(error: RequestAbortedError) -> Problem:
-    """Return why a drop was never begun that somebody aborted on its way in."""
+    """Return why a drop was never begun: somebody aborted while it was being admitted."""
     return Problem(
         "aborted", "Drop aborted", 409, str(error), ("Look at the rig, then repeat the request.")
     )
 
 
 def not_ready_problem(fault: Failure | None) -> Problem:
-    """Return why a drop was never begun whose rig fell into doubt in that moment."""
+    """Return why a drop was never begun: the rig went into doubt while it was being admitted."""
     detail = fault.problem.detail if fault else "The rig was lost when the drop was requested."
     remedy = fault.problem.remedy if fault else "See `impactd status`, then repeat the request."
     return Problem("not-ready", "The rig is not ready", 409, detail, remedy)
 
 
 def worst_of(*found: Failure | None) -> Failure | None:
-    """Return the failure that puts the rig in doubt; one that needs a person comes first.
+    """Return the failure that puts the rig in doubt, ``None`` when the next drop may come.
 
-    Parameters
-    ----------
-    *found : Failure or None
-        In order of importance.
-
-    Returns
-    -------
-    Failure or None
-        ``None`` when the next drop may come.
+    A failure that needs a person comes first; else the order of the arguments counts.
     """
     doubtful = [f for f in found if f is not None and f.doubt is not Doubt.NONE]
     calling = [f for f in doubtful if f.doubt is Doubt.PERSON]
@@ -77,16 +63,10 @@ def worst_of(*found: Failure | None) -> Failure | None:
 
 
 def keep_evidence(archive: Archive, run: DropRun, failure: Failure, reason: str) -> str | None:
-    """Keep what there is of a failed record.
+    """Keep the record of a failed drop in ``partial/``, and return the name of its file.
 
-    Parameters
-    ----------
-    archive : Archive
-        Keeps it in ``partial/``.
-    failure : Failure
-        Carries the record, if there is one.
-    reason : str
-        Why it is no shot.
+    ``None`` where the failure carries no record, or it cannot be kept. ``reason`` says why it is no
+    shot.
     """
     if failure.record is None:
         return None
@@ -107,17 +87,9 @@ class Rows:
         self._lock = threading.Lock()
 
     def close(self, number: int, state: str, problem: Problem) -> Failure | None:
-        """Write how a drop ended.
+        """Write how a drop ended: ``failed`` or ``aborted``.
 
-        Parameters
-        ----------
-        state : str
-            ``failed`` or ``aborted``.
-
-        Returns
-        -------
-        Failure or None
-            Why it could not be written: then no further drop should come.
+        Return why it could not be written, else ``None``; after a failure no drop should follow.
         """
         with self._lock:
             self._unwritten.append((number, state, problem))
@@ -129,13 +101,7 @@ class Rows:
         return None
 
     def write_all(self) -> None:
-        """Write what could not be written before.
-
-        Raises
-        ------
-        ArchiveError
-            If the archive still cannot take it.
-        """
+        """Write what could not be written before; raise ArchiveError if that is still so."""
         with self._lock:
             while self._unwritten:
                 number, state, problem = self._unwritten[0]
@@ -148,13 +114,7 @@ class Rows:
 
 
 def about_drop(drop: Drop) -> dict[str, Any]:
-    """Return what events say about a drop.
-
-    Returns
-    -------
-    dict
-        JSON-ready.
-    """
+    """Return what events say about a drop, JSON-ready."""
     return {
         "number": drop.number,
         "state": drop.state,

@@ -6,8 +6,8 @@
                           ── wait(), result() ──> an Environment, or why there is none
                           ── leave ──> the command is killed; also on an abort
 
-A reading never stops a drop and never invents a number. The drop's own thread only looks whether it
-is there, for as long as the settings allow; a file or a command that hangs hangs by itself.
+A reading never stops a drop and never invents a number. The drop's own thread only checks whether
+it is there, for as long as the settings allow; a file or a command that hangs blocks no drop.
 """
 
 from __future__ import annotations
@@ -56,12 +56,8 @@ class _NoReadingError(Exception):
 class EnvironmentReading:
     """One reading, made while a drop is prepared.
 
-    Parameters
-    ----------
-    section : EnvironmentSection or None
-        The settings' way, ``None`` where they name none.
-    stated : Environment or None
-        As the technician read it. Only what is missing there is looked for.
+    ``section`` is the source that the settings name. ``stated`` is what the technician read; only
+    what is missing there is read.
     """
 
     def __init__(self, section: EnvironmentSection | None, stated: Environment | None) -> None:
@@ -110,10 +106,7 @@ class EnvironmentReading:
     def result(self) -> tuple[Environment | None, Unknown | None]:
         """Return what is known, and why not more where more was asked for.
 
-        Returns
-        -------
-        tuple of (Environment or None) and (Unknown or None)
-            Both once `wait` said that it is over.
+        Both are there once `wait` said that it is over.
         """
         done = self._done.is_set()  # asked once: it may come true in any moment
         found = self._stated.completed_by(self._found if done else None)
@@ -163,7 +156,7 @@ class EnvironmentReading:
 
 
 def _fresh(path: Path, max_age_s: float) -> bytes:
-    """Return the content of a file that was written lately."""
+    """Return the content of a file that was written recently."""
     try:
         with open_regular_file(path, _MOST_BYTES) as file:
             written_s = os.fstat(file.fileno()).st_mtime

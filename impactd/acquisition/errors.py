@@ -18,13 +18,7 @@ class RequestRefusedError(Exception):
 
 
 class BusyError(RequestRefusedError):
-    """Somebody else holds the rig.
-
-    Parameters
-    ----------
-    number : int or None
-        Their drop, ``None`` between two drops of a series.
-    """
+    """Somebody else holds the rig; ``number`` is their drop, ``None`` between two of a series."""
 
     def __init__(self, owner: str, number: int | None) -> None:
         self.owner = owner
@@ -38,13 +32,7 @@ class BusyError(RequestRefusedError):
 
 
 class RequestAbortedError(RequestRefusedError):
-    """Somebody aborted after the request had arrived.
-
-    Parameters
-    ----------
-    aborted_utc : str
-        When.
-    """
+    """Somebody aborted after the request had arrived."""
 
     def __init__(self, by: str, aborted_utc: str) -> None:
         self.by = by
@@ -69,15 +57,7 @@ class CalibrationRefusedError(NotReadyError):
 
 
 class DropHeightError(RequestRefusedError):
-    """The height is none that this rig allows.
-
-    Parameters
-    ----------
-    drop_height_m : float
-        What was asked for. [m]
-    lowest_m, greatest_m : float
-        What the rig allows. [m]
-    """
+    """The rig does not allow this height."""
 
     def __init__(self, drop_height_m: float, lowest_m: float, greatest_m: float) -> None:
         self.drop_height_m = drop_height_m

@@ -1,7 +1,7 @@
 """The events of the transition table.
 
 The names are past or passive on purpose: an event is something that has happened, so the table
-can only say what the state is now. What is to be done next is the service's affair.
+can only say what the state is now. The service decides what to do next.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from enum import Enum
 
 
 class Event(Enum):
-    """Something that happened; the value is how logs and diagrams call it."""
+    """Something that happened; the value is its name in logs and diagrams."""
 
     STARTED = "started"
     """The daemon asks for the devices."""

@@ -40,15 +40,7 @@ class Doubt(Enum):
 
 
 class StepFailedError(Exception):
-    """A step of a drop found what must not be.
-
-    Parameters
-    ----------
-    doubt : Doubt
-        How far it reaches.
-    record : Record, optional
-        Evidence.
-    """
+    """A step of a drop cannot go on; ``record`` is evidence."""
 
     def __init__(
         self, problem: Problem, *, doubt: Doubt = Doubt.NONE, record: Record | None = None
@@ -69,19 +61,12 @@ class RescuedError(Exception):
 
 @dataclass(frozen=True)
 class Failure:
-    """A failed drop.
-
-    Attributes
-    ----------
-    doubt : Doubt
-        How far it reaches.
-    record : Record or None
-        What there is of the record: evidence, never a shot.
-    """
+    """A failed drop."""
 
     problem: Problem
     doubt: Doubt
     record: Record | None = None
+    """The part of the record that exists: evidence, never a shot."""
 
 
 @dataclass(frozen=True)
@@ -124,17 +109,9 @@ _KINDS: dict[type[Exception], _Kind] = {
 
 
 def failure_of(error: Exception) -> Failure:
-    """Return what an error means for the drop and for the rig.
+    """Return what an error of a step means for the drop and for the rig.
 
-    Parameters
-    ----------
-    error : Exception
-        Raised by a step of a drop.
-
-    Returns
-    -------
-    Failure
-        Anything not foreseen becomes ``internal`` and calls for a person.
+    Anything not foreseen becomes ``internal`` and calls for a person.
     """
     if isinstance(error, StepFailedError):
         return Failure(error.problem, error.doubt, error.record)

@@ -16,19 +16,9 @@ _LONG_AGO_S = -1e9
 
 
 class IdleWatch:
-    """Times of the last and the next check; used by the loop's thread only.
+    """Times of the last and the next check of a connected rig; used by the loop's thread only.
 
-    Parameters
-    ----------
-    rig : Rig
-        Connected when looked at.
-    settings : Settings
-        How often, and what the input may be.
-
-    Attributes
-    ----------
-    findings : Findings
-        Of the last look; replaced as a whole, so other threads may read it.
+    ``findings`` is replaced as a whole, so other threads may read it.
     """
 
     def __init__(self, rig: Rig, settings: Settings) -> None:
@@ -40,7 +30,7 @@ class IdleWatch:
         self._restless_since_s: float | None = None
 
     def is_due(self) -> bool:
-        """Return whether it is time for another look."""
+        """Return whether it is time for another check."""
         pause_s = time.monotonic() - self._looked_s
         return pause_s >= self._settings.timeouts.idle_check_every_s
 
@@ -50,13 +40,7 @@ class IdleWatch:
         self._looks = 0
 
     def look(self) -> None:
-        """Look at valve and gauge, now and then at the input too.
-
-        Raises
-        ------
-        DriverError
-            If a device does not answer.
-        """
+        """Check valve and gauge, now and then the input too; raise DriverError if one is silent."""
         restless = self._restless_since_s is not None
         at_input = self._looks % _INPUT_EVERY_LOOKS == 0 or restless
         try:
@@ -73,7 +57,7 @@ class IdleWatch:
         self._looks += 1
 
     def _with_patience(self, found: Findings) -> Findings:
-        """Let a restless input pass for a while: the last sphere is still bouncing.
+        """Accept a restless input for a while: the last sphere is still bouncing.
 
         A drop that comes now waits just as long in its own pre-flight.
         """

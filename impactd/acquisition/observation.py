@@ -19,36 +19,26 @@ from impactd.storage.timestamp import utc_now
 
 @dataclass
 class Observation:
-    """What was observed so far; filled in step by step.
-
-    Attributes
-    ----------
-    started_utc, started_monotonic_ns
-        When the drop began, on both clocks.
-    vacuum : VacuumReading or None
-        The gauge before the release.
-    may_have_fallen : bool
-        The valve was told to open, whatever came of it.
-    baseline : Baseline or None
-        Of the idle input.
-    environment : Environment or None
-        Temperature and humidity before the release.
-    trigger_ns, captured_ns : int
-        Host clock at the trigger and once the record was whole. [ns]
-    notes : list of str
-        What a reader of the shot should know.
-    """
+    """What was observed so far; filled in step by step."""
 
     started_utc: str = field(default_factory=utc_now)
+    """When the drop began; ``started_monotonic_ns`` is the same on the host's clock."""
     started_monotonic_ns: int = field(default_factory=time.monotonic_ns)
     vacuum: VacuumReading | None = None
+    """The gauge before the release."""
     may_have_fallen: bool = False
+    """The valve was told to open, whether it did or not."""
     valve: ValveReport | None = None
     baseline: Baseline | None = None
+    """Of the idle input."""
     environment: Environment | None = None
+    """Temperature and humidity before the release."""
     trigger_ns: int = 0
+    """Host clock at the trigger. [ns]"""
     captured_ns: int = 0
+    """Host clock once the record was whole. [ns]"""
     notes: list[str] = field(default_factory=list)
+    """What a reader of the shot should know."""
 
     def note_garbage(self, report: ValveReport) -> None:
         """Note the stray bytes that came with a valve's reply."""
@@ -56,18 +46,7 @@ class Observation:
             self.notes.append(f"serial garbage tolerated: {report.garbage.hex(' ')}")
 
     def durations_s(self, stored_monotonic_ns: int) -> dict[str, float]:
-        """Return how long the stored drop took.
-
-        Parameters
-        ----------
-        stored_monotonic_ns : int
-            Host clock once it was durable. [ns]
-
-        Returns
-        -------
-        dict
-            ``impact_to_stored_s`` and ``record_to_stored_s``. [s]
-        """
+        """Return ``impact_to_stored_s`` and ``record_to_stored_s`` of a durably stored drop. [s]"""
         return {
             "impact_to_stored_s": (stored_monotonic_ns - self.trigger_ns) * 1e-9,
             "record_to_stored_s": (stored_monotonic_ns - self.captured_ns) * 1e-9,
@@ -75,18 +54,7 @@ class Observation:
 
 
 def trigger_settings(settings: Settings) -> TriggerSettings:
-    """Return the trigger in the digitizer's words.
-
-    Parameters
-    ----------
-    settings : Settings
-        Times in seconds.
-
-    Returns
-    -------
-    TriggerSettings
-        Lengths in samples at the calibrated rate.
-    """
+    """Return the trigger with lengths in samples, at the calibrated rate."""
     trigger, rate_hz = settings.trigger, settings.digitizer.sample_rate_hz
     return TriggerSettings(
         level_v=trigger.level_v,
@@ -105,13 +73,7 @@ def metadata_of(
     materials: Materials,
     calibration: Calibration | None,
 ) -> ShotMetadata:
-    """Return what is known of a drop by now.
-
-    Returns
-    -------
-    ShotMetadata
-        For `Archive.store_shot` and `Archive.keep_partial`.
-    """
+    """Return what is known of a drop by now, for the shot file."""
     valve, baseline = seen.valve, seen.baseline
     return ShotMetadata(
         started_utc=seen.started_utc,

@@ -20,59 +20,32 @@ from impactd.storage.calibrations import Calibration
 
 @dataclass(frozen=True)
 class Check:
-    """One thing that was looked at.
-
-    Attributes
-    ----------
-    name : str
-        ``digitizer``, ``valve``, ``sphere``, ``input``, ``disk``, ``calibration``.
-    ok : bool
-        Whether it allows a drop.
-    sentence : str
-        What was found, with values and units.
-    remedy : str
-        What to do, empty when it is ``ok``.
-    """
+    """The result of one check."""
 
     name: str
+    """``digitizer``, ``valve``, ``sphere``, ``input``, ``disk``, ``calibration``."""
     ok: bool
+    """Whether it allows a drop."""
     sentence: str
+    """What was measured, with values and units."""
     remedy: str = ""
+    """What to do, empty when it is ``ok``."""
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """The idle input.
-
-    Attributes
-    ----------
-    mean_v, noise_rms_v : float
-        Mean and standard deviation. [V]
-    peak_v : float
-        Largest distance from the mean, either way. [V]
-    samples : int
-        How many were looked at. [1]
-    """
+    """Statistics of the idle input."""
 
     mean_v: float
     noise_rms_v: float
+    """Standard deviation. [V]"""
     peak_v: float
+    """Largest distance from the mean, either way. [V]"""
     samples: int
 
     @classmethod
     def of(cls, signal_v: NDArray[np.float64]) -> Baseline:
-        """Return mean and standard deviation of a stretch of idle input.
-
-        Parameters
-        ----------
-        signal_v : ndarray, shape (n,)
-            [V]
-
-        Returns
-        -------
-        Baseline
-            Of all samples.
-        """
+        """Return the statistics of a stretch of idle input, shape (n,). [V]"""
         mean_v = float(np.mean(signal_v))
         peak_v = max(float(np.max(signal_v)) - mean_v, mean_v - float(np.min(signal_v)))
         return cls(mean_v, float(np.std(signal_v)), peak_v, int(signal_v.size))
@@ -123,13 +96,7 @@ def check_input(baseline: Baseline, limits: PreflightSection, trigger: TriggerSe
 
 
 def check_disk(free_above_reserve_bytes: int) -> Check:
-    """Judge the space on the disk.
-
-    Parameters
-    ----------
-    free_above_reserve_bytes : int
-        Free space above the reserve, negative inside it. [byte]
-    """
+    """Judge the space on the disk: free bytes above the reserve, negative inside it."""
     megabytes = free_above_reserve_bytes / 1e6
     if free_above_reserve_bytes < 0:
         return Check(
@@ -143,56 +110,33 @@ def check_disk(free_above_reserve_bytes: int) -> Check:
 
 @dataclass(frozen=True)
 class CalibrationState:
-    """How the load cell's calibration stands.
-
-    Attributes
-    ----------
-    word : str
-        ``none``, ``valid``, ``due`` (ends soon) or ``overdue``.
-    number : int or None
-        The calibration in force.
-    finished_utc, valid_until_utc : str or None
-        When it was made and when it ends.
-    days_left : float or None
-        Until it ends; negative when overdue. [d]
-    drift_sigmas : float or None
-        Largest drift against the one before. [1]
-    sentence : str
-        The same in words.
-    """
+    """The state of the load cell's calibration."""
 
     word: str
+    """``none``, ``valid``, ``due`` (ends soon) or ``overdue``."""
     number: int | None
+    """The calibration in force."""
     finished_utc: str | None
     valid_until_utc: str | None
     days_left: float | None
+    """Until it ends; negative when overdue. [d]"""
     drift_sigmas: float | None
+    """Largest drift against the one before. [1]"""
     sentence: str
+    """The state in words."""
 
     @property
     def valid(self) -> bool:
-        """Whether results may rest on it."""
+        """Whether results may depend on it."""
         return self.word in ("valid", "due")
 
 
 def calibration_state(
     current: Calibration | None, section: CalibrationSection, now: datetime | None = None
 ) -> CalibrationState:
-    """Say how the calibration stands.
+    """Return the state of the calibration, given the last one that was done.
 
-    Parameters
-    ----------
-    current : Calibration or None
-        The last one that was done.
-    section : CalibrationSection
-        When to remind.
-    now : datetime, optional
-        Aware; the present moment when left out.
-
-    Returns
-    -------
-    CalibrationState
-        In words and fields.
+    ``now`` has a time zone; without it, it is the present time.
     """
     if current is None or current.valid_until_utc is None:
         return CalibrationState(
@@ -221,15 +165,7 @@ def calibration_state(
 def check_calibration(
     state: CalibrationState, limits: PreflightSection, *, for_calibration: bool = False
 ) -> Check:
-    """Judge the calibration.
-
-    Parameters
-    ----------
-    limits : PreflightSection
-        Whether a valid one is required.
-    for_calibration : bool
-        Drops of a calibration run may go without.
-    """
+    """Judge the calibration; drops of a calibration run may go without."""
     required = limits.require_valid_calibration and not for_calibration
     if required and not state.valid:
         return Check("calibration", False, state.sentence, "Run `impactd calibrate`.")

@@ -20,7 +20,7 @@ _MOST_WAITING = 1000
 
 
 class ProgressWriter:
-    """Does small pieces of writing in the order in which they came, in a thread of its own."""
+    """Executes small writes in the order in which they came, in a thread of its own."""
 
     def __init__(self) -> None:
         self._waiting: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_WAITING)
@@ -28,7 +28,7 @@ class ProgressWriter:
         self._starting = threading.Lock()
 
     def put(self, write: Callable[[], None]) -> None:
-        """Have something written soon; never waits and never raises."""
+        """Queue a write; never waits and never raises."""
         try:
             self._waiting.put_nowait(write)
         except queue.Full:

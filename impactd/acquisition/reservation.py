@@ -1,4 +1,4 @@
-"""The reservation of the rig, and what an abort found there: values without behaviour."""
+"""The reservation of the rig, and the report of an abort: values without behaviour."""
 
 from __future__ import annotations
 
@@ -35,24 +35,16 @@ class Reservation:
 
 @dataclass(frozen=True)
 class AbortReport:
-    """What an abort found and did.
-
-    Attributes
-    ----------
-    aborted : bool
-        Whether something was under way and is not any more.
-    drop : int or None
-        The drop that was ended.
-    sentence : str
-        The same in words, with whatever did not work.
-    took_s : float
-        From the call to valve safe, digitizer stopped, state changed. [s]
-    """
+    """The outcome of an abort."""
 
     aborted: bool
+    """Whether something was under way and is not any more."""
     drop: int | None
+    """The drop that was ended."""
     sentence: str
+    """The outcome in words, with whatever did not work."""
     took_s: float
+    """From the call to valve safe, digitizer stopped, state changed. [s]"""
 
 
 def report_of(
@@ -64,25 +56,10 @@ def report_of(
     troubles: Sequence[Exception],
     took_s: float,
 ) -> AbortReport:
-    """Put an abort into words.
+    """Return the report of an abort, also where the drop came too far to be ended.
 
-    Parameters
-    ----------
-    drop : int or None
-        The drop that was under way.
-    reservation : Reservation or None
-        The series that was under way.
-    entering : int
-        Requests that were about to begin a drop.
-    troubles : sequence of Exception
-        What could not be made safe.
-    took_s : float
-        [s]
-
-    Returns
-    -------
-    AbortReport
-        Honest about a drop that came too far to be ended.
+    ``drop`` and ``reservation`` were under way, ``entering`` requests were about to begin a drop,
+    ``troubles`` are what could not be made safe.
     """
     ended = drop if before in DROP_UNDER_WAY else None
     if ended is not None:

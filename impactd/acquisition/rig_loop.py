@@ -54,8 +54,6 @@ class RigLoop:
 
     Parameters
     ----------
-    rig, archive, settings, materials
-        As `AcquisitionService` was given them.
     publish : callable
         Never raises and never waits.
     epoch : AbortEpoch
@@ -73,9 +71,7 @@ class RigLoop:
     fault : Failure or None
         Why the rig is in doubt.
     aftermath : str
-        What to look at after the last drop; empty once another one begins.
-    watch : IdleWatch
-        What was found at the last look.
+        What to check after the last drop; empty once another one begins.
     beat_s : float
         When the loop was last seen alive, on the monotonic clock. [s]
     changed : threading.Condition
@@ -121,7 +117,7 @@ class RigLoop:
     # For other threads
 
     def use_materials(self, materials: Materials) -> None:
-        """Take these for drops that begin later; one under way keeps what it began with."""
+        """Use these materials for drops that begin later; the one under way keeps its own."""
         self._materials = materials
 
     def start(self) -> None:
@@ -146,18 +142,10 @@ class RigLoop:
         return thread is not None and thread.is_alive()
 
     def begin(self, drop: Drop, accepted: int) -> bool:
-        """Take a drop whose row is durable.
+        """Take a drop whose row is durable; return whether it begins.
 
-        Parameters
-        ----------
-        accepted : int
-            Abort epoch at which it was asked for.
-
-        Returns
-        -------
-        bool
-            ``False`` when the rig fell into doubt or somebody aborted in that very moment: the row
-            is closed with that reason and nothing moves.
+        It does not when the rig has just gone into doubt, or something was aborted since the epoch
+        ``accepted``: the row is closed with that reason and nothing moves.
         """
         run = DropRun(
             drop,
@@ -316,7 +304,7 @@ class RigLoop:
             self._doubt(Failure(found.problem, doubt))
 
     def _doubt(self, fault: Failure) -> None:
-        """Go to FAULT; a drop that came in meanwhile will find out for itself."""
+        """Go to FAULT; a drop that came in meanwhile is refused when its turn comes."""
         with self.present:
             state = self.machine.state
             if self.run is not None or state not in (State.IDLE, State.CONNECTING):
@@ -407,7 +395,7 @@ class RigLoop:
     # Small things
 
     def _moved(self, drop_state: str | None) -> None:
-        """Write and tell each step of a drop."""
+        """Write and publish each step of a drop."""
         self._beat()
         with self.present:
             run = self.run
@@ -423,7 +411,7 @@ class RigLoop:
         self.tell_state()
 
     def _write_step(self, number: int, drop_state: str) -> None:
-        """Write a step of a drop whose record counts for more; its end may have overtaken it."""
+        """Write a step of a drop, unless its end was written before: the end counts."""
         try:
             self._archive.set_drop_state(number, drop_state)
         except DropStateError:

@@ -55,16 +55,7 @@ _LAST_WORDS_S = 10.0
 class AcquisitionService:
     """Drops, one at a time.
 
-    Parameters
-    ----------
-    rig : Rig
-        Unopened or open; the service opens it.
-    archive : Archive
-        Where drops and shots are kept.
-    materials : Materials
-        What may be dropped on what.
-    publish : callable
-        ``publish(kind, data)`` tells clients what happened.
+    The service opens the rig's devices. ``publish(kind, data)`` tells clients what happened.
     """
 
     def __init__(
@@ -97,7 +88,7 @@ class AcquisitionService:
     # Life
 
     def start(self) -> None:
-        """Mark what a dead daemon left behind, then open the devices in the service's thread."""
+        """End what a dead daemon left under way, then open the devices in the service's thread."""
         ended = self._archive.interrupt_unfinished()
         self._interrupted = tuple(drop.number for drop in ended if drop.state == "interrupted")
         for drop in ended:
@@ -115,7 +106,7 @@ class AcquisitionService:
         self._writer.stop(_LAST_WORDS_S)
 
     def alive(self) -> bool:
-        """Return whether the loop beat and the database answered lately, for the watchdog."""
+        """Return whether loop and database answered lately, for the watchdog."""
         if not self._loop.is_running():
             return False
         if time.monotonic() - self._loop.beat_s > _ALIVE_WITHIN_S:
@@ -131,7 +122,7 @@ class AcquisitionService:
 
     @property
     def epoch(self) -> AbortEpoch:
-        """What requests are stamped with as they arrive."""
+        """The abort epoch; each request is stamped with it on arrival."""
         return self._epoch
 
     @property
@@ -152,6 +143,9 @@ class AcquisitionService:
     ) -> Drop:
         """Begin a drop; return as soon as its row is durable.
 
+        The drop is ``requested``, or however far the drop of the same key has come; ``failed`` when
+        the rig went into doubt meanwhile, ``aborted`` when somebody aborted meanwhile.
+
         Parameters
         ----------
         owner : str
@@ -164,12 +158,6 @@ class AcquisitionService:
             Abort epoch at which the request was received; now without it.
         series : Reservation, optional
             The reservation of the series it belongs to.
-
-        Returns
-        -------
-        Drop
-            ``requested``, or however far the drop of the same key has come; ``failed`` when the
-            rig fell into doubt in this very moment, ``aborted`` when somebody aborted in it.
 
         Raises
         ------
@@ -212,7 +200,7 @@ class AcquisitionService:
     def reserve(
         self, owner: str, calibration: int | None = None, accepted: int | None = None
     ) -> Reservation:
-        """Hold the rig for a series of drops.
+        """Hold the rig for a series of drops, until `give_back`.
 
         Parameters
         ----------
@@ -222,11 +210,6 @@ class AcquisitionService:
             Only drops of this calibration run are let through.
         accepted : int, optional
             Abort epoch at which the series was asked for; now without it.
-
-        Returns
-        -------
-        Reservation
-            For `give_back`.
 
         Raises
         ------
@@ -246,13 +229,7 @@ class AcquisitionService:
             return reservation
 
     def give_back(self, reservation: Reservation) -> None:
-        """End a reservation; do nothing when it has ended.
-
-        Parameters
-        ----------
-        reservation : Reservation
-            From `reserve`.
-        """
+        """End a reservation; do nothing when it has ended."""
         with self._admission.lock:
             if self._admission.reservation is reservation:
                 self._admission.reservation = None
@@ -262,14 +239,8 @@ class AcquisitionService:
 
         Nothing that was accepted before the return moves the valve any more. No database and no
         file is touched, and no lock is waited for that is held longer than some microseconds.
-
-        Parameters
-        ----------
-        by : str
-            Who wants it, for the record.
-        number : int, optional
-            Only if this drop is the one under way; ``None`` ends anything, and makes the rig
-            safe even when nothing runs.
+        With a ``number``, only if this drop is the one under way; without, the rig is made safe
+        even when nothing runs.
         """
         began_s = time.monotonic()
         with self._loop.present:
@@ -304,12 +275,9 @@ class AcquisitionService:
         return report
 
     def acknowledge_fault(self, *, by: str) -> None:
-        """Say that the rig was checked; the devices are asked again and the rig becomes idle.
+        """Confirm that the rig was checked; the devices are asked again and the rig becomes idle.
 
-        Raises
-        ------
-        NotReadyError
-            If a device still does not answer.
+        Raises NotReadyError if a device still does not answer.
         """
         if self._loop.machine.state is not State.FAULT:
             return
@@ -329,7 +297,7 @@ class AcquisitionService:
 
     @property
     def materials(self) -> Materials:
-        """What may be dropped on what."""
+        """The spheres and surfaces that a drop may name."""
         return self._materials
 
     # Answers
@@ -358,18 +326,7 @@ class AcquisitionService:
         )
 
     def wait(self, number: int, timeout_s: float) -> Drop:
-        """Return a drop once it has ended, or as it is when the time is over.
-
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-
-        Returns
-        -------
-        Drop
-            Look at its state.
-        """
+        """Return a drop once it has ended, or as it is when the time is over."""
         ends_s = time.monotonic() + timeout_s
         with self._loop.changed:
             while True:
@@ -380,20 +337,14 @@ class AcquisitionService:
                 self._loop.changed.wait(min(left_s, 0.5))
 
     def wait_for_end(self, number: int) -> Drop:
-        """Return a drop once it has ended, or as it is beyond all its own limits: look at it."""
+        """Return a drop once it has ended, or still under way when its own limits have passed."""
         times, around = self._settings.timeouts, self._settings.environment
         reading_s = 0.0 if around is None else around.command_limit_s
         limit_s = times.loading_s + times.blind_loading_s + times.settle_s + reading_s
         return self.wait(number, limit_s + _DROP_MARGIN_S)
 
     def wait_ready(self, timeout_s: float) -> bool:
-        """Wait until the rig is idle.
-
-        Parameters
-        ----------
-        timeout_s : float
-            Longest wait. [s]
-        """
+        """Wait until the rig is idle."""
         ends_s = time.monotonic() + timeout_s
         with self._loop.changed:
             while self._loop.machine.state is not State.IDLE:
@@ -404,14 +355,9 @@ class AcquisitionService:
         return True
 
     def publish(self, kind: str, data: dict[str, Any]) -> None:
-        """Tell clients soon, in order; an event that cannot be told is logged and harms nothing.
+        """Publish an event soon, in order; one that cannot be published is logged and does no harm.
 
-        Parameters
-        ----------
-        kind : str
-            E.g. ``calibration.progress``.
-        data : dict
-            JSON-ready.
+        ``kind`` is e.g. ``calibration.progress``, ``data`` is JSON-ready.
         """
         self._writer.put(lambda: self._tell_now(kind, data))
 

@@ -11,85 +11,49 @@ from impactd.acquisition.transitions import BUSY, State
 
 @dataclass(frozen=True)
 class ServiceStatus:
-    """How the rig is, for people and programs.
-
-    Attributes
-    ----------
-    ready : bool
-        Whether a drop asked for now would begin.
-    sentence : str
-        Starts with ``READY`` or ``NOT READY``.
-    state : str
-        Of the transition table.
-    owner : str or None
-        Who holds the rig.
-    drop : int or None
-        The drop under way.
-    checks : tuple of Check
-        What was looked at, with remedies.
-    calibration : CalibrationState
-        Of the load cell.
-    alarms : tuple of str
-        What needs attention although drops are possible.
-    attention : str
-        What to look at before the next sphere is hung; empty when nothing.
-    """
+    """The status of the rig, for people and programs."""
 
     ready: bool
+    """Whether a drop asked for now would begin."""
     sentence: str
+    """Starts with ``READY`` or ``NOT READY``."""
     state: str
     owner: str | None
+    """Who holds the rig."""
     drop: int | None
+    """The drop under way."""
     checks: tuple[Check, ...]
     calibration: CalibrationState
     alarms: tuple[str, ...]
+    """What needs attention although drops are possible."""
     attention: str = ""
+    """What to check before the next sphere is hung; empty when nothing."""
 
 
 @dataclass(frozen=True)
 class Facts:
-    """What the sentence is made of.
-
-    Attributes
-    ----------
-    owner : str or None
-        Who holds the rig.
-    drop : int or None
-        The drop under way.
-    doing : str
-        What that drop does now.
-    fault : Failure or None
-        Why the rig is in doubt.
-    retry_s : float
-        Pause between attempts to reach a lost device. [s]
-    checks : tuple of Check
-        What was looked at.
-    calibration : CalibrationState
-        Of the load cell.
-    aftermath : str
-        What the last drop left to be looked at.
-    """
+    """The values that the sentence is made of, all read at one time."""
 
     state: State
     owner: str | None
+    """Who holds the rig."""
     drop: int | None
+    """The drop under way."""
     doing: str
+    """What that drop does now."""
     fault: Failure | None
+    """Why the rig is in doubt."""
     retry_s: float
+    """Pause between attempts to reach a lost device. [s]"""
     checks: tuple[Check, ...]
     calibration: CalibrationState
     alarms: tuple[str, ...]
     aftermath: str = ""
+    """What to check after the last drop."""
 
 
 def status_of(facts: Facts) -> ServiceStatus:
-    """Return the status.
-
-    Parameters
-    ----------
-    facts : Facts
-        Read at one moment.
-    """
+    """Return the status."""
     why_not = _why_not(facts)
     if why_not:
         sentence = f"NOT READY: {why_not}"

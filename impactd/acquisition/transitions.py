@@ -18,7 +18,7 @@ from impactd.acquisition.events import Event
 
 
 class State(Enum):
-    """Where the rig is; the value is what clients see."""
+    """The state of the rig; the value is what clients see."""
 
     STOPPED = "STOPPED"
     """Before the daemon started the rig and after it ended: nothing may be asked."""
@@ -143,13 +143,7 @@ Listener = Callable[[State, Event, State], None]
 
 
 class IllegalTransitionError(Exception):
-    """An event came in a state that does not know it; nothing was changed.
-
-    Parameters
-    ----------
-    state : State
-        Where the rig was and still is.
-    """
+    """An event came in a state that does not know it; nothing was changed."""
 
     def __init__(self, state: State, event: Event) -> None:
         self.state = state
@@ -162,13 +156,7 @@ class IllegalTransitionError(Exception):
 
 
 def next_state(state: State, event: Event) -> State:
-    """Return where an event leads.
-
-    Raises
-    ------
-    IllegalTransitionError
-        If the table has no such row.
-    """
+    """Return where an event leads; raise IllegalTransitionError if the table has no such row."""
     try:
         return TRANSITIONS[state][event]
     except KeyError:
@@ -178,10 +166,8 @@ def next_state(state: State, event: Event) -> State:
 class Machine:
     """The present state, safe to move from any thread.
 
-    Parameters
-    ----------
-    listener : callable, optional
-        Told of each change (before, event, after) while the lock is held; must be quick.
+    ``listener`` is told of each change (before, event, after) while the lock is held; it must be
+    quick.
     """
 
     def __init__(self, listener: Listener | None = None) -> None:
@@ -197,17 +183,9 @@ class Machine:
             return self._state
 
     def apply(self, event: Event) -> State:
-        """Move on.
+        """Move on and return the state before.
 
-        Returns
-        -------
-        State
-            The state before.
-
-        Raises
-        ------
-        IllegalTransitionError
-            If the table has no such row; the state stays.
+        Raises IllegalTransitionError if the table has no such row; the state stays.
         """
         with self._lock:
             before = self._state
@@ -219,13 +197,7 @@ class Machine:
 
 
 def diagram() -> str:
-    """Return the table as a Mermaid state diagram.
-
-    Returns
-    -------
-    str
-        Text of a ``stateDiagram-v2``, one arrow per pair of states.
-    """
+    """Return the table as a Mermaid ``stateDiagram-v2``, one arrow per pair of states."""
     lines = ["stateDiagram-v2", "    [*] --> STOPPED"]
     for state, row in TRANSITIONS.items():
         arrows: dict[State, list[str]] = {}

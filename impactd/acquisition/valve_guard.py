@@ -22,14 +22,10 @@ _log = structlog.get_logger("impactd.acquisition")
 
 
 class ValveGuard:
-    """Opens the valve for the present epoch only, and sees to it that it closes.
+    """Opens the valve for the present epoch only, and closes it again in any case.
 
-    Parameters
-    ----------
-    valve : Valve
-        Connected before `open`.
-    epoch : AbortEpoch
-        What an abort advances before it makes the valve safe.
+    The valve is connected before `open`. An abort advances the epoch before it makes the valve
+    safe.
     """
 
     def __init__(self, valve: Valve, epoch: AbortEpoch) -> None:
@@ -38,14 +34,9 @@ class ValveGuard:
         self._timer: threading.Timer | None = None
 
     def open(self, accepted: int, limit_s: float) -> ValveReport:
-        """Break the vacuum.
+        """Break the vacuum; the valve closes by itself after ``limit_s``.
 
-        Parameters
-        ----------
-        accepted : int
-            Epoch at which the movement was asked for.
-        limit_s : float
-            The valve closes by itself after this time. [s]
+        ``accepted`` is the epoch at which the movement was asked for.
 
         Raises
         ------
@@ -62,7 +53,7 @@ class ValveGuard:
         return self._valve.release(lambda: self._epoch.is_present(accepted))
 
     def is_closed(self) -> None:
-        """Take note that the valve was closed: the timer is not needed any more."""
+        """Record that the valve was closed: the timer is not needed any more."""
         timer, self._timer = self._timer, None
         if timer is not None:
             timer.cancel()

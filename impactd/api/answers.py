@@ -39,7 +39,7 @@ def problem_member(problem: Problem | None) -> ProblemMember | None:
 
 
 def drop_answer(drop: Drop) -> DropAnswer:
-    """Return a drop for the wire."""
+    """Return a drop as the API answers it."""
     return DropAnswer(
         number=drop.number,
         state=drop.state,
@@ -63,7 +63,7 @@ def drop_answer(drop: Drop) -> DropAnswer:
 def shot_answer(
     shot: Shot, fits: list[Fit] | None = None, comparison: Json | None = None
 ) -> ShotAnswer:
-    """Return a shot for the wire, with its fits and what to do with it when they are given."""
+    """Return a shot as the API answers it, with fits and advice where ``fits`` are given."""
     members = asdict(shot)
     del members["file"]  # where the daemon keeps it is nobody's business
     members["environment"] = environment_to_json(shot.environment)
@@ -80,7 +80,7 @@ def shot_answer(
 
 
 def shot_summary(shot: Shot, fits: list[Fit], comparison: Json | None = None) -> ShotAnswer:
-    """Return a shot for a list: with what to do with it and its modulus, without its fits."""
+    """Return a shot for a list: with its advice and modulus, without its fits."""
     answer = shot_answer(shot, comparison=comparison)
     _advise(answer, shot, fits)
     return answer
@@ -100,7 +100,7 @@ def _advise(answer: ShotAnswer, shot: Shot, fits: list[Fit]) -> None:
 
 
 def fit_answer(fit: Fit) -> FitAnswer:
-    """Return a fit for the wire."""
+    """Return a fit as the API answers it."""
     return FitAnswer(
         id=fit.id,
         shot=fit.shot,
@@ -113,7 +113,7 @@ def fit_answer(fit: Fit) -> FitAnswer:
 
 
 def fit_job_answer(job: Job, fits: list[Fit]) -> FitJobAnswer:
-    """Return a fit that was asked for, with what it has brought so far."""
+    """Return the job of a fit, with the results it has so far."""
     return FitJobAnswer(
         id=job.id,
         state=job.state,
@@ -130,7 +130,7 @@ def fit_job_answer(job: Job, fits: list[Fit]) -> FitJobAnswer:
 
 
 def calibration_answer(calibration: Calibration) -> CalibrationAnswer:
-    """Return a calibration for the wire."""
+    """Return a calibration as the API answers it."""
     return CalibrationAnswer(
         number=calibration.number,
         kind=calibration.kind,
@@ -149,17 +149,9 @@ def calibration_answer(calibration: Calibration) -> CalibrationAnswer:
 
 
 def next_page(path: str, numbers: list[int], limit: int, query: Mapping[str, Any]) -> str | None:
-    """Return the path of the page after this one.
+    """Return the path of the page after this one, ``None`` when this page was not full.
 
-    Parameters
-    ----------
-    query : mapping
-        The filters, which stay as they are.
-
-    Returns
-    -------
-    str or None
-        ``None`` when this page was not full: there is nothing behind it.
+    ``query`` are the filters, which stay as they are.
     """
     if len(numbers) < limit:
         return None
@@ -168,13 +160,7 @@ def next_page(path: str, numbers: list[int], limit: int, query: Mapping[str, Any
 
 
 def timestamp(name: str, text: str | None) -> str | None:
-    """Return a moment in the archive's form.
-
-    Raises
-    ------
-    ProblemError
-        422 when the text is no moment.
-    """
+    """Return a timestamp in the archive's form; raise ProblemError 422 when the text is none."""
     if text is None:
         return None
     try:

@@ -1,4 +1,4 @@
-"""The application: routes, problems, security, put together around one daemon."""
+"""The application: routes, problems and security around one daemon."""
 
 from __future__ import annotations
 
@@ -83,13 +83,7 @@ throughout; the unit is part of a member's name. NaN and infinity never appear.
 
 
 def create_app(daemon: Daemon) -> FastAPI:
-    """Return the REST API of a daemon.
-
-    Parameters
-    ----------
-    daemon : Daemon
-        The parts that do the work; the application neither starts nor stops them.
-    """
+    """Return the REST API of a daemon; it neither starts nor stops the daemon."""
     app = FastAPI(
         title="impactd",
         version=__version__,
@@ -173,7 +167,7 @@ async def _validation_problem(_request: Request, error: Exception) -> JSONRespon
 
 
 def _no_json(item: dict[str, Any]) -> JSONResponse:
-    """Return what a person needs to mend a body that is no JSON: what is wrong, and where."""
+    """Return what a person needs to correct a body that is no JSON: what is wrong, and where."""
     at, why = item["loc"][-1], item["ctx"]["error"]
     reason = f"it is no JSON: {why[:1].lower()}{why[1:]} at character {at}"
     return ProblemError(
@@ -185,7 +179,7 @@ def _no_json(item: dict[str, Any]) -> JSONResponse:
 
 
 def _sentence(found: dict[str, Any]) -> str:
-    """Return what is wrong with one value, as a person reads it."""
+    """Return what is wrong with one value, in words."""
     name = found["pointer"].removeprefix("#/") or "the body"
     given = "" if found["given"] is None else f" is {json.dumps(found['given'])}"
     reason = str(found["reason"]).removesuffix(".")
@@ -193,7 +187,7 @@ def _sentence(found: dict[str, Any]) -> str:
 
 
 def _pointer(location: tuple[Any, ...]) -> str:
-    """Return where a value stands: a JSON pointer into the body, or the parameter's place."""
+    """Return the place of a value: a JSON pointer into the body, or the parameter."""
     place, *rest = location
     if place == "body":
         return "#/" + "/".join(str(part) for part in rest)

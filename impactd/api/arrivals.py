@@ -38,13 +38,7 @@ _ROUNDS = 4 + ACCEPT_QUEUE // ACCEPT_BATCH
 
 
 class Arrivals:
-    """Stamps requests, also while an abort is being answered.
-
-    Parameters
-    ----------
-    epoch : AbortEpoch
-        The rig's.
-    """
+    """Stamps requests, also while an abort is being answered."""
 
     def __init__(self, epoch: AbortEpoch) -> None:
         self._epoch = epoch
@@ -54,7 +48,7 @@ class Arrivals:
         self._loop: asyncio.AbstractEventLoop | None = None
 
     def serve_on(self, loop: asyncio.AbstractEventLoop | None) -> None:
-        """Name the event loop that reads requests, ``None`` once there is none."""
+        """Set the event loop that reads requests, ``None`` once there is none."""
         self._loop = loop
 
     def stamp(self) -> int:
@@ -64,7 +58,7 @@ class Arrivals:
         return NEVER if self._unsettled else epoch
 
     def begin(self) -> None:
-        """Begin an abort, before the epoch advances; one of the three below ends it."""
+        """Begin an abort, before the epoch advances; `cancel` or one `settle` ends it."""
         with self._lock:
             self._unsettled += 1
 
@@ -88,18 +82,7 @@ class Arrivals:
             self.cancel()
 
     def settle_from_thread(self, timeout_s: float = SETTLE_S) -> bool:
-        """Do as `settle` from a thread that is not the event loop's.
-
-        Parameters
-        ----------
-        timeout_s : float, optional
-            Longest wait. [s]
-
-        Returns
-        -------
-        bool
-            Whether the loop came round in time.
-        """
+        """Do as `settle`, from a thread other than the loop's; return whether it was in time."""
         loop = self._loop
         if loop is None or loop.is_closed():
             self.cancel()

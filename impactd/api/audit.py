@@ -21,35 +21,23 @@ _log = structlog.get_logger("impactd.api")
 
 @dataclass(frozen=True)
 class Written:
-    """A write that was answered.
-
-    Attributes
-    ----------
-    scope : dict
-        Of the request; `impactd.api.security.authorize` left the caller's name in its state.
-    location : str or None
-        Where the answer says the work can be watched.
-    """
+    """A write that was answered."""
 
     scope: Scope
+    """`impactd.api.security.authorize` left the caller's name in its state."""
     status: int
     location: str | None
+    """Where the answer says the work can be watched."""
 
 
 class Audit:
-    """Tells the writes of known callers.
-
-    Parameters
-    ----------
-    publish : callable
-        Gets kind and data of an event.
-    """
+    """Publishes the writes of known callers; ``publish`` gets kind and data of an event."""
 
     def __init__(self, publish: Callable[[str, dict[str, Any]], None]) -> None:
         self._publish = publish
 
     def record(self, written: Written) -> None:
-        """Keep a write; a stranger's is none, as it changed nothing."""
+        """Keep a write; one without a known caller is left out, as it changed nothing."""
         by = written.scope["state"].get("caller_name")
         if by is None:
             return

@@ -25,15 +25,7 @@ def drop_key(caller: Caller, key: str) -> str:
 def job_key(caller: Caller, kind: str, key: str | None) -> str | None:
     """Return a client's key for a job, or a calibration's slot, as it is stored.
 
-    Parameters
-    ----------
-    kind : str
-        `FIT`, `DIAGNOSIS` or `CALIBRATION`.
-
-    Returns
-    -------
-    str or None
-        ``None`` where the client sent none.
+    ``kind`` is `FIT`, `DIAGNOSIS` or `CALIBRATION`. ``None`` where the client sent no key.
     """
     return None if key is None else RequestKey(f"token {caller.token_id} {kind}", key).text
 

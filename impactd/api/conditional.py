@@ -44,7 +44,7 @@ class _Tagged:
         self._held = False
 
     async def send(self, message: Message) -> None:
-        """Hold JSON until it is whole; hand on everything else as it comes."""
+        """Hold JSON until it is whole; pass everything else on as it comes."""
         if message["type"] == "http.response.start":
             headers = Headers(raw=message["headers"])
             kind = headers.get("content-type", "").partition(";")[0]

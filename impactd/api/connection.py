@@ -30,11 +30,8 @@ _log.setLevel(logging.ERROR)
 class Connection(H11Protocol):
     """Uvicorn's connection with stamps and limits; `connection_class` binds the class attributes.
 
-    Attributes
-    ----------
-    receiving_since_s : float or None
-        First byte of a request that is not complete, on the monotonic clock; the connection's
-        beginning before its first request. [s]
+    ``receiving_since_s`` is the first byte of a request that is not complete, on the monotonic
+    clock; the connection's beginning before its first request.
     """
 
     arrivals: Arrivals
@@ -54,12 +51,12 @@ class Connection(H11Protocol):
         self._pipelines = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Take part in the limits."""
+        """Count for the limits from now on."""
         super().connection_made(transport)
         self.kept.add(self, self.loop)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Take no part in them any more."""
+        """Count for the limits no longer."""
         self.kept.discard(self)
         super().connection_lost(exc)
 
@@ -74,7 +71,7 @@ class Connection(H11Protocol):
         self._look_at_progress()
 
     def on_response_complete(self) -> None:
-        """Look whether the next request has begun already."""
+        """Check whether the next request has begun already."""
         super().on_response_complete()
         self._look_at_progress()
 
@@ -98,7 +95,7 @@ class Connection(H11Protocol):
         return UNFINISHED_BODY if self.conn.their_state is h11.SEND_BODY else UNFINISHED_HEADER
 
     def close_now(self) -> None:
-        """Close without a word."""
+        """Close without an answer."""
         self.transport.abort()
 
     def _is_answering(self) -> bool:
@@ -117,13 +114,7 @@ class Connection(H11Protocol):
 
 
 def connection_class(arrivals: Arrivals, connections: Connections) -> type[Connection]:
-    """Return the class that uvicorn makes connections of, for one server.
-
-    Returns
-    -------
-    type
-        A subclass of `Connection`.
-    """
+    """Return the class that uvicorn makes connections of, for one server."""
     return type("BoundConnection", (Connection,), {"arrivals": arrivals, "kept": connections})
 
 

@@ -36,15 +36,15 @@ UNFINISHED_HEADER, UNFINISHED_BODY, IDLE, ANSWERS_STRANGER, ANSWERS_CALLER = ran
 
 
 class Limited(Protocol):
-    """A connection, as far as its limits need it."""
+    """The part of a connection that its limits need."""
 
     receiving_since_s: float | None
 
     def rank(self) -> int | None:
-        """Return what it is doing; ``None`` for what is never closed: an abort."""
+        """Return what it is doing; ``None`` for an abort, which is never closed."""
 
     def close_now(self) -> None:
-        """Close without a word."""
+        """Close without an answer."""
 
 
 def raise_descriptor_limit() -> None:
@@ -62,10 +62,7 @@ def descriptor_limit() -> int:
 def most_connections(descriptors: int) -> int:
     """Return how many connections fit beside everything else that needs a descriptor.
 
-    Parameters
-    ----------
-    descriptors : int
-        What the process may have; -1 is without limit.
+    ``descriptors`` is what the process may have; -1 is without limit.
     """
     unlimited = descriptors == resource.RLIM_INFINITY
     limit = _SELECT_LIMIT if unlimited else min(descriptors, _SELECT_LIMIT)
@@ -75,13 +72,8 @@ def most_connections(descriptors: int) -> int:
 class Connections:
     """All connections of one server; used in the event loop's thread only.
 
-    Parameters
-    ----------
-    most : int
-        So many at once.
-    receive_limit_s : float
-        From the first byte of a request to its last, and from a connection to its first request.
-        [s]
+    At most ``most`` at once. ``receive_limit_s`` counts from the first byte of a request to its
+    last, and from a connection to its first request.
     """
 
     def __init__(self, most: int, receive_limit_s: float = RECEIVE_LIMIT_S) -> None:
@@ -93,7 +85,7 @@ class Connections:
         self._sweeping = False
 
     def add(self, connection: Limited, loop: asyncio.AbstractEventLoop) -> None:
-        """Take a new connection in; another one makes room for it."""
+        """Add a new connection; another one is closed for it when there are too many."""
         if len(self._open) >= self._most:
             self._make_room()
         self._open[connection] = None
@@ -102,11 +94,11 @@ class Connections:
             loop.call_later(_SWEEP_EVERY_S, self._sweep, loop)
 
     def discard(self, connection: Limited) -> None:
-        """Forget a connection that has ended."""
+        """Remove a connection that has ended."""
         self._open.pop(connection, None)
 
     def count(self, what: str) -> None:
-        """Count what is told once a minute."""
+        """Count an event that is logged once a minute."""
         self._closed[what] += 1
 
     def _make_room(self) -> None:

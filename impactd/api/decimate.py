@@ -9,24 +9,11 @@ MAX_POINTS = 4000
 
 
 def min_max_indices(signal: NDArray[np.float64], points: int) -> NDArray[np.intp]:
-    """Return which samples to draw so that no spike is lost.
+    """Return which samples of a signal, shape (n,), to draw so that no spike is lost.
 
-    Parameters
-    ----------
-    signal : ndarray, shape (n,)
-        The record.
-    points : int
-        At most so many indices, >= 2. [1]
-
-    Returns
-    -------
-    ndarray of int, shape (m,)
-        Rising; ``m <= points``. All of them when the record is short enough.
-
-    Notes
-    -----
-    The record is cut into ``points // 2`` stretches of equal length (the last one takes the rest
-    of the division); of each, the smallest and the largest sample stay, in their order in time.
+    They rise, and are at most ``points`` (>= 2): all when the record is short enough. Else the
+    record is cut into ``points // 2`` stretches of equal length (the last one takes the rest of the
+    division); of each, the smallest and the largest sample stay, in their order in time.
     """
     if signal.size <= points:
         return np.arange(signal.size)

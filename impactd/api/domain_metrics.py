@@ -28,7 +28,7 @@ FILLING_DAYS = 7.0
 
 
 class DomainMetrics:
-    """What the last shots and calibrations say."""
+    """The metrics of the last shots and calibrations."""
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive

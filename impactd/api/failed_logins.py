@@ -34,13 +34,7 @@ class _Minute:
 
 
 class FailedLogins:
-    """Failures by address; used in the event loop's thread only.
-
-    Parameters
-    ----------
-    now_s : callable, optional
-        The clock. [s]
-    """
+    """Failures by address; used in the event loop's thread only."""
 
     def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
         self._now_s = now_s
@@ -49,18 +43,7 @@ class FailedLogins:
         self._sleepers = 0
 
     def note(self, address: str, what: str, path: str) -> float:
-        """Tell of a failure.
-
-        Parameters
-        ----------
-        what : str
-            ``token`` or ``session``.
-
-        Returns
-        -------
-        float
-            How long its answer should wait. [s]
-        """
+        """Log a failure with a ``token`` or ``session``; return how long its answer waits. [s]"""
         now_s = self._now_s()
         self._begin_minute(now_s)
         address = _printable(address)
@@ -81,13 +64,7 @@ class FailedLogins:
         return min(_LONGEST_DELAY_S, _FIRST_DELAY_S * 2.0 ** min(over - 1, 10)) if over > 0 else 0.0
 
     async def slow_down(self, delay_s: float) -> None:
-        """Let a refusal wait; not at all while too many wait already.
-
-        Parameters
-        ----------
-        delay_s : float
-            From `note`. [s]
-        """
+        """Let a refusal wait; not at all while too many wait already."""
         if delay_s <= 0 or self._sleepers >= _MOST_SLEEPERS:
             return
         self._sleepers += 1
@@ -97,7 +74,7 @@ class FailedLogins:
             self._sleepers -= 1
 
     def summarize(self) -> None:
-        """Tell once a minute what was not told one by one; called now and then."""
+        """Log once a minute what was not logged one by one; called now and then."""
         self._begin_minute(self._now_s())
 
     def _begin_minute(self, now_s: float) -> None:
@@ -109,7 +86,7 @@ class FailedLogins:
 
 
 def _printable(address: str) -> str:
-    """Return an address; a proxy's header may hold anything."""
+    """Return an address without what cannot be printed; a proxy's header may hold anything."""
     try:
         return str(ipaddress.ip_address(address))
     except ValueError:

@@ -9,15 +9,8 @@ from typing import Any
 def without_nan(value: Any) -> Any:
     """Return a JSON-ready value in which every non-finite number is ``None``.
 
-    Parameters
-    ----------
-    value : object
-        Nested dicts, lists and tuples of plain values or numpy scalars.
-
-    Returns
-    -------
-    object
-        The same shape; tuples become lists, numpy scalars and arrays plain values.
+    ``value`` has nested dicts, lists and tuples of plain values or numpy scalars; tuples become
+    lists, numpy scalars and arrays plain values.
     """
     if isinstance(value, str):
         # A lone surrogate is valid in a JSON escape and in no UTF-8 answer.

@@ -40,15 +40,7 @@ _log = structlog.get_logger("impactd.api")
 def host_name(header: str) -> str:
     """Return the host of a ``Host`` header without its port, in lower case.
 
-    Parameters
-    ----------
-    header : str
-        For example ``"localhost:8642"`` or ``"[::1]:8642"``.
-
-    Returns
-    -------
-    str
-        ``"localhost"``, ``"[::1]"``.
+    ``"localhost:8642"`` gives ``"localhost"``, ``"[::1]:8642"`` gives ``"[::1]"``.
     """
     text = header.strip().lower()
     if text.startswith("["):
@@ -68,8 +60,6 @@ class Gate:
         Called with scope, status and seconds once per answered request.
     record : callable
         Called in a thread with every write, after its answer has gone out.
-    max_body_bytes : int, optional
-        Largest request body. [byte]
     """
 
     def __init__(
@@ -146,7 +136,7 @@ class Gate:
         )
 
     def _counted(self, receive: Receive) -> Receive:
-        """Count what really arrives: a chunked body has no length to check beforehand."""
+        """Count the bytes that arrive: a chunked body has no length to check beforehand."""
         total = 0
 
         async def counted() -> Message:
@@ -200,7 +190,7 @@ class _Reply:
         await self._send(message)
 
     async def problem(self, problem: ProblemError, receive: Receive) -> None:
-        """Answer with a problem; nothing can be said any more once an answer has begun."""
+        """Answer with a problem, unless an answer has begun already."""
         if not self.started:
             await problem.response()(self._scope, receive, self.send)
 

@@ -61,7 +61,7 @@ def add_links(schema: dict[str, Any]) -> None:
 
 
 def mark_open_routes(schema: dict[str, Any]) -> None:
-    """Say of the routes that need no token, or none from this machine, that it is so."""
+    """Mark the routes that need no token, or none from this machine."""
     for (method, path), needed in ROUTE_SCOPES.items():
         operation = schema["paths"].get(path, {}).get(method.lower())
         if operation is not None and needed == PUBLIC:
@@ -71,7 +71,7 @@ def mark_open_routes(schema: dict[str, Any]) -> None:
 
 
 def mark_required_keys(schema: dict[str, Any]) -> None:
-    """Say that a request to move needs its ``Idempotency-Key``.
+    """Mark that a request to move needs its ``Idempotency-Key``.
 
     Without one the answer is 400 with a type of its own, which the framework's check would not
     give.

@@ -44,7 +44,7 @@ class Metrics(Collector):
         self._seconds.labels(route).observe(seconds)
 
     def collect(self) -> Iterator[Metric]:
-        """Yield what is read at the moment of the scrape.
+        """Yield what is read at the time of the scrape.
 
         Yields
         ------

@@ -23,24 +23,15 @@ URI_PREFIX = "urn:impactd:problem:"
 
 @dataclass(frozen=True)
 class ProblemType:
-    """One kind of problem.
-
-    Attributes
-    ----------
-    slug : str
-        Last part of the type URI.
-    status : int
-        HTTP status. [1]
-    title : str
-        The kind in a few words, the same for every occurrence.
-    remedy : str
-        What to do when the occurrence brings nothing better.
-    """
+    """One kind of problem."""
 
     slug: str
+    """Last part of the type URI."""
     status: int
     title: str
+    """The kind in a few words, the same for every occurrence."""
     remedy: str
+    """What to do when the occurrence names nothing better."""
 
     @property
     def uri(self) -> str:
@@ -219,8 +210,6 @@ class ProblemError(HTTPException):
         What happened here, with values and units.
     remedy : str, optional
         What to do, where the type's own remedy is too general.
-    headers : mapping, optional
-        Extra response headers.
     **members : object
         Extra members of the document, JSON-ready.
     """
@@ -240,13 +229,7 @@ class ProblemError(HTTPException):
         super().__init__(self.kind.status, detail, headers)
 
     def document(self) -> dict[str, Any]:
-        """Return the problem as it is sent.
-
-        Returns
-        -------
-        dict
-            RFC 9457 members, ``remedy``, and the occurrence's own members.
-        """
+        """Return the problem as it is sent: RFC 9457 members, ``remedy``, and its own members."""
         document: dict[str, Any] = without_nan(
             {
                 "type": self.kind.uri,
@@ -260,45 +243,23 @@ class ProblemError(HTTPException):
         return document
 
     def response(self) -> JSONResponse:
-        """Return the problem as a response.
-
-        Returns
-        -------
-        JSONResponse
-            With media type ``application/problem+json``.
-        """
+        """Return the problem as a response of media type ``application/problem+json``."""
         return JSONResponse(
             self.document(), self.kind.status, dict(self.headers or {}), media_type=MEDIA_TYPE
         )
 
 
 def from_status(status: int, detail: str, headers: Mapping[str, str] | None = None) -> ProblemError:
-    """Return the problem for a bare HTTP status the framework chose.
+    """Return the problem for a bare HTTP status (>= 400) that the framework chose.
 
-    Parameters
-    ----------
-    status : int
-        HTTP status, >= 400. [1]
-    headers : mapping, optional
-        Headers to keep.
-
-    Returns
-    -------
-    ProblemError
-        Of the type that belongs to the status; ``bad-request`` or ``internal`` where none does.
+    It is ``bad-request`` or ``internal`` where no type belongs to the status.
     """
     slug = _BY_STATUS.get(status, "bad-request" if status < 500 else "internal")
     return ProblemError(slug, detail, headers=headers)
 
 
 def document_schema() -> dict[str, Any]:
-    """Return the OpenAPI description of a problem document.
-
-    Returns
-    -------
-    dict
-        A JSON schema with an example.
-    """
+    """Return the JSON schema of a problem document, with an example, for OpenAPI."""
     text = {"type": "string"}
     return {
         "type": "object",

@@ -1,7 +1,7 @@
 """A limit on large answers, two at a time with a pause, so that an abort need not wait.
 
 An abort changes threads and goes round the event loop a dozen times. Each time it waits for
-whoever computes or writes just then, so readers that ask without end leave gaps.
+whoever computes or writes just then; the pause lets it in between readers that never stop.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LONGEST_PAUSE_S = 0.02
 
 
 class ReadLimit:
-    """So many large answers are made at a time; the others wait their turn."""
+    """Makes so many large answers at a time; the others wait their turn."""
 
     def __init__(self) -> None:
         self.threads = anyio.CapacityLimiter(_THREADS)

@@ -1,6 +1,6 @@
 """Authorisation: one table of every route and the scope it needs.
 
-Who is asking is told by a bearer token, or by the cookie of a session that was begun with one (see
+A caller is known by a bearer token, or by the cookie of a session that was begun with one (see
 `impactd.api.sessions`). A token is an opaque random string, stored hashed, with one of three
 scopes. A larger scope holds the smaller ones: ``read`` < ``operate`` < ``admin``. A route that is
 missing in `ROUTE_SCOPES` is refused to everybody, so that forgetting one is noticed and never open.
@@ -115,12 +115,9 @@ _PATTERNS = {
 
 
 def methods_of(path: str) -> list[str]:
-    """Return the methods that a path knows.
+    """Return the methods that a path knows, in alphabetical order.
 
-    Returns
-    -------
-    list of str
-        In alphabetical order; of the most literal template where several match.
+    Where several templates match, the most literal one counts.
     """
     matching = [template for template, found in _PATTERNS.items() if found.fullmatch(path)]
     # Both /v1/shots/{number} and /v1/shots/{number}.h5 match a file: the longer one is meant.
@@ -134,24 +131,16 @@ ABORT_ROUTES = frozenset({("POST", "/v1/abort"), ("DELETE", "/v1/drops/{number}"
 
 @dataclass(frozen=True)
 class Caller:
-    """Who is asking.
-
-    Attributes
-    ----------
-    name : str
-        The token's name, or ``"anonymous"``.
-    scope : Scope or None
-        ``None`` without a token.
-    token_id : int or None
-        Of the token behind it all.
-    session : Session or None
-        Of the cookie, where a cookie told who it is.
-    """
+    """Who is asking."""
 
     name: str
+    """The token's name, or ``"anonymous"``."""
     scope: Scope | None
+    """``None`` without a token."""
     token_id: int | None = None
+    """Of the token itself, or of the one behind the session."""
     session: Session | None = None
+    """Of the cookie, where the caller was known by one."""
 
 
 class Limits:
@@ -175,13 +164,7 @@ _cookie = APIKeyCookie(
 
 
 async def the_daemon(request: Request) -> Daemon:
-    """Return the daemon of this application.
-
-    Returns
-    -------
-    Daemon
-        As given to ``create_app``.
-    """
+    """Return the daemon of this application."""
     daemon: Daemon = request.app.state.daemon
     return daemon
 
@@ -191,19 +174,9 @@ async def authorize(
     credentials: Annotated[HTTPAuthorizationCredentials | None, Security(_bearer)],
     cookie: Annotated[str | None, Security(_cookie)],
 ) -> Caller:
-    """Return who is asking, or refuse.
+    """Return a caller who may do this, or refuse.
 
-    Parameters
-    ----------
-    request : Request
-        The request; its matched route is looked up in `ROUTE_SCOPES`.
-    credentials : HTTPAuthorizationCredentials or None
-        The bearer token; it counts before a cookie.
-
-    Returns
-    -------
-    Caller
-        Somebody who may do this.
+    The matched route is looked up in `ROUTE_SCOPES`. A bearer token counts before a cookie.
 
     Raises
     ------

@@ -39,21 +39,13 @@ _MOST_PER_TOKEN = 8
 
 @dataclass(frozen=True)
 class Session:
-    """One browser that has shown a token.
-
-    Attributes
-    ----------
-    token_id : int
-        The token it stands for.
-    csrf : str
-        What its writes must carry in the header `CSRF_HEADER`.
-    ends_s : float
-        Seconds since 1970: it holds over a restart. [s]
-    """
+    """One browser that has shown a token."""
 
     token_id: int
     csrf: str
+    """What its writes must carry in the header `CSRF_HEADER`."""
     ends_s: float
+    """Seconds since 1970: it holds over a restart. [s]"""
 
 
 @dataclass(frozen=True)
@@ -65,12 +57,9 @@ class _Kept:
 
 
 class Sessions:
-    """All sessions, by the hash of their cookie; the oldest of a token makes room for its next.
+    """All sessions, by the hash of their cookie; one too many of a token ends its oldest.
 
-    Parameters
-    ----------
-    file : Path or None
-        Where they outlive a restart; in memory only without it.
+    Without a ``file`` they do not outlive a restart.
     """
 
     def __init__(self, file: Path | None = None) -> None:
@@ -79,13 +68,7 @@ class Sessions:
         self._by_hash: dict[str, _Kept] = {} if file is None else _read(file)
 
     def begin(self, token: Token) -> tuple[Session, str]:
-        """Begin a session.
-
-        Returns
-        -------
-        tuple of Session and str
-            The session, and the cookie's secret, which is not kept.
-        """
+        """Begin a session; return it and the cookie's secret, which is not kept."""
         secret = secrets.token_urlsafe(32)
         session = Session(token.id, _csrf(secret), time.time() + LIFE_S)
         with self._lock:
@@ -127,7 +110,7 @@ class Sessions:
 
 
 def _read(file: Path) -> dict[str, _Kept]:
-    """Return the sessions of a file; a damaged one is none, and people sign in again."""
+    """Return the sessions of a file, none of a damaged one: people sign in again."""
     try:
         said = json.loads(file.read_text(encoding="utf-8"))
         return {

@@ -1,7 +1,7 @@
 """The tokens in memory, so that an abort waits for no disk.
 
-Every other request asks the database each time. An abort asks here first; what is told here is at
-most `REFRESH_S` old while the database answers, and stays as it was while it does not.
+Every other request asks the database each time. An abort asks here first; the answer is at most
+`REFRESH_S` old while the database answers, and stays as it was while it does not.
 """
 
 from __future__ import annotations
@@ -19,13 +19,7 @@ _log = structlog.get_logger("impactd.api")
 
 
 class TokenMemory:
-    """What the table of tokens said last. Thread safe.
-
-    Parameters
-    ----------
-    table : TokenTable
-        Where it comes from.
-    """
+    """The last reading of the table of tokens. Thread safe."""
 
     def __init__(self, table: TokenTable) -> None:
         self._table = table
@@ -44,12 +38,9 @@ class TokenMemory:
         self._end.set()
 
     def check(self, secret: str) -> Token | None:
-        """Return the token of a secret; the database is asked only for one that is not known here.
+        """Return the token of a secret, ``None`` when it is unknown, expired or revoked.
 
-        Returns
-        -------
-        Token or None
-            ``None`` when it is unknown, expired or revoked.
+        The database is asked only for a secret that is not known here.
         """
         found = self._by_hash.get(hashlib.sha256(secret.encode()).hexdigest())
         return self.ask(secret) if found is None else _if_valid(found)

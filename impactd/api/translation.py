@@ -97,13 +97,7 @@ TRANSLATIONS: dict[type[Exception], Translate] = {
 
 
 def as_problem(error: Exception) -> ProblemError:
-    """Return the problem document of an error of the layers below.
-
-    Parameters
-    ----------
-    error : Exception
-        An instance of one of the keys of `TRANSLATIONS`.
-    """
+    """Return the problem document of an error that `TRANSLATIONS` knows by its class or a base."""
     for kind, translate in TRANSLATIONS.items():
         if isinstance(error, kind):
             return translate(error)

@@ -6,8 +6,8 @@
         for each planned drop: request_drop ──> wait for "held", impact, "stored"
         give the rig back ──> job "calibrate" ──> the job runner writes result and due date
 
-The service does the waiting for each sphere; this module only knows the order. An abort of any
-drop, or of the rig, ends the whole run: whoever aborts wants the rig still.
+The service waits for each sphere; this module only knows the order. An abort of any drop, or of the
+rig, ends the whole run: whoever aborts wants the rig still.
 """
 
 from __future__ import annotations
@@ -52,15 +52,7 @@ class _EndedEarlyError(Exception):
 
 @dataclass(frozen=True)
 class PlannedDrop:
-    """One drop of a series.
-
-    Attributes
-    ----------
-    sphere, surface : str
-        References in the materials file.
-    drop_height_m : float
-        [m]
-    """
+    """One drop of a series, of references in the materials file."""
 
     sphere: str
     surface: str
@@ -68,13 +60,7 @@ class PlannedDrop:
 
 
 class CalibrationRunner:
-    """Runs calibrations, one at a time.
-
-    Parameters
-    ----------
-    settings : Settings
-        Plan, due dates, and whether the rig is safe unattended.
-    """
+    """Runs calibrations, one at a time."""
 
     def __init__(self, service: AcquisitionService, archive: Archive, settings: Settings) -> None:
         self._service = service
@@ -106,11 +92,6 @@ class CalibrationRunner:
             Nobody stands by the rig.
         accepted : int, optional
             Abort epoch at which the request was received; now without it.
-
-        Returns
-        -------
-        Calibration
-            The new run, or the one of the slot.
 
         Raises
         ------
@@ -172,7 +153,7 @@ class CalibrationRunner:
         return thread is not None and thread.is_alive()
 
     def progress(self) -> dict[str, Any] | None:
-        """Return how far the run under way is, as `calibration.progress` told it last."""
+        """Return the last ``calibration.progress`` of the run under way."""
         told = self._told
         return dict(told) if told is not None and self.running() else None
 
@@ -244,7 +225,7 @@ class CalibrationRunner:
     def _drop(
         self, run: Calibration, planned: PlannedDrop, index: int, reservation: Reservation
     ) -> None:
-        """Make one planned drop, with one more try."""
+        """Make one planned drop, with a second try."""
         request = DropRequest(planned.sphere, planned.surface, planned.drop_height_m, run.owner)
         for attempt in range(_TRIES):
             self._look_for_end(run, reservation)

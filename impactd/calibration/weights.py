@@ -15,21 +15,13 @@ from impactd.storage.version import software
 
 @dataclass(frozen=True)
 class Weighing:
-    """What somebody read off the cell under weights.
-
-    Attributes
-    ----------
-    readings : tuple of Reading
-        Weights and volts.
-    hold_time_s : float
-        From putting a weight down to its reading. [s]
-    discharge_time_constant_s : float or None
-        Of cell and conditioner; None where it is not known. [s]
-    """
+    """Readings of the cell under weights."""
 
     readings: tuple[Reading, ...]
     hold_time_s: float
+    """From putting a weight down to its reading. [s]"""
     discharge_time_constant_s: float | None
+    """Of cell and conditioner; None where it is not known. [s]"""
 
 
 def calibrate_with_weights(
@@ -37,17 +29,8 @@ def calibrate_with_weights(
 ) -> Calibration:
     """Compute the gain from weights and store it.
 
-    Parameters
-    ----------
-    settings : Settings
-        Gravity, and how long a calibration is valid.
-    slot : str or None
-        The same slot with the same readings gives the same record.
-
-    Returns
-    -------
-    Calibration
-        Done; ``meaningless`` outcomes are kept too, with their warning and without a gain.
+    The same slot with the same readings gives the same record. ``meaningless`` outcomes are kept
+    too, with their warning and without a gain.
 
     Raises
     ------

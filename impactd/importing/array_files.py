@@ -85,24 +85,10 @@ def _flatten(name: str, value: Any, into: dict[str, NDArray[Any]]) -> None:
 
 
 def read_hdf5(path: Path, inside: str | None, *, transposed: bool = False) -> Recording:
-    """Return datasets of an HDF5 file.
+    """Return datasets of an HDF5 file, with rate and unit from attributes or datasets beside them.
 
-    Parameters
-    ----------
-    inside : str or None
-        The dataset that is meant; ``None`` means any.
-    transposed : bool
-        Whether matrices stand in the order of MATLAB.
-
-    Returns
-    -------
-    Recording
-        With rate and unit from attributes or from datasets beside the one that is meant.
-
-    Raises
-    ------
-    RecordingError
-        If it is no HDF5 file or the dataset is not in it.
+    ``inside`` is the dataset that is meant; ``None`` means any. ``transposed`` matrices are in the
+    order of MATLAB. Raises RecordingError if it is no HDF5 file or the dataset is not in it.
     """
     arrays: dict[str, NDArray[Any]] = {}
     units: dict[str, str] = {}
@@ -132,7 +118,7 @@ def _datasets(file: h5py.File) -> list[str]:
     found: list[str] = []
 
     def note(name: str, item: object) -> None:
-        """Remember a dataset of numbers."""
+        """Append a dataset of numbers."""
         if isinstance(item, h5py.Dataset) and item.dtype.kind in "iuf" and item.ndim <= 2:
             found.append(name)
 

@@ -1,4 +1,4 @@
-"""What a person says about recordings beforehand, and what is asked when nothing was said."""
+"""The options that a person states about recordings, and the questions about the others."""
 
 from __future__ import annotations
 
@@ -10,30 +10,20 @@ ALL = "all"
 
 @dataclass(frozen=True)
 class Choices:
-    """The options of ``impactd new``.
-
-    Attributes
-    ----------
-    rate_hz : float or None
-        Counts instead of the file's. [Hz]
-    unit : str or None
-        Counts instead of the file's.
-    columns : tuple of str
-        Names or numbers from 1; ``all`` means every one. Empty means the first.
-    scale : float
-        One of the file's numbers in ``unit``.
-    time_unit : str or None
-        ``s``, ``ms``, ``us`` or ``ns``; counts instead of the file's.
-    threshold : float or None
-        Excursion that counts as a hit, in the file's own numbers times ``scale``.
-    """
+    """The options of ``impactd new``."""
 
     rate_hz: float | None = None
+    """Counts instead of the file's. [Hz]"""
     unit: str | None = None
+    """Counts instead of the file's."""
     columns: tuple[str, ...] = ()
+    """Names or numbers from 1; ``all`` means every one. Empty means the first."""
     scale: float = 1.0
+    """One of the file's numbers in ``unit``."""
     time_unit: str | None = None
+    """``s``, ``ms``, ``us`` or ``ns``; counts instead of the file's."""
     threshold: float | None = None
+    """Excursion that counts as a hit, in the file's own numbers times ``scale``."""
 
 
 Ask = Callable[[str, Sequence[str], str], str]
@@ -41,6 +31,6 @@ Ask = Callable[[str, Sequence[str], str], str]
 
 
 def propose(question: str, answers: Sequence[str], proposal: str) -> str:
-    """Return the proposal: nobody is there to be asked."""
+    """Return the proposal, without asking a person."""
     del question, answers
     return proposal

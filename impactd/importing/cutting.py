@@ -36,41 +36,25 @@ _UNITS = ("V", "N", "g", "m/s2", "strain")
 
 @dataclass(frozen=True)
 class Cut:
-    """One shot, cut out of a recording.
-
-    Attributes
-    ----------
-    name : str
-        As results call it.
-    file : str
-        Where it comes from.
-    samples : ndarray, shape (n,)
-        In the unit of ``unit.quantity``.
-    rate_hz, u_rate_hz : float
-        [Hz]
-    unit : Unit
-        What the samples are of.
-    hit : Hit
-        Where it was, in samples of the recording.
-    record : ndarray, shape (m,)
-        The whole of the trace, in the same unit.
-    threshold, noise : float
-        In the same unit.
-    step : float or None
-        Of the converter, in the same unit.
-    """
+    """One shot, cut out of a recording. Values without a unit are in that of ``unit.quantity``."""
 
     name: str
+    """As results call it."""
     file: str
+    """Where it comes from."""
     samples: NDArray[np.float64]
+    """Shape (n,)."""
     rate_hz: float
     u_rate_hz: float
     unit: Unit
     hit: Hit
+    """Its place, in samples of the recording."""
     record: NDArray[np.float64]
+    """The whole of the trace, shape (m,)."""
     threshold: float
     noise: float
     step: float | None
+    """Of the converter."""
 
     @property
     def trigger_index(self) -> int:
@@ -91,23 +75,16 @@ class Cut:
 def cut_hits(
     recording: Recording, stem: str, choices: Choices, ask: Ask, said: list[str]
 ) -> list[Cut]:
-    """Return the shots of a recording.
+    """Return the shots of a recording in order of time, none where nothing rises above the noise.
 
     Parameters
     ----------
     stem : str
         What the shots' names begin with.
-    choices : Choices
-        What is known beforehand.
     ask : Ask
         Asks, or takes the proposal.
     said : list of str
         Gets a sentence for each assumption.
-
-    Returns
-    -------
-    list of Cut
-        In order of time; empty where nothing rises above the noise.
 
     Raises
     ------
@@ -193,7 +170,7 @@ def _named(recording: Recording, wanted: str, listed: str) -> Channel:
 def _unit(
     recording: Recording, channel: Channel, choices: Choices, ask: Ask, said: list[str]
 ) -> Unit:
-    """Return the unit as given, as the file says, or as answered."""
+    """Return the unit as stated by the options, the file, or an answer."""
     stated = choices.unit or channel.unit
     unit = find_unit(stated)
     if choices.unit is not None and unit is None:

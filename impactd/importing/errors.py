@@ -1,4 +1,4 @@
-"""What can be wrong with somebody's recording, as one sentence with what to do."""
+"""Errors of somebody's recording, each one sentence with a remedy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the hits are in a long record, and which samples belong to each.
+"""The hits in a long record, and the samples that belong to each.
 
 A hit is what rises above the quiet noise. How long a window it needs follows from how long the
 contact lasts, so that the same rule serves a foam pad at 1 kHz and a ball on glass at 10 MHz.
@@ -39,59 +39,41 @@ _QUIET_SHARE = 0.25
 
 @dataclass(frozen=True)
 class Hit:
-    """One hit, or several too close to be parted.
-
-    Attributes
-    ----------
-    first, stop : int
-        Samples of the record, the last one excluded.
-    touch : int
-        Sample of the record at which the contact begins.
-    peak : float
-        Largest excursion from the baseline, with its sign.
-    contact : int
-        Width of the first swing at a tenth of its height. [samples]
-    impacts : int
-        1, or as many as are kept together.
-    """
+    """One hit, or several too close to be parted; places are samples of the record."""
 
     first: int
     stop: int
+    """Excluded."""
     touch: int
+    """At which the contact begins."""
     peak: float
+    """Largest excursion from the baseline, with its sign."""
     contact: int
+    """Width of the first swing at a tenth of its height. [samples]"""
     impacts: int
+    """1, or as many as are kept together."""
 
 
 @dataclass(frozen=True)
 class Found:
-    """The hits of one record, and by which measure.
-
-    Attributes
-    ----------
-    hits : tuple of Hit
-        In order of time.
-    noise : float
-        Standard deviation of the quiet part, from its median absolute deviation.
-    threshold : float
-        Excursion from the baseline that counts.
-    begun : int
-        Hits that are left out because the record begins in them.
-    largest : float
-        Largest excursion of the record.
-    """
+    """The hits of one record, and the levels they were found with."""
 
     hits: tuple[Hit, ...]
+    """In order of time."""
     noise: float
+    """Standard deviation of the quiet part, from its median absolute deviation."""
     threshold: float
+    """Excursion from the baseline that counts."""
     begun: int
+    """Hits that are left out because the record begins in them."""
     largest: float
+    """Largest excursion of the record."""
 
 
 def find_hits(
     record: NDArray[np.float64], *, step: float | None = None, threshold: float | None = None
 ) -> Found:
-    """Return the hits of a record.
+    """Return the hits of a record, with windows that do not overlap.
 
     Parameters
     ----------
@@ -101,11 +83,6 @@ def find_hits(
         Of the converter, in the unit of ``record``.
     threshold : float, optional
         Excursion that counts as a hit, instead of the one that follows from the noise.
-
-    Returns
-    -------
-    Found
-        The hits, with windows that do not overlap.
     """
     zero, noise = quiet_level(record, step)
     away = np.abs(record - zero)
@@ -140,17 +117,9 @@ def find_hits(
 
 
 def quiet_level(record: NDArray[np.float64], step: float | None) -> tuple[float, float]:
-    """Return the baseline and the noise of the quiet part of a record.
+    """Return baseline and noise of the quiet part of a record, shape (n,), in its unit.
 
-    Parameters
-    ----------
-    record : ndarray, shape (n,)
-        In any unit.
-
-    Returns
-    -------
-    zero, noise : float
-        Median, and standard deviation from the median absolute deviation.
+    They are the median, and the standard deviation from the median absolute deviation.
     """
     length = max(_BLOCK, record.size // _MANY_BLOCKS)
     count = max(1, record.size // length)

@@ -20,7 +20,7 @@ _LVM_FIRST_LINE = "LabVIEW Measurement"
 
 
 def _library(name: str, distribution: str, path: Path) -> Any:
-    """Return an optional library, or say how to get it."""
+    """Return an optional library; raise RecordingError with the way to install it."""
     try:
         return importlib.import_module(name)
     except ImportError as error:

@@ -30,26 +30,21 @@ def recording_of(
     units: Mapping[str, str] | None = None,
     only: str | None = None,
 ) -> Recording:
-    """Return named arrays as a recording.
+    """Return named arrays as a recording, with a channel for each that is long enough for a record.
 
     Parameters
     ----------
     arrays : mapping
-        By name: signals, a column of times, the sampling rate or interval as a single number.
+        Signals, a column of times, the sampling rate or interval as a single number.
     units : mapping, optional
         Units that the file states, by name.
     only : str, optional
-        The array that is meant; others tell rate and times only.
-
-    Returns
-    -------
-    Recording
-        A channel for each array that is long enough for a record.
+        The array that is meant; others give rate and times only.
 
     Raises
     ------
     RecordingError
-        If none is.
+        If none is long enough.
     """
     units = dict(units or {})
     numeric = {

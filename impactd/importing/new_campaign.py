@@ -31,24 +31,15 @@ UNKNOWN = (
 
 @dataclass(frozen=True)
 class Made:
-    """What came of it.
-
-    Attributes
-    ----------
-    path : Path
-        The ``campaign.json``.
-    picture : Path
-        What was cut out, to look at.
-    shots : tuple of Cut
-        In their order.
-    said : tuple of str
-        What was assumed, a sentence each.
-    """
+    """A campaign folder that was made from recordings."""
 
     path: Path
+    """The ``campaign.json``."""
     picture: Path
+    """The shots that were cut out, to look at."""
     shots: tuple[Cut, ...]
     said: tuple[str, ...]
+    """What was assumed, a sentence each."""
 
 
 def make_campaign(
@@ -62,15 +53,8 @@ def make_campaign(
         In order of time; ``FILE.h5:/path`` names a dataset.
     out : Path
         A folder that holds no campaign; made when absent.
-    choices : Choices, optional
-        What is known beforehand.
     ask : Ask, optional
         Asks a person; without it the proposals are taken.
-
-    Returns
-    -------
-    Made
-        The files, and what was assumed.
 
     Raises
     ------
@@ -123,18 +107,7 @@ def _few(names: Sequence[str]) -> str:
 
 
 def refuse_taken(out: Path, count: int = 0) -> None:
-    """Raise where a file that would be written is there already.
-
-    Parameters
-    ----------
-    count : int
-        How many shots go into it.
-
-    Raises
-    ------
-    RecordingError
-        If one of the names is taken.
-    """
+    """Raise RecordingError where a file of a folder with so many shots exists already."""
     names = [JSON_NAME, PICTURE_NAME, *(f"shot{at:03d}.npy" for at in range(count))]
     taken = [name for name in names if (out / name).exists()]
     if taken:

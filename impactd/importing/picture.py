@@ -1,4 +1,4 @@
-"""What was cut out of recordings, on one page: to see at a glance whether it is right."""
+"""A picture of the shots that were cut out of recordings, on one page."""
 
 from __future__ import annotations
 
@@ -29,15 +29,7 @@ _BEFORE, _AFTER = 3, 8
 
 
 def save_picture(cuts: Sequence[Cut], path: Path) -> None:
-    """Write the picture: whole recordings above, each hit below.
-
-    Parameters
-    ----------
-    cuts : sequence of Cut
-        At least one.
-    path : Path
-        Ends in ``.png``; must not exist.
-    """
+    """Write the picture as a new ``.png``: whole recordings above, each hit below."""
     with styled():
         buffer = io.BytesIO()
         draw(cuts).savefig(buffer, format="png")
@@ -45,18 +37,7 @@ def save_picture(cuts: Sequence[Cut], path: Path) -> None:
 
 
 def draw(cuts: Sequence[Cut]) -> Figure:
-    """Return the figure of `save_picture`.
-
-    Parameters
-    ----------
-    cuts : sequence of Cut
-        At least one.
-
-    Returns
-    -------
-    Figure
-        Records with their hits marked, then the hits.
-    """
+    """Return the figure of `save_picture`."""
     records: dict[int, list[Cut]] = {}
     for one in cuts:
         records.setdefault(id(one.record), []).append(one)

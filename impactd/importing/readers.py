@@ -1,4 +1,4 @@
-"""Which reader a file gets: by its ending, and a text by what it says."""
+"""The choice of a reader for a file: by its ending, and for a text by its content."""
 
 from __future__ import annotations
 
@@ -34,20 +34,8 @@ def split_inside(name: str) -> tuple[Path, str | None]:
 def read_recording(name: str) -> Recording:
     """Return a file of any kind that is known; an unknown ending is tried as text.
 
-    Parameters
-    ----------
-    name : str
-        The file, with ``:/path`` behind it for a dataset of an HDF5 file.
-
-    Returns
-    -------
-    Recording
-        Its channels, its rate, and what was assumed.
-
-    Raises
-    ------
-    RecordingError
-        If it is not there, or cannot be read.
+    ``:/path`` behind the name is a dataset of an HDF5 file. Raises RecordingError if the file is
+    not there, or cannot be read.
     """
     path, inside = split_inside(name)
     if path.is_dir():

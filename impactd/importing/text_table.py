@@ -42,7 +42,7 @@ _INTERVAL = re.compile(
 
 @dataclass(frozen=True)
 class _Form:
-    """How lines are to be read."""
+    """The delimiter and the decimal sign of the lines."""
 
     delimiter: str | None
     decimal: str
@@ -73,22 +73,9 @@ class _Form:
 
 
 def read_text(path: Path) -> Recording:
-    """Return the columns of a text file.
+    """Return the columns of a text file, a channel for each column of numbers but the time.
 
-    Parameters
-    ----------
-    path : Path
-        Of any ending.
-
-    Returns
-    -------
-    Recording
-        A channel for each column of numbers that is not the time.
-
-    Raises
-    ------
-    RecordingError
-        If it is no table of numbers.
+    Raises RecordingError if it is no table of numbers.
     """
     lines = [line for line in decode(path).splitlines() if line.strip(" ,;\t|")]
     if not lines:
@@ -116,17 +103,9 @@ def read_text(path: Path) -> Recording:
 
 
 def decode(path: Path) -> str:
-    """Return a file as text, whatever program wrote it.
+    """Return a file as text: UTF-8, UTF-16 with its mark, or Latin-1.
 
-    Returns
-    -------
-    str
-        UTF-8, UTF-16 with its mark, or Latin-1.
-
-    Raises
-    ------
-    RecordingError
-        If it is too long, or no text.
+    Raises RecordingError if it is too long, or no text.
     """
     if path.stat().st_size > LIMIT_BYTES:
         raise RecordingError(path.name, f"has more than {LIMIT_BYTES / 1e9:.1f} GB.")
@@ -260,7 +239,7 @@ def _table(file: str, lines: list[str], form: _Form, columns: list[int]) -> NDAr
 def _names(
     header: list[str], form: _Form, columns: list[int]
 ) -> tuple[dict[int, str], dict[int, str]]:
-    """Return names and units of columns, as the last lines before the numbers tell them."""
+    """Return names and units of columns, from the last lines before the numbers."""
     names: dict[int, str] = {}
     units: dict[int, str] = {}
     for line in reversed(header[-3:]):
@@ -297,7 +276,7 @@ def _recording(
     form: _Form,
     assumed: list[str],
 ) -> Recording:
-    """Return the columns as channels, with what names, header and first column tell."""
+    """Return the columns as channels, with the units and times that names and header state."""
     rate, u_rate, time_unit, time_at = None, 0.0, None, None
     named = [place for place, at in enumerate(columns) if _is_time(names.get(at), units.get(at))]
     if named:

@@ -1,4 +1,4 @@
-"""The sampling rate that a column of times tells."""
+"""The sampling rate of a column of times."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from impactd.storage.even_times import UnevenTimesError, find_rate
 
 @dataclass(frozen=True)
 class Rate:
-    """A rate with what the times leave open of it, and what is to be said."""
+    """A rate, the uncertainty that the times leave, and the assumptions in words."""
 
     rate_hz: float
     u_rate_hz: float
@@ -22,24 +22,9 @@ class Rate:
 
 
 def rate_of_times(file: str, times: NDArray[np.float64], unit: str | None) -> Rate:
-    """Return the rate of a column of times.
+    """Return the rate of a column of times, shape (n,), as they stand in the file.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        As they stand in the file.
-    unit : str or None
-        Their unit; ``None`` counts as seconds.
-
-    Returns
-    -------
-    Rate
-        In hertz.
-
-    Raises
-    ------
-    RecordingError
-        If the times do not rise evenly.
+    Without a unit they count as seconds. Raises RecordingError if they do not rise evenly.
     """
     try:
         even = find_rate(times)
@@ -67,5 +52,5 @@ def counts_samples(values: NDArray[np.float64]) -> bool:
 
 
 def _rounded(rate_hz: float) -> float:
-    """Return a rate without the last digits, which are the doubles' and not the clock's."""
+    """Return a rate without the last digits, which come from rounding and not from the clock."""
     return float(f"{rate_hz:.9g}")

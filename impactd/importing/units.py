@@ -13,21 +13,14 @@ POUND_FORCE_N = 4.4482216152605
 
 @dataclass(frozen=True)
 class Unit:
-    """What the values of a channel are of.
-
-    Attributes
-    ----------
-    quantity : str
-        ``voltage``, ``force_N`` or ``acceleration_m_per_s2``, as the campaign format has them.
-    factor : float
-        One of this unit in the quantity's own unit.
-    said : str or None
-        What the campaign format cannot say and a reader must know.
-    """
+    """The quantity and the unit of a channel."""
 
     quantity: str
+    """``voltage``, ``force_N`` or ``acceleration_m_per_s2``, as the campaign format has them."""
     factor: float
+    """One of this unit in the quantity's own unit."""
     said: str | None = None
+    """What the campaign format cannot say and a reader must know."""
 
 
 _STRAIN = (
@@ -101,7 +94,7 @@ _TIME_NAMES = re.compile(
 
 
 def find_unit(text: str | None) -> Unit | None:
-    """Return the unit that is meant, ``None`` where the text is none that we know."""
+    """Return the unit that is meant, ``None`` for one that is not known."""
     if text is None:
         return None
     plain = _plain(text)
@@ -120,19 +113,10 @@ def _plain(text: str) -> str:
 
 
 def split_name(text: str) -> tuple[str, str | None]:
-    """Return a column's name and the unit that it states.
+    """Return a column's name without the unit, and the unit that it states.
 
-    Parameters
-    ----------
-    text : str
-        As ``Force (N)``, ``a [m/s^2]``, ``time_ms``, ``Time, s``.
-
-    Returns
-    -------
-    name : str
-        Without the unit.
-    unit : str or None
-        As written; only where it is a unit of `find_unit` or `find_time_unit`.
+    ``Force (N)``, ``a [m/s^2]``, ``time_ms`` and ``Time, s`` are understood. Only a unit of
+    `find_unit` or `find_time_unit` counts.
     """
     text = text.strip().strip('"').strip()
     for pattern in (

@@ -1,7 +1,7 @@
 """Stored shots as a campaign folder that gives the numbers which the daemon gave.
 
-The folder holds all that a fit of the daemon rests on: materials, release, the restitution that the
-bounce tells, and in ``calibration`` the load cell as the calibration behind the fits found it. Its
+The folder holds all that a fit of the daemon depends on: materials, release, the restitution from
+the bounce, and in ``calibration`` the load cell as the calibration behind the fits found it. Its
 ``sensor`` is the certificate's, from which a diagnosis starts.
 """
 
@@ -31,28 +31,10 @@ def export_campaign(
     settings: Settings,
     book: MaterialBook,
 ) -> Path:
-    """Write stored shots as a campaign folder.
+    """Write stored shots (at least one) as a campaign folder; return its ``campaign.json``.
 
-    Parameters
-    ----------
-    numbers : sequence of int
-        At least one shot.
-    out : Path
-        A folder; created when absent.
-    settings : Settings
-        Certificate of the cell and release.
-    book : MaterialBook
-        Spheres and surfaces; the folder gets them as the shots' fits took them.
-
-    Returns
-    -------
-    Path
-        The ``campaign.json``.
-
-    Raises
-    ------
-    ArchiveError
-        If there is no shot, they make no campaign, or the folder holds one already.
+    The folder is created when absent. It gets spheres and surfaces as the shots' fits took them.
+    Raises ArchiveError if there is no shot, they make no campaign, or the folder holds one already.
     """
     if not numbers:
         raise ArchiveError("There is nothing to export.", remedy="Name at least one shot.")
@@ -76,7 +58,7 @@ def export_campaign(
 def _calibration(
     archive: Archive, numbers: Sequence[int]
 ) -> tuple[Calibration | None, tuple[str, ...]]:
-    """Return the calibration that the shots' fits rest on, and what to say of it."""
+    """Return the calibration that the shots' fits depend on, and what to say of it."""
     fits = [best_fit(archive.fits.for_shot(number)) for number in numbers]
     used = {fit.calibration for fit in fits if fit is not None}
     if not used:  # what a fit would take now

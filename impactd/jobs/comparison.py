@@ -1,4 +1,4 @@
-"""What the worker beside the fits can do: hold a shot against its repetitions."""
+"""The task of the worker beside the fits: compare a shot with its repetitions."""
 
 from __future__ import annotations
 
@@ -18,22 +18,14 @@ SHOTS_KEPT = 400
 
 
 def warm_up() -> None:
-    """Load what the first comparison would have to wait for: this module has done so."""
+    """Do nothing: importing this module has loaded what a comparison needs."""
 
 
 def compare_shot(order: Json) -> Json:
-    """Hold a shot against its repetitions.
+    """Compare a shot with its repetitions; the order is from `orders.order_for`.
 
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_for`.
-
-    Returns
-    -------
-    dict
-        ``comparison``: what `ShotAnswer.repetitions` says. Without enough repetitions, or a pulse,
-        it names no shots and no numbers.
+    Return ``comparison``, as `ShotAnswer.repetitions` documents it. Without enough repetitions, or
+    a pulse, it names no shots and no numbers.
     """
     shot = _recorded(*_place(order["shot"]))
     numbers = {f"shot {one['number']}": one["number"] for one in order["earlier"]}
@@ -63,7 +55,7 @@ def _place(one: Json) -> tuple[str, str, float | None]:
 
 @lru_cache(SHOTS_KEPT)
 def _recorded(path: str, sha256: str, drop_height_m: float | None) -> Recorded | None:
-    """Return a shot as it is compared, with its height as asked for; None where it cannot be."""
+    """Return a shot and its stated height for the comparison, None where that cannot be."""
     try:
         shot = campaign_shot(read_shot(Path(path), sha256))
         return Recorded.of(dataclasses.replace(shot, drop_height_m=drop_height_m))

@@ -1,4 +1,4 @@
-"""A model's curve as a fit keeps it: for drawing, small, and beside the numbers it belongs to."""
+"""The model's curve of a fit, packed for drawing and kept beside the fit's numbers."""
 
 from __future__ import annotations
 
@@ -20,36 +20,19 @@ _STEPS = 30_000
 
 
 def curve_of(fitted: ShotFit) -> Json:
-    """Return the model's curve over the fit window.
+    """Return the model's curve over the fit window of one shot, as `packed`.
 
-    Parameters
-    ----------
-    fitted : ShotFit
-        One shot's part of a fit.
-
-    Returns
-    -------
-    dict
-        See `packed`; ``first`` is the index of the curve's first sample in the record.
+    ``first`` is the index of the curve's first sample in the record.
     """
     return packed(fitted.prediction, first=int(fitted.item.window.first))
 
 
 def packed(samples: NDArray[np.float64], *, first: int) -> Json:
-    """Return a curve in a fifth of the size of numbers as text.
+    """Return a curve, shape (n,), in a fifth of the size of numbers as text.
 
-    Parameters
-    ----------
-    samples : ndarray, shape (n,)
-        In the unit of the signal.
-    first : int
-        Index of the first one in its record.
-
-    Returns
-    -------
-    dict
-        ``first``, ``step`` (the unit of the signal) and ``differences``: from sample to sample, in
-        steps, as little-endian 32-bit integers, deflated, in base64.
+    It has ``first`` (index of the first sample in its record), ``step`` (in the unit of the signal)
+    and ``differences``: from sample to sample, in steps, as little-endian 32-bit integers,
+    deflated, in base64.
     """
     step = float(np.max(np.abs(samples), initial=0.0)) / _STEPS or 1.0
     codes = np.round(samples / step).astype(_TYPE)
@@ -59,18 +42,7 @@ def packed(samples: NDArray[np.float64], *, first: int) -> Json:
 
 
 def samples_of(curve: Json) -> NDArray[np.float64]:
-    """Return the samples of a kept curve.
-
-    Parameters
-    ----------
-    curve : dict
-        From `packed`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        In the unit of the signal, to half a step.
-    """
+    """Return the samples of a curve from `packed`, shape (n,), to half a step."""
     content = zlib.decompress(base64.b64decode(curve["differences"]))
     differences = np.frombuffer(content, dtype=_TYPE).astype(np.float64)
     return np.asarray(np.cumsum(differences) * float(curve["step"]), dtype=np.float64)

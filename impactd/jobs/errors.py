@@ -38,12 +38,7 @@ class WorkerLostError(TaskError):
 class WorkerCrashedError(WorkerLostError):
     """The process of a task died.
 
-    Parameters
-    ----------
-    how : str
-        ``signal SIGSEGV`` or ``exit code 3``.
-    last_words : str
-        The end of what it wrote to its error output.
+    ``how`` is ``signal SIGSEGV`` or ``exit code 3``, ``last_words`` the end of its error output.
     """
 
     def __init__(self, how: str, last_words: str = "") -> None:
@@ -54,13 +49,7 @@ class WorkerCrashedError(WorkerLostError):
 
 
 class TaskTimeoutError(WorkerLostError):
-    """A task took too long and was ended.
-
-    Parameters
-    ----------
-    limit_s : float
-        What was allowed. [s]
-    """
+    """A task took too long and was ended."""
 
     def __init__(self, limit_s: float) -> None:
         self.limit_s = limit_s
@@ -70,13 +59,7 @@ class TaskTimeoutError(WorkerLostError):
 
 
 class TaskMemoryError(WorkerLostError):
-    """A task took too much memory and was ended.
-
-    Parameters
-    ----------
-    limit_bytes : int
-        What was allowed beyond the idle process. [B]
-    """
+    """A task took too much memory beyond the idle process, and was ended."""
 
     def __init__(self, limit_bytes: int) -> None:
         self.limit_bytes = limit_bytes

@@ -1,4 +1,4 @@
-"""Where tasks run, behind the one seam of ``concurrent.futures``: ``submit`` gives a ``Future``.
+"""Executors of tasks behind one interface, ``concurrent.futures``: ``submit`` gives a ``Future``.
 
 `WorkerExecutor` keeps warm, killable processes on this machine. A cluster is another executor,
 `dask_executor`: the same module-level functions and JSON arguments, as paths and hashes travel and
@@ -39,13 +39,11 @@ class _Submission:
 class WorkerExecutor(Executor):
     """Runs module-level functions of JSON values in warm, killable worker processes.
 
-    A crash, a hang or a hunger for memory ends one future with a `WorkerLostError` and one process,
+    A crash, a hang or too much memory ends one future with a `WorkerLostError` and one process,
     which is replaced; the other futures do not notice.
 
     Parameters
     ----------
-    limits : WorkerLimits
-        What a task may take.
     warm_up : callable or str, optional
         Module-level function that every process calls at start, or its name.
     import_paths : sequence of Path
@@ -86,24 +84,10 @@ class WorkerExecutor(Executor):
             thread.start()
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Queue a task.
+        """Queue a task: a module-level function of JSON values.
 
-        Parameters
-        ----------
-        fn : callable
-            A module-level function.
-        *args
-            JSON values.
-
-        Returns
-        -------
-        Future
-            Gets the JSON result, or a `TaskError`.
-
-        Raises
-        ------
-        StoppedError
-            If the executor was shut down.
+        The future gets the JSON result, or a `TaskError`. Raises StoppedError if the executor was
+        shut down.
         """
         if kwargs:
             raise TypeError("Tasks take positional arguments only.")
@@ -112,26 +96,9 @@ class WorkerExecutor(Executor):
     def submit_within(
         self, time_s: float | None, fn: Callable[..., Any] | str, /, *args: Any
     ) -> Future[Any]:
-        """Queue a task that may take another time than the limits say.
+        """Queue a task that may take another time than the limits say; None is the limits' own.
 
-        Parameters
-        ----------
-        time_s : float or None
-            What it may take; None for the limits' own. [s]
-        fn : callable or str
-            A module-level function, or its name ``module:function``.
-        *args
-            JSON values.
-
-        Returns
-        -------
-        Future
-            Gets the JSON result, or a `TaskError`.
-
-        Raises
-        ------
-        StoppedError
-            If the executor was shut down.
+        ``fn`` may be a name ``module:function``; else as `submit`.
         """
         submission = _Submission(name_of(fn), args, time_s)
         with self._door:
@@ -145,34 +112,21 @@ class WorkerExecutor(Executor):
     def cancel(self, future: Future[Any]) -> None:
         """End a task that waits or runs; its future then has a `TaskCancelledError`.
 
-        Parameters
-        ----------
-        future : Future
-            From `submit`; one that is done already stays as it is.
+        One that is done already stays as it is.
         """
         event = self._cancels.get(future)
         if event is not None:
             event.set()
 
     def wait_warm(self, timeout_s: float) -> bool:
-        """Wait until a worker is warm.
-
-        Parameters
-        ----------
-        timeout_s : float
-            [s]
-        """
+        """Wait until a worker is warm."""
         return self._warm.wait(timeout_s)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = True) -> None:
         """End all workers; running tasks end with `StoppedError`, waiting ones too.
 
-        Parameters
-        ----------
-        wait : bool
-            Whether to return only when all processes are gone.
-        cancel_futures : bool
-            Ignored: nothing runs on without the daemon.
+        With ``wait``, return only when all processes are gone. ``cancel_futures`` is ignored:
+        nothing runs on without the daemon.
         """
         with self._door:
             self._stop.set()
@@ -250,7 +204,7 @@ def name_of(function: Callable[..., object] | str) -> str:
 
 
 def _dask_settings() -> dict[str, Any]:
-    """Return what a local cluster must be told before its workers start."""
+    """Return the settings that a local cluster must have before its workers start."""
     return {
         # Replaced as a whole: by default it sets MALLOC_TRIM_THRESHOLD_ too, and then glibc gives
         # every array of a fit back to the kernel at once: 18 000 page faults for 16 shots, and on
@@ -292,7 +246,7 @@ def dask_executor(
 
     Notes
     -----
-    ``pure=False``: a task is not looked up by its arguments. ``retries=0``: who calls knows which
+    ``pure=False``: a task is not looked up by its arguments. ``retries=0``: the caller knows which
     results were written and decides what is done again.
     """
     try:

@@ -38,19 +38,8 @@ SESSION_SHOTS, REPETITIONS = 120, 8
 def request_fit(archive: Archive, shots: list[int], model: str, *, key: str | None = None) -> Job:
     """Ask for a fit: one shot by itself, several together.
 
-    Parameters
-    ----------
-    shots : list of int
-        At least one number.
-    model : str
-        E.g. ``kv2``; the caller has checked that the analysis knows it.
-    key : str, optional
-        The client's idempotency key.
-
-    Returns
-    -------
-    Job
-        Queued, or the old one of the same key.
+    The caller has checked that the analysis knows the ``model``. A known idempotency ``key`` gives
+    the old job.
 
     Raises
     ------
@@ -83,21 +72,7 @@ def request_diagnosis(
 ) -> Job:
     """Ask why a model does not fit.
 
-    Parameters
-    ----------
-    shots : list of int
-        At least one number.
-    base : str
-        Model to start from.
-    budget_s : float, optional
-        How long it may search once it runs. [s]
-    key : str, optional
-        The client's idempotency key.
-
-    Returns
-    -------
-    Job
-        Queued, or the old one of the same key.
+    It may search for ``budget_s`` once it runs. A known idempotency ``key`` gives the old job.
 
     Raises
     ------
@@ -116,28 +91,15 @@ def request_diagnosis(
 
 
 def request_calibration_fit(archive: Archive, calibration: int) -> Job:
-    """Ask for the joint fit of a calibration run whose drops are all there."""
+    """Ask for the joint fit of a calibration run whose drops are all stored."""
     payload = {"calibration": calibration}
     return archive.jobs.enqueue(CALIBRATE, payload, f"calibration {calibration}")
 
 
 def order_for(job: Job, archive: Archive, settings: Settings, materials: Materials) -> Json:
-    """Return what the worker needs for a job.
+    """Return what the worker needs for a job, JSON-ready.
 
-    Parameters
-    ----------
-    settings : Settings
-        Certificate of the cell, gravity, release.
-
-    Returns
-    -------
-    dict
-        JSON-ready.
-
-    Raises
-    ------
-    ArchiveError
-        If a shot is not there, or there is nothing to fit.
+    Raises ArchiveError if a shot is not there, or there is nothing to fit.
     """
     if job.kind == COMPARE:
         return _comparison_order(archive.shot(job.payload["shot"]), archive, settings)
@@ -163,7 +125,7 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
 
 
 def _comparison_order(shot: Shot, archive: Archive, settings: Settings) -> Json:
-    """Return a new shot and its repetitions, without what is known of materials."""
+    """Return a new shot and its repetitions, without the materials."""
     since = utc_after(-SESSION_DAYS)
     session = archive.shots(since=since, before=shot.number, limit=SESSION_SHOTS)
     by_condition: dict[Any, list[Shot]] = {}
@@ -180,7 +142,7 @@ def _comparison_order(shot: Shot, archive: Archive, settings: Settings) -> Json:
 
 
 def _alike(archive: Archive, group: Sequence[Shot]) -> list[Shot]:
-    """Return the newest of one condition without the odd ones; with them where they are many."""
+    """Return the newest shots of one condition, without the odd ones unless these are many."""
     unlike = {
         one.number for one in group if (archive.comparisons.get(one.number) or {}).get("unlike")
     }
@@ -195,13 +157,7 @@ def _compared(archive: Archive, shot: Shot) -> Json:
 
 
 def shot_models(archive: Archive) -> tuple[str, ...]:
-    """Return the models that every shot is fitted with: the bases, and the active one.
-
-    Returns
-    -------
-    tuple of str
-        In the order of fitting.
-    """
+    """Return the models that every shot is fitted with, in order: the bases, the active one."""
     active = archive.models.active()
     return SHOT_MODELS if active in SHOT_MODELS else (*SHOT_MODELS, active)
 
@@ -214,7 +170,7 @@ def _calibration_model(job: Job, archive: Archive) -> str:
 
 
 def _definitions(archive: Archive, names: Sequence[str]) -> Json:
-    """Return what is known of the named models among these, by name."""
+    """Return the definitions of the named models among these, by name."""
     found = {}
     for name in set(names) - set(SHOT_MODELS):
         version = archive.models.active_version() if name == archive.models.active() else None
@@ -231,22 +187,14 @@ def order_without_shots(
 ) -> Json:
     """Return an order for single-shot fits that lacks only ``shots``; see `shot_places`.
 
-    Parameters
-    ----------
-    settings : Settings
-        Certificate of the cell, gravity, release.
-
-    Returns
-    -------
-    dict
-        JSON-ready; equal knowledge gives equal orders.
+    Equal knowledge gives equal orders.
     """
     known = _knowledge(archive, settings, materials, with_calibration=True)
     return {**known, "models": list(models), "definitions": _definitions(archive, models)}
 
 
 def shot_places(archive: Archive, numbers: Sequence[int]) -> list[Json]:
-    """Return an order's ``shots``: where each file is and what its SHA-256 must be."""
+    """Return an order's ``shots``: the path of each file and the SHA-256 it must have."""
     return [_where(archive, archive.shot(number)) for number in numbers]
 
 
@@ -261,19 +209,9 @@ def _knowledge(
 
 
 def knowledge(calibration: Calibration | None, settings: Settings, materials: Materials) -> Json:
-    """Return what a fit is told of the cell, the release and the materials.
+    """Return what a fit is told of the cell, the release and the materials, as part of an order.
 
-    Parameters
-    ----------
-    calibration : Calibration or None
-        Whose cell is meant; that of the certificate without one.
-    settings : Settings
-        Certificate of the cell, gravity, release.
-
-    Returns
-    -------
-    dict
-        JSON-ready, part of an order.
+    Without a calibration the cell is that of the certificate.
     """
     known = settings.sensor.sensor()
     if calibration is not None and calibration.result is not None:
@@ -291,7 +229,7 @@ def knowledge(calibration: Calibration | None, settings: Settings, materials: Ma
 
 
 def calibrated(result: Json, certificate: Sensor) -> Sensor:
-    """Return the cell of a calibration; what it did not find is the certificate's."""
+    """Return the cell of a calibration; values it did not fit are the certificate's."""
     found = sensor_from_json(result)
     if found.hsd_n_per_v is not None or certificate.hsd_n_per_v is None:
         return found

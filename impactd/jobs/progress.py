@@ -1,4 +1,4 @@
-"""How a task says how far it is, wherever it runs.
+"""How a task reports its progress, wherever it runs.
 
 In a worker process the words go to the daemon; in a cluster or a test nobody listens.
 """
@@ -13,23 +13,11 @@ _listeners: list[Listener] = []
 
 
 def listen(listener: Listener) -> None:
-    """Let a function hear what tasks of this process report.
-
-    Parameters
-    ----------
-    listener : callable
-        Gets what is being done and the share done, 0..1.
-    """
+    """Call a function with each report of this process' tasks: a text, and the share done, 0..1."""
     _listeners.append(listener)
 
 
 def report(text: str, share: float) -> None:
-    """Say how far the task is.
-
-    Parameters
-    ----------
-    share : float
-        How much of it is done, 0..1.
-    """
+    """Report what the task does, and the share that is done, 0..1."""
     for listener in _listeners:
         listener(text, share)

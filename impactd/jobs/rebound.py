@@ -1,4 +1,4 @@
-"""What is known of a shot's rebound: the flight to the second landing, or an entered height."""
+"""The restitution of a shot: from the flight to the second landing, or an entered height."""
 
 from __future__ import annotations
 
@@ -17,17 +17,8 @@ from impactd.storage.shot_metadata import ShotMetadata
 def with_restitution(shot: Shot, metadata: ShotMetadata, rebound_height_m: Json | None) -> Shot:
     """Return a shot with its restitution: as imported, from the flight, else from the height.
 
-    Parameters
-    ----------
-    metadata : ShotMetadata
-        Height, gravity and repeatability of that day.
-    rebound_height_m : dict or None
-        ``value`` and ``u`` as somebody entered them. [m]
-
-    Returns
-    -------
-    Shot
-        Unchanged where nothing is known.
+    ``rebound_height_m`` has ``value`` and ``u`` as somebody entered them. The shot is unchanged
+    where nothing is known.
     """
     speed = metadata.impact_speed_m_per_s
     if shot.restitution is not None or speed is None:
@@ -54,17 +45,9 @@ def _by_height(metadata: ShotMetadata, rebound_height_m: Json | None) -> Quantit
 
 
 def check_rebound(metadata: ShotMetadata, rebound_height_m: Json | None, result: FitResult) -> Json:
-    """Return how an entered rebound height lies to the fit of its shot.
+    """Return ``rebound_height_check`` and ``flags``: an entered height against the shot's fit.
 
-    Parameters
-    ----------
-    rebound_height_m : dict or None
-        As entered. [m]
-
-    Returns
-    -------
-    dict
-        ``rebound_height_check`` and ``flags``; empty where no height was entered.
+    Empty where no height was entered.
     """
     by_height = _by_height(metadata, rebound_height_m)
     if by_height is None or not result.shots:

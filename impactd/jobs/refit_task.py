@@ -1,4 +1,4 @@
-"""What a worker does in a re-fit of the archive: a few shots at a time, each by itself.
+"""A worker's task in a re-fit of the archive: a few shots at a time, each by itself.
 
 JSON in, JSON out, and no archive: it runs in a process of this machine or of a cluster alike, as
 long as the shot files can be read under the same path.
@@ -13,16 +13,8 @@ from impactd.jobs import tasks
 def fit_chunk(order: Json) -> list[Json]:
     """Fit the shots of an order one by one.
 
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_for_shots`, with any number of shots.
-
-    Returns
-    -------
-    list of dict
-        By shot: ``shot`` and ``fits``, or ``shot`` and ``error`` in words. One bad file does not
-        spoil its neighbours.
+    Return for each ``shot`` and ``fits``, or ``shot`` and ``error`` in words: one bad file does not
+    spoil its neighbours.
     """
     found = []
     for one in order["shots"]:

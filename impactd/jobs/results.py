@@ -1,6 +1,6 @@
-"""What becomes of a finished job: fits and calibrations are written, drops move on.
+"""The results of finished jobs: fits and calibrations are written, drops get their next state.
 
-Everything one job brings is one transaction where it matters: a drop is ``analysed`` only when its
+Everything of one job that belongs together is one transaction: a drop is ``analysed`` only when its
 fits can be read. The events come back to the caller: what is written is never undone because
 somebody could not be told, and nobody is told twice because a write was tried again.
 """
@@ -24,13 +24,7 @@ Told = tuple[str, Json]
 
 
 class ResultWriter:
-    """Writes what jobs brought.
-
-    Parameters
-    ----------
-    settings : Settings
-        How long a calibration is valid.
-    """
+    """Writes the results of jobs."""
 
     def __init__(self, archive: Archive, settings: Settings) -> None:
         self._archive = archive

@@ -1,4 +1,4 @@
-"""Takes jobs from the queue, has them done, writes what they bring: warm workers in two lanes.
+"""Takes jobs from the queue, has warm workers do them in two lanes, and writes the results.
 
 Comparisons of shots with their repetitions have a lane and a worker of their own: whoever stands at
 the rig does not wait for a diagnosis.
@@ -60,14 +60,14 @@ class _Lane:
     thread: threading.Thread | None = None
 
     def alive(self) -> bool:
-        """Return whether its thread looked at the queue lately, and all of its workers' do."""
+        """Return whether its thread checked the queue lately, and its executor is alive."""
         if self.thread is None or not self.thread.is_alive() or not self.executor.alive():
             return False
         return time.monotonic() - self.last_turn_s < ALIVE_S
 
 
 class JobRunner:
-    """Takes jobs from the queue and has them done by warm workers.
+    """Takes jobs from the queue and has warm workers do them.
 
     Parameters
     ----------
@@ -76,7 +76,7 @@ class JobRunner:
         ``job.failed``, ``job.cancelled``, ``fit.done``, ``drop.analysed``, ``calibration.done``,
         ``calibration.failed``, ``diagnosis.done``, ``shot.unlike``.
     materials : Materials, optional
-        Spheres and surfaces; read from the settings' file when absent.
+        Read from the settings' file when absent.
     tasks : mapping, optional
         What a kind of job calls; tests bring their own, which crash and hang.
     import_paths : sequence of Path
@@ -109,7 +109,7 @@ class JobRunner:
         self._progress: dict[int, tuple[str, float]] = {}
 
     def use_materials(self, materials: Materials) -> None:
-        """Take these for the fits that begin from now on."""
+        """Use these materials for the fits that begin from now on."""
         self._materials = materials
 
     def start(self) -> None:
@@ -157,22 +157,14 @@ class JobRunner:
         self._lanes = {}
 
     def alive(self) -> bool:
-        """Return whether the queue was looked at lately; fits may take as long as they do."""
+        """Return whether the queue was checked lately; a long fit does not count against it."""
         lanes = list(self._lanes.values())
         return bool(lanes) and self._writes.alive() and all(lane.alive() for lane in lanes)
 
     def cancel(self, number: int) -> Job:
         """End a job that waits or runs; one that has ended stays as it is.
 
-        Returns
-        -------
-        Job
-            As it is now; a running one ends within moments.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
+        A running one ends within moments after the return. Raises NotFoundError.
         """
         if self._archive.jobs.cancel_waiting(number, CANCELLED):
             job = self._archive.jobs.get(number)
@@ -193,17 +185,11 @@ class JobRunner:
         return self._lanes.get(job.kind == COMPARE)
 
     def progress(self, number: int) -> tuple[str, float] | None:
-        """Return what a running job does and which share is done, None where it said nothing."""
+        """Return a running job's last report: text and share done, None where there is none."""
         return self._progress.get(number)
 
     def wait_warm(self, timeout_s: float) -> bool:
-        """Wait until a worker is warm; the first fit then takes no longer than any other.
-
-        Parameters
-        ----------
-        timeout_s : float
-            [s]
-        """
+        """Wait until a worker is warm; the first fit then takes no longer than any other."""
         lane = self._lanes.get(False)
         return lane is not None and lane.executor.wait_warm(timeout_s)
 
@@ -256,7 +242,7 @@ class JobRunner:
         self._end(lane, job, future.exception() or future.result())
 
     def _end(self, lane: _Lane, job: Job, outcome: BaseException | dict[str, Any]) -> None:
-        """Have the end of a job written; its place is free at once."""
+        """Queue the write of a job's end; its place is free at once."""
         if isinstance(outcome, Exception) and not isinstance(outcome, TaskError | ArchiveError):
             _log.error("a job failed in the daemon", job=job.id, exc_info=outcome)
 

@@ -1,4 +1,4 @@
-"""What a worker can do: every function takes an order and gives a result, both JSON.
+"""The tasks of a worker: every function takes an order and gives a result, both JSON.
 
 This is the one place where the daemon calls the analysis for stored shots. An order comes from
 `impactd.jobs.orders`, a result goes to `impactd.jobs.results`.
@@ -50,18 +50,7 @@ class _Known:
 
 
 def fit_shot(order: Json) -> Json:
-    """Fit one shot with each of the order's models.
-
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_for`.
-
-    Returns
-    -------
-    dict
-        ``fits``: one result for each model.
-    """
+    """Fit one shot with each of the order's models; return ``fits``, one result for each."""
     (stored,) = _read(order)
     campaign = campaign_of(order, [stored])
     fits = []
@@ -86,18 +75,7 @@ def fit_shot(order: Json) -> Json:
 
 
 def fit_campaign(order: Json) -> Json:
-    """Fit several shots together.
-
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_for`.
-
-    Returns
-    -------
-    dict
-        ``fit``: ``impactd-fit/1``.
-    """
+    """Fit several shots together; return ``fit``: ``impactd-fit/1``."""
     shots = _read(order)
     campaign, model = campaign_of(order, shots), order["model"]
     definition = _definition(order, model)
@@ -113,10 +91,7 @@ def fit_campaign(order: Json) -> Json:
 def calibrate(order: Json) -> Json:
     """Calibrate the load cell from drops of known spheres on known surfaces.
 
-    Returns
-    -------
-    dict
-        ``calibration``: ``impactd-calibration/1``.
+    Return ``calibration``: ``impactd-calibration/1``.
     """
     shots = _read(order)
     campaign, model = campaign_of(order, shots), order["model"]
@@ -127,7 +102,7 @@ def calibrate(order: Json) -> Json:
 
 
 def _holds_for_bounces(model: str, definition: Json | None) -> bool:
-    """Tell whether a model describes later landings too, its definition's effects included."""
+    """Return whether a model describes later landings too, its definition's effects included."""
     said = f"{model} {definition}"
     return not any(effect in said for effect in _FIRST_LANDING_ONLY)
 
@@ -135,16 +110,8 @@ def _holds_for_bounces(model: str, definition: Json | None) -> bool:
 def diagnose(order: Json) -> Json:
     """Diagnose stored shots.
 
-    Parameters
-    ----------
-    order : dict
-        From `orders.order_for`.
-
-    Returns
-    -------
-    dict
-        ``diagnosis``: ``impactd-diagnosis/1``; ``report_html``: its page. Made here, because
-        drawing takes a second that the sample stream should not have to share.
+    Return ``diagnosis``: ``impactd-diagnosis/1``, and ``report_html``: its page. It is made here,
+    because drawing takes a second that the sample stream should not have to share.
     """
     from impactd.diagnosis.report import page  # noqa: PLC0415 - matplotlib, when it is needed
     from impactd.diagnosis.run import diagnose as close_the_loop  # noqa: PLC0415
@@ -163,7 +130,7 @@ def diagnose(order: Json) -> Json:
 
 
 def warm_up() -> None:
-    """Load, or compile, what the first fit would have to wait for."""
+    """Load, or compile, what the first fit needs."""
     rate_hz, trigger, samples = 1e6, 2000, 8000
     generator = np.random.default_rng(0)
     signal = generator.normal(0.0, 1e-3, samples)
@@ -218,19 +185,10 @@ def _read(order: Json) -> list[StoredShot]:
 
 
 def campaign_of(order: Json, shots: list[StoredShot]) -> Campaign:
-    """Return shots with all that an order knows of them.
+    """Return shots, in the order of their numbers, with all that an order knows of them.
 
-    Parameters
-    ----------
-    order : dict
-        ``shots`` and what `orders.knowledge` tells.
-    shots : list of StoredShot
-        As read from their files.
-
-    Returns
-    -------
-    Campaign
-        In the order of the numbers; the restitution from the bounce included.
+    Each has its restitution from the bounce. The order has ``shots`` and the members of
+    `orders.knowledge`.
     """
     known = _Known(
         {name: sphere_from_json(name, _fields(one)) for name, one in order["spheres"].items()},
@@ -268,7 +226,7 @@ def _fields(value: object) -> Fields:
 
 
 def _shot_result(result: FitResult, stored: StoredShot) -> Json:
-    """Return a one-shot fit as the archive keeps it: the pair's number first."""
+    """Return a one-shot fit as the archive keeps it, the pair's modulus first."""
     whole = result.to_json()
     kept = {key: whole.get(key) for key in ("model", "outcome", "covariance", "parameters")}
     if not whole["shots"]:

@@ -60,7 +60,7 @@ def _warm_up(name: str) -> None:
 
 
 class _Reporter:
-    """Progress as lines: what is new at once, how much of it not oftener than anybody reads."""
+    """Progress as lines: a new text at once, else a line each `REPORT_EVERY_S` at most."""
 
     def __init__(self, answers: TextIO) -> None:
         self._answers = answers
@@ -84,14 +84,14 @@ def _options() -> argparse.Namespace:
 
 
 def _die_with_parent(parent: int) -> None:
-    """Let the kernel end this process with the daemon, even in the middle of a fit."""
+    """Have the kernel end this process with the daemon, even in the middle of a fit."""
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it died before the line above
         raise SystemExit(1)
 
 
 def _be_ended_first() -> None:
-    """Let the kernel, when memory runs out, end this process and not the daemon."""
+    """Have the kernel end this process before the daemon when memory runs out."""
     try:
         Path("/proc/self/oom_score_adj").write_text("1000")  # the largest there is, proc(5)
     except OSError as error:  # no /proc, or it is not ours to write: the fit runs all the same

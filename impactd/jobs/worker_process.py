@@ -42,18 +42,12 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class WorkerLimits:
-    """What a task may take.
-
-    Attributes
-    ----------
-    time_s : float
-        Wall time, the start of the process not counted. [s]
-    memory_bytes : int
-        Memory beyond the idle process. [B]
-    """
+    """What a task may take."""
 
     time_s: float
+    """Wall time, the start of the process not counted. [s]"""
     memory_bytes: int
+    """Beyond the idle process. [B]"""
 
 
 class WorkerProcess:
@@ -61,8 +55,6 @@ class WorkerProcess:
 
     Parameters
     ----------
-    limits : WorkerLimits
-        What a task may take.
     warm_up : str
         ``module:function`` that it calls at start, empty for none.
     import_paths : sequence of Path
@@ -148,23 +140,9 @@ class WorkerProcess:
         time_s: float | None = None,
         cancel: threading.Event | None = None,
     ) -> Any:
-        """Run a task and return its result.
+        """Run the task ``module:function`` on JSON values and return its JSON result.
 
-        Parameters
-        ----------
-        task : str
-            ``module:function``.
-        arguments : sequence
-            JSON values.
-        time_s : float, optional
-            What this task may take, instead of the limits' own. [s]
-        cancel : threading.Event, optional
-            Ends the task when it is set.
-
-        Returns
-        -------
-        object
-            JSON value.
+        It may take ``time_s`` instead of the limits' own time. ``cancel`` ends it when it is set.
 
         Raises
         ------

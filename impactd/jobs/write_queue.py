@@ -1,7 +1,7 @@
-"""What jobs must write into the archive, in order, each tried again until it is written.
+"""The writes of jobs into the archive, in order, each tried again until it succeeds.
 
-A locked index or a full disk passes; what a job brought must not be lost over it, and the threads
-that feed the workers must not wait for it.
+A locked index or a full disk passes; no result may be lost over it, and the threads that feed the
+workers must not wait for it.
 """
 
 from __future__ import annotations
@@ -24,12 +24,9 @@ Write = Callable[[], Sequence["Write"]]
 
 
 def will_pass(error: BaseException) -> bool:
-    """Tell whether the same write may succeed later.
+    """Return whether the same write may succeed later.
 
-    Returns
-    -------
-    bool
-        True for a full disk and an index that is locked or does not answer.
+    It may after a full disk, or an index that is locked or does not answer.
     """
     return isinstance(error, StorageFullError) or (
         isinstance(error, ArchiveError) and isinstance(error.__cause__, sqlite3.OperationalError)
@@ -37,7 +34,7 @@ def will_pass(error: BaseException) -> bool:
 
 
 class WriteQueue:
-    """A thread that writes, and what still waits for it. Thread safe.
+    """A thread that writes, and the writes that wait. Thread safe.
 
     What is left when it stops is tried again when it is started again.
     """
@@ -51,7 +48,7 @@ class WriteQueue:
 
     @property
     def stuck(self) -> bool:
-        """Return whether the last try failed: then nothing should be begun that adds to it."""
+        """Return whether the last try failed: then no job should begin that adds to it."""
         return self._failed
 
     def start(self) -> None:

@@ -25,15 +25,7 @@ RIGID_CELL_MODEL = "hsd"
 def adjusted(
     archive: Archive, materials: Materials, observations: list[PairObservation], model: str
 ) -> Adjustment:
-    """Return the network of an archive's observations, adjusted.
-
-    Parameters
-    ----------
-    materials : Materials
-        Spheres and surfaces with what is known of them.
-    observations : list of PairObservation
-        At least one.
-    """
+    """Return the network of an archive's observations (at least one), adjusted."""
     from analysis.moduli import adjust_network
 
     covariances: dict[str, NDArray[np.float64]] = {}
@@ -53,12 +45,8 @@ def at_temperature(
 ) -> tuple[Materials, tuple[str, ...]]:
     """Return materials with their stated moduli at the temperature of the shots that take part.
 
-    Returns
-    -------
-    materials : Materials
-        Itself where no coefficient is stated.
-    told : tuple of str
-        What had to be assumed, in words.
+    They are the same object where no coefficient is stated. The sentences say what had to be
+    assumed.
     """
     from analysis.temperature import Landing, spheres_at, surfaces_at
 
@@ -113,7 +101,7 @@ def _cell_covariance(archive: Archive, name: str, model: str) -> NDArray[np.floa
 
 
 def _calibration_inputs(archive: Archive, name: str, model: str) -> dict[str, NDArray[np.float64]]:
-    """Return how a calibration follows the masses, radii and heights that it was made with."""
+    """Return how a calibration depends on the masses, radii and heights that it was made with."""
     result = archive.calibrations.get(int(name)).result or {}
     if model.partition("+")[0] == RIGID_CELL_MODEL:
         result = result.get("hsd") or {}

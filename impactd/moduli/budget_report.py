@@ -12,16 +12,9 @@ from impactd.reports.templating import MODULI, render
 
 
 def write_budget_report(file: Path, document: Json, names: Sequence[str]) -> None:
-    """Write a report.
+    """Write the budgets of these materials into a new ``.html`` or ``.pdf`` file.
 
-    Parameters
-    ----------
-    file : Path
-        Ends in ``.html`` or ``.pdf``.
-    document : dict
-        ``impactd-budget/1`` of a campaign or of an archive.
-    names : sequence of str
-        Materials, by its keys.
+    The document is ``impactd-budget/1`` of a campaign or of an archive; ``names`` are its keys.
     """
     if file.suffix.lower() == ".pdf":
         _write_pdf(file, document, names)
@@ -31,7 +24,7 @@ def write_budget_report(file: Path, document: Json, names: Sequence[str]) -> Non
 
 
 def about(document: Json) -> str:
-    """Return which shots and which model a budget is of."""
+    """Return the shots and the model that a budget belongs to, in words."""
     shots = document.get("shots")
     said = f"Model {document['model']}"
     return said if shots is None else f"{said}, {shots} shots"

@@ -23,24 +23,15 @@ FEWEST = 8
 
 @dataclass(frozen=True)
 class PairChart:
-    """Every shot of a pair.
-
-    Attributes
-    ----------
-    numbers : tuple of int
-        Of the shots, in their order.
-    started_utc : tuple of str
-        When each was made.
-    log_modulus : ndarray, shape (n,)
-        ln E*, E* in Pa.
-    u_random : ndarray, shape (n,)
-        Standard uncertainty of ln E* from each recording alone. [1]
-    """
+    """Every shot of a pair."""
 
     numbers: tuple[int, ...]
+    """Of the shots, in their order."""
     started_utc: tuple[str, ...]
     log_modulus: NDArray[np.float64]
+    """ln E*, E* in Pa. Shape (n,)."""
     u_random: NDArray[np.float64]
+    """Standard uncertainty of ln E* from each recording alone. Shape (n,). [1]"""
 
     @property
     def centre(self) -> float:
@@ -61,19 +52,16 @@ class PairChart:
         return self.centre - 3.0 * sigma, self.centre + 3.0 * sigma
 
     def outside(self) -> list[int]:
-        """Return the places of the shots outside the limits."""
+        """Return the indices of the shots outside the limits."""
         if self.limits is None:
             return []
         low, high = self.limits
         return np.flatnonzero((self.log_modulus < low) | (self.log_modulus > high)).tolist()
 
     def places(self, most: int) -> list[int]:
-        """Return the places to draw: all, or the extremes of even stretches and what is outside.
+        """Return the indices to draw, rising: all, or the extremes of even stretches.
 
-        Returns
-        -------
-        list of int
-            Rising; every shot outside the limits is among them.
+        Every shot outside the limits is among them.
         """
         size = self.log_modulus.size
         if size <= most:
@@ -86,17 +74,9 @@ class PairChart:
 
 
 def trend(chart: PairChart) -> dict[str, float] | None:
-    """Return the change of E* from the first to the last shot, by a line through all.
+    """Return the change of E* from the first to the last of at least three shots, by a line.
 
-    Parameters
-    ----------
-    chart : PairChart
-        Of at least three shots.
-
-    Returns
-    -------
-    dict or None
-        ``relative`` and its standard uncertainty ``u`` from the scatter about the line. [1]
+    ``relative``, and its standard uncertainty ``u`` from the scatter about the line. [1]
     """
     values = chart.log_modulus
     if values.size < 3:

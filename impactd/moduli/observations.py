@@ -1,4 +1,4 @@
-"""What every shot's latest fit tells the network of moduli, kept in memory and up to date.
+"""The observation of each shot's latest fit for the network of moduli, kept up to date in memory.
 
 The index holds several kilobytes of result per shot; the network needs six numbers of it. They are
 read once, and from then on only fits that were written since.
@@ -34,34 +34,22 @@ IDS_AT_ONCE = 50
 
 @dataclass(frozen=True, slots=True)
 class ShotUse:
-    """What the network makes of a shot.
-
-    Attributes
-    ----------
-    started_utc : str
-        As in its row.
-    observation : PairObservation or None
-        What its fit says, ``None`` where it stays out.
-    entry : str
-        JSON of its entry among the answer's ``shots``: number and SHA-256; where it stays out, of
-        that among ``excluded``: number and reason.
-    temperature_c : Quantity or None
-        At the shot. [degC]
-    """
+    """How the network uses a shot."""
 
     started_utc: str
     observation: PairObservation | None
+    """``None`` where the shot stays out."""
     entry: str
+    """JSON of its entry among the answer's ``shots``: number and SHA-256; where it stays out, of
+    that among ``excluded``: number and reason."""
     temperature_c: Quantity | None
+    """At the shot. [degC]"""
 
 
 class Observations:
     """The latest fit of every shot under one model. Not thread safe.
 
-    Attributes
-    ----------
-    version : int
-        Grows whenever a shot's fit is taken in.
+    ``version`` grows whenever a shot's fit is taken in.
     """
 
     def __init__(self, archive: Archive, model: str) -> None:
@@ -74,10 +62,7 @@ class Observations:
     def update(self, stopped: Callable[[], bool] = lambda: False) -> None:
         """Take in what was written since the last time.
 
-        Parameters
-        ----------
-        stopped : callable
-            Asked between batches; what is missing then is taken in the next time.
+        ``stopped`` is asked between batches; what is missing then is taken in the next time.
         """
         # Ids grow in the order of commits: the index has one writer at a time.
         fits, newest = self._archive.fits, self._archive.fits.last_id()
@@ -92,32 +77,17 @@ class Observations:
     def chosen(self, since: str | None, until: str | None) -> list[ShotUse]:
         """Return the shots of a time in the order of their numbers.
 
-        Parameters
-        ----------
-        since, until : str or None
-            First moment that counts and first that does not, in the archive's form.
-
-        Returns
-        -------
-        list of ShotUse
-            May be empty.
+        ``since`` is the first timestamp that counts, ``until`` the first that does not, in the
+        archive's form.
         """
         return [
             use for _, use in sorted(self._uses.items()) if _within(use.started_utc, since, until)
         ]
 
     def charts(self, since: str | None, until: str | None) -> dict[tuple[str, str], PairChart]:
-        """Return the control chart of every pair, of the shots that take part.
+        """Return the control chart of every pair that takes part, in alphabetical order.
 
-        Parameters
-        ----------
-        since, until : str or None
-            As in `chosen`.
-
-        Returns
-        -------
-        dict
-            By sphere and surface, in alphabetical order.
+        The keys are sphere and surface; the times are as in `chosen`.
         """
         found: dict[tuple[str, str], list[tuple[int, ShotUse, PairObservation]]] = {}
         for number, use in sorted(self._uses.items()):
@@ -165,7 +135,7 @@ def _encoded(entry: dict[str, object]) -> str:
 
 
 def _with_shared_names(seen: PairObservation) -> PairObservation:
-    """Return the same with one copy of each name for all shots: JSON makes a new one each time."""
+    """Return the observation with one copy of each name for all shots: JSON makes one each time."""
     return replace(
         seen,
         sphere=sys.intern(seen.sphere),
@@ -178,7 +148,7 @@ def _with_shared_names(seen: PairObservation) -> PairObservation:
 
 @lru_cache(maxsize=256)
 def _shared(items: tuple[tuple[str, float], ...]) -> dict[str, float]:
-    """Return one mapping for all shots that were fitted with the same statements."""
+    """Return one mapping for all shots that were fitted with the same values."""
     return dict(items)
 
 

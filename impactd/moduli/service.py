@@ -1,6 +1,6 @@
 """Moduli over the archive: the stored fit of every shot goes into one network of materials.
 
-No trace is read and nothing is fitted here; the answer follows the archive at once. What it costs
+No trace is read and nothing is fitted here; the answer follows the archive at once. What takes time
 is kept: the observations of all shots, and the adjusted network of each choice of shots until a
 fit is written.
 """
@@ -43,18 +43,12 @@ _log = structlog.get_logger("impactd.moduli")
 
 @dataclass(frozen=True)
 class ModuliAnswer:
-    """What all stored fits together say.
-
-    Attributes
-    ----------
-    head : dict
-        All members of ``impactd-moduli/1`` but the lists.
-    lists : dict of bytes
-        ``shots`` and ``excluded`` as JSON in UTF-8: together they have an entry for every shot.
-    """
+    """The moduli of all stored fits together."""
 
     head: Json
+    """All members of ``impactd-moduli/1`` but the lists."""
     lists: dict[str, bytes]
+    """``shots`` and ``excluded`` as JSON in UTF-8: together they have an entry for every shot."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +68,7 @@ class _Network:
 
 
 class ModuliService:
-    """Answers what all stored fits together say about each material. Thread safe."""
+    """Answers with the moduli of all stored fits together. Thread safe."""
 
     def __init__(self, archive: Archive) -> None:
         self._archive = archive
@@ -86,12 +80,9 @@ class ModuliService:
         self._budgets: OrderedDict[tuple[str | None, ...], tuple[_Network, Json]] = OrderedDict()
 
     def start(self, model: str, wait: Callable[[float], bool]) -> None:
-        """Take the archive in beforehand, in a thread.
+        """Read the archive beforehand, in a thread.
 
-        Parameters
-        ----------
-        wait : callable
-            Waits for at most so many seconds and tells whether more urgent work is done.
+        ``wait`` waits for at most so many seconds and tells whether more urgent work is done.
         """
 
         def fill() -> None:
@@ -125,23 +116,18 @@ class ModuliService:
     ) -> ModuliAnswer:
         """Return what all stored fits together say about each material.
 
+        Beside the network's result, ``impactd-moduli/1`` has ``calibration`` (which, its date,
+        until when it is valid, whether it is overdue), ``shots`` (numbers and SHA-256 of the files)
+        and ``excluded``. Every modulus carries ``calibration_overdue``. Without any usable fit
+        ``moduli`` is empty and ``warnings`` says so.
+
         Parameters
         ----------
-        materials : Materials
-            Spheres and surfaces with what is known of them.
         specimen : str, optional
             Only report this surface and its pairs. All shots still take part: a sphere that was
             dropped on a reference tells about the specimen too.
         since, until : str, optional
-            First moment of a shot that counts and first that does not, in the archive's form.
-
-        Returns
-        -------
-        ModuliAnswer
-            ``impactd-moduli/1`` with, beside the network's result, ``calibration`` (which, its
-            date, until when it is valid, whether it is overdue), ``shots`` (numbers and SHA-256 of
-            the files) and ``excluded``. Every modulus carries ``calibration_overdue``. Without any
-            usable fit ``moduli`` is empty and ``warnings`` says so.
+            First timestamp of a shot that counts and first that does not, in the archive's form.
 
         Raises
         ------
@@ -246,21 +232,10 @@ class ModuliService:
         until: str | None = None,
         model: str = DEFAULT_BASE,
     ) -> Json:
-        """Return what the uncertainty of every modulus of `answer` is made of.
+        """Return the uncertainty budget of every modulus of `answer`: ``impactd-budget/1``.
 
-        It is computed when it is asked for, beside whoever asks for moduli, and kept with them.
-
-        Parameters
-        ----------
-        materials : Materials
-            Spheres and surfaces with what is known of them.
-        specimen : str, optional
-            Only report this surface.
-
-        Returns
-        -------
-        dict
-            ``impactd-budget/1``, without moduli where none is stated.
+        It is computed when it is asked for, without delaying who asks for moduli, and kept with
+        them. It has no moduli where none is stated; ``specimen`` limits the report to that surface.
         """
         network = self._network(materials, model, since, until)
         key = (model, since, until)

@@ -11,24 +11,10 @@ from impactd.settings.settings import Settings
 
 
 def build_rig(settings: Settings, materials: Materials) -> Rig:
-    """Return the rig that the settings describe; no device is touched yet.
+    """Return the rig that the settings describe, unopened: with ``simulation``, the simulated one.
 
-    Parameters
-    ----------
-    settings : Settings
-        With a ``simulation`` section: the simulated rig.
-    materials : Materials
-        What the simulated technician may be asked to hang.
-
-    Returns
-    -------
-    Rig
-        Unopened; the acquisition service opens the devices.
-
-    Raises
-    ------
-    ConfigurationError
-        If the settings cannot describe real devices.
+    The materials are those that the simulated technician may be asked to hang. Raises
+    ConfigurationError if the settings cannot describe real devices.
     """
     if settings.simulated:
         # Imported here, so that a real rig's daemon never loads the simulator.

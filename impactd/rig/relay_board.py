@@ -31,20 +31,9 @@ class _ValveOnly(BaseModel):
 def load_valve_section(path: Path | None = None) -> ValveSection | None:
     """Return the relay board of a settings file, the only part of it that is checked.
 
-    Parameters
-    ----------
-    path : Path or None
-        As in `impactd.settings.settings.load_settings`.
-
-    Returns
-    -------
-    ValveSection or None
-        With a port; None on the simulated rig, whose board ends with its daemon.
-
-    Raises
-    ------
-    SettingsError
-        If the file cannot be read, or the board's table is wrong.
+    It has a port; None on the simulated rig, whose board ends with its daemon. ``path`` is as in
+    `impactd.settings.settings.load_settings`. Raises SettingsError if the file cannot be read, or
+    the board's table is wrong.
     """
     file, content = read_toml(path)
     try:
@@ -60,18 +49,7 @@ def load_valve_section(path: Path | None = None) -> ValveSection | None:
 
 
 def build_valve(section: ValveSection, port: str) -> Valve:
-    """Return the driver of the relay board, unopened.
-
-    Parameters
-    ----------
-    port : str
-        Serial port or pseudo-terminal.
-
-    Returns
-    -------
-    Valve
-        Numato or LCUS-1.
-    """
+    """Return the driver of the relay board, unopened; the port may be a pseudo-terminal."""
     if section.driver == "lcus":
         return LcusValve(LcusSettings(port=port, timeout_s=section.timeout_s))
     return NumatoValve(

@@ -25,7 +25,7 @@ _SETTLING_CODES = {1: 0, 5: 1, 10: 2, 1000: 3}
 
 
 class Loader(Protocol):
-    """Whoever hangs the sphere."""
+    """A person or a program that hangs the sphere."""
 
     def ask(self, sphere: str, surface: str, drop_height_m: float) -> str:
         """Ask for a sphere; return the request in words, without waiting for it."""
@@ -43,23 +43,12 @@ class PersonLoader:
 
     @property
     def asked(self) -> str | None:
-        """What is asked for at present."""
+        """The present request."""
         with self._lock:
             return self._asked
 
     def ask(self, sphere: str, surface: str, drop_height_m: float) -> str:
-        """Put the request into words.
-
-        Parameters
-        ----------
-        drop_height_m : float
-            Height of the sphere's lowest point above the coupon. [m]
-
-        Returns
-        -------
-        str
-            What to hang where.
-        """
+        """Return the request in words: what to hang where, the sphere's lowest point how high."""
         words = in_words(sphere, surface, drop_height_m)
         with self._lock:
             self._asked = words
@@ -72,61 +61,37 @@ class PersonLoader:
 
 
 def in_words(sphere: str, surface: str, drop_height_m: float) -> str:
-    """Return what somebody is asked to hang where.
+    """Return what to hang where, as an imperative without a full stop.
 
-    Parameters
-    ----------
-    drop_height_m : float
-        Height of the sphere's lowest point above the coupon. [m]
-
-    Returns
-    -------
-    str
-        An imperative without a full stop.
+    The height is that of the sphere's lowest point above the coupon.
     """
     return f"hang the {sphere} sphere {drop_height_m * 1e3:.1f} mm above the {surface} coupon"
 
 
 @dataclass
 class Rig:
-    """Everything a drop needs.
-
-    Attributes
-    ----------
-    digitizer : Digitizer
-        Real driver, whatever the transport.
-    valve : Valve
-        Real driver, whatever the transport.
-    loader : Loader
-        Person or simulated technician.
-    name : str
-        Written into every shot.
-    simulated : bool
-        Whether the transports are simulated.
-    clock_speed : float
-        Rig seconds per host second; 1 on a real rig, inf where the rig waits for the host. [1]
-    world : World or None
-        The simulated world, for tests and demonstrations.
-    closing : list of callable
-        What else ends with the rig.
-    """
+    """Everything a drop needs."""
 
     digitizer: Digitizer
+    """Real driver, whatever the transport; so is the valve's."""
     valve: Valve
     loader: Loader
+    """Person or simulated technician."""
     name: str
+    """Written into every shot."""
     simulated: bool
+    """Whether the transports are simulated."""
     clock_speed: float = 1.0
+    """Rig seconds per host second; 1 on a real rig, inf where the rig waits for the host. [1]"""
     world: World | None = None
+    """The simulated world, for tests and demonstrations."""
     closing: list[Callable[[], None]] = field(default_factory=list)
+    """What else ends with the rig."""
 
     def close(self) -> None:
-        """Stop the digitizer, make the valve safe, give both back; safe to call twice.
+        """Stop the digitizer, make the valve safe, close both; safe to call twice.
 
-        Raises
-        ------
-        DriverError
-            The last of what went wrong, after everything was tried.
+        Raises DriverError, the last one, after everything was tried.
         """
         with ExitStack() as stack:  # runs all of them, last one first
             while self.closing:
@@ -136,18 +101,7 @@ class Rig:
 
 
 def digitizer_settings(settings: Settings) -> Daq3500Settings:
-    """Return the digitizer's part of the settings in the driver's words.
-
-    Parameters
-    ----------
-    settings : Settings
-        Checked whole.
-
-    Returns
-    -------
-    Daq3500Settings
-        Nothing in it is invented here.
-    """
+    """Return the digitizer's part of the settings as its driver takes it; nothing is added."""
     section = settings.digitizer
     return Daq3500Settings(
         vendor_id=section.vendor_id,

@@ -40,13 +40,7 @@ SEALED_NAME = "sealed-truth.json"
 
 
 class SimulatedTechnician:
-    """Hangs whatever is asked for, after a while.
-
-    Parameters
-    ----------
-    delay_s : float
-        How long it takes, on the host's clock. [s]
-    """
+    """Hangs whatever is asked for, after a delay on the host's clock."""
 
     def __init__(self, world: World, delay_s: float) -> None:
         self._world = world
@@ -55,18 +49,7 @@ class SimulatedTechnician:
         self._timer: threading.Timer | None = None
 
     def ask(self, sphere: str, surface: str, drop_height_m: float) -> str:
-        """Hang the sphere now or a little later.
-
-        Parameters
-        ----------
-        drop_height_m : float
-            Height of the sphere's lowest point above the coupon. [m]
-
-        Returns
-        -------
-        str
-            The request in words.
-        """
+        """Hang the sphere now or a little later; return the request in words."""
         if self._delay_s <= 0:
             self._world.load(sphere, surface, drop_height_m)
         else:
@@ -80,7 +63,7 @@ class SimulatedTechnician:
         return in_words(sphere, surface, drop_height_m)
 
     def cancel(self) -> None:
-        """Leave the sphere in its box if it does not hang yet."""
+        """Take the request back if the sphere does not hang yet."""
         with self._lock:
             timer, self._timer = self._timer, None
         if timer is not None:
@@ -88,25 +71,10 @@ class SimulatedTechnician:
 
 
 def build_simulated_rig(settings: Settings, materials: Materials) -> Rig:
-    """Return a rig whose transports are simulated, and seal its truth.
+    """Return an unopened rig whose transports are simulated, and seal its truth.
 
-    Parameters
-    ----------
-    settings : Settings
-        With a ``simulation`` section.
-    materials : Materials
-        What lies in the drawers. A modulus there is drawn within its uncertainty; an unknown one
-        is drawn anywhere.
-
-    Returns
-    -------
-    Rig
-        Unopened, with its ``world``.
-
-    Raises
-    ------
-    SettingsError
-        If the hidden effect is none that the simulator knows.
+    A modulus of the materials is drawn within its uncertainty; an unknown one is drawn anywhere.
+    Raises SettingsError if the hidden effect is none that the simulator knows.
     """
     section = settings.simulation
     assert section is not None, "the caller looks for the simulation section"
@@ -137,22 +105,8 @@ def world_settings(
 ) -> WorldSettings:
     """Return the world that labels, certificate and simulation section describe.
 
-    Parameters
-    ----------
-    settings : Settings
-        Certificate of the cell, gravity, repeatability.
-    section : SimulationSection
-        Seed, clock, noise, physics, hidden effect.
-
-    Returns
-    -------
-    WorldSettings
-        Its truth is drawn within what the labels leave open.
-
-    Raises
-    ------
-    SettingsError
-        If the hidden effect is none that the simulator knows.
+    Its truth is drawn within what the labels leave open. Raises SettingsError if the hidden effect
+    is none that the simulator knows.
     """
     sensor = settings.sensor
     return WorldSettings(

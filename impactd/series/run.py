@@ -6,9 +6,9 @@
         while something is planned: request_drop ──> wait for its end ──> the next
         pause, reorder, add and end change the plan between two drops
 
-The queue lives here and not in a browser: a page that is loaded again finds it. Each of its drops
-carries the abort epoch at which the series was asked for, so an abort voids all that are left,
-wherever they wait. A series does not outlive the daemon: nothing falls because of a restart.
+The queue is kept by the daemon, not by a browser: a page that is loaded again finds it. Each of its
+drops carries the abort epoch at which the series was asked for, so an abort voids all that are
+left, wherever they wait. A series does not outlive the daemon: nothing falls because of a restart.
 """
 
 from __future__ import annotations
@@ -38,13 +38,7 @@ _log = structlog.get_logger("impactd.series")
 
 
 class SeriesRefusedError(RequestRefusedError):
-    """A series cannot be begun, or be changed so.
-
-    Parameters
-    ----------
-    what : str
-        What is in the way, and what to do.
-    """
+    """A series cannot be begun, or be changed so; the message says why, and what to do."""
 
     def __init__(self, what: str) -> None:
         self.what = what
@@ -53,67 +47,43 @@ class SeriesRefusedError(RequestRefusedError):
 
 @dataclass(frozen=True)
 class Planned:
-    """One drop of a series.
-
-    Attributes
-    ----------
-    id : int
-        From 1, in the order of planning.
-    state : str
-        ``planned``, ``under way``, ``done`` or ``failed``.
-    drop : int or None
-        Its number, once it was asked for.
-    """
+    """One drop of a series."""
 
     id: int
+    """From 1, in the order of planning."""
     request: DropRequest
     state: DropState = "planned"
     drop: int | None = None
+    """Its number, once it was asked for."""
 
 
 @dataclass(frozen=True)
 class Series:
-    """A series as it is at one moment.
-
-    Attributes
-    ----------
-    key : str
-        The client's idempotency key, as stored.
-    owner : str
-        Who asked for it.
-    state : str
-        ``running``, ``paused`` or ``ended``.
-    reason : str
-        Why it is paused or ended; empty while it runs.
-    drops : tuple of Planned
-        In the order in which they are made.
-    remaining_s : float or None
-        From the drops so far; ``None`` before the first. [s]
-    """
+    """The present state of a series."""
 
     key: str
+    """The client's idempotency key, as stored."""
     owner: str
+    """Who asked for it."""
     note: str
     state: State
     reason: str
+    """Why it is paused or ended; empty while it runs."""
     drops: tuple[Planned, ...]
+    """In the order in which they are made."""
     remaining_s: float | None = None
+    """From the drops so far; ``None`` before the first. [s]"""
 
     @property
     def done(self) -> int:
-        """How many drops brought a shot."""
+        """Number of drops that brought a shot."""
         return sum(one.state == "done" for one in self.drops)
 
 
 class SeriesRunner:
     """Runs series, one at a time. Thread safe.
 
-    Parameters
-    ----------
-    settings : Settings
-        How long a drop may take.
-    publish : callable
-        Gets kind and data of each event: ``series.changed``.
+    ``publish`` gets kind and data of each event: ``series.changed``.
     """
 
     def __init__(
@@ -146,21 +116,10 @@ class SeriesRunner:
         key: str,
         accepted: int,
     ) -> Series:
-        """Reserve the rig and begin.
+        """Reserve the rig and begin, or return the series of the same key.
 
-        Parameters
-        ----------
-        requests : sequence of DropRequest
-            In their order; at least one.
-        key : str
-            Idempotency key as stored: the same key gives the same series.
-        accepted : int
-            Abort epoch at which the request was received.
-
-        Returns
-        -------
-        Series
-            Running, or the one of the same key.
+        ``key`` is the idempotency key as stored, ``accepted`` the abort epoch at which the request
+        was received.
 
         Raises
         ------
@@ -200,10 +159,7 @@ class SeriesRunner:
     def reorder(self, ids: Sequence[int]) -> Series:
         """Make the planned drops in this order; those that are not named are taken out.
 
-        Raises
-        ------
-        SeriesRefusedError
-            If a name is twice in it, or is no drop that is still planned.
+        Raises SeriesRefusedError if an id is named twice, or is no drop that is still planned.
         """
         with self._changed:
             series = self._alive()
@@ -224,7 +180,7 @@ class SeriesRunner:
             return self._set(replace(self._alive(), state="paused", reason=f"{by} paused it."))
 
     def resume(self) -> Series:
-        """Go on with the next drop."""
+        """Continue with the next drop."""
         with self._changed:
             return self._set(replace(self._alive(), state="running", reason=""))
 
@@ -355,7 +311,7 @@ class SeriesRunner:
         return "" if series is None else series.key
 
     def _set(self, series: Series) -> Series:
-        """Take it as it is now; the caller holds the condition."""
+        """Replace the state of the series; the caller holds the condition."""
         self._series = series
         self._changed.notify_all()
         self._tell()

@@ -39,22 +39,10 @@ def grades() -> tuple[str, ...]:
 
 
 def diameter_tolerance_m(grade: str) -> float:
-    """Return the largest distance of a ball's diameter from the nominal one.
+    """Return the largest distance of a ball's diameter from the nominal one, for one of `grades`.
 
-    Parameters
-    ----------
-    grade : str
-        One of `grades`. The lot's gauge counts as unknown: it may be any of the preferred ones.
-
-    Returns
-    -------
-    float
-        Half the width of the rectangle. [m]
-
-    Raises
-    ------
-    KeyError
-        If there is no such grade.
+    It is half the width of the rectangle. The lot's gauge counts as unknown: it may be any of the
+    preferred ones. Raises KeyError if there is no such grade.
     """
     number = int(grade.removeprefix("G")) if grade in grades() else None
     if number in ISO_3290_UM:
@@ -67,5 +55,5 @@ def diameter_tolerance_m(grade: str) -> float:
 
 
 def rectangular_u(half_width: float) -> float:
-    """Return the standard uncertainty of what lies anywhere within a half-width."""
+    """Return the standard uncertainty of a value that lies anywhere within a half-width."""
     return half_width / math.sqrt(3)

@@ -1,4 +1,4 @@
-"""What is wrong with a settings file, in TOML paths and sentences."""
+"""The findings about a settings file, as TOML paths and sentences."""
 
 from __future__ import annotations
 
@@ -12,18 +12,12 @@ from pydantic import BaseModel
 
 @dataclass(frozen=True)
 class SettingsFinding:
-    """One thing that is wrong with a settings file.
-
-    Attributes
-    ----------
-    path_in_file : str
-        Dotted TOML path, empty for the file as a whole.
-    reason : str
-        What is wrong and what to do.
-    """
+    """One thing that is wrong with a settings file."""
 
     path_in_file: str
+    """Dotted TOML path, empty for the file as a whole."""
     reason: str
+    """What is wrong and what to do."""
 
     def __str__(self) -> str:
         return f"{self.path_in_file}: {self.reason}" if self.path_in_file else self.reason
@@ -32,16 +26,8 @@ class SettingsFinding:
 class SettingsError(Exception):
     """A settings file is missing or must not be used; it lists everything that is wrong.
 
-    Parameters
-    ----------
-    file : Path or None
-        The file, ``None`` when none was found.
-    path_in_file : str
-        Dotted TOML path of the first finding.
-    reason : str
-        Reason of the first finding.
-    findings : tuple of SettingsFinding
-        All findings, the first included.
+    ``file`` is ``None`` when none was found. ``path_in_file`` and ``reason`` are those of the first
+    of the ``findings``.
     """
 
     def __init__(
@@ -60,14 +46,9 @@ class SettingsError(Exception):
 
 
 def explain(detail: Any, root: type[BaseModel]) -> SettingsFinding:
-    """Turn one of pydantic's findings into a TOML path and a sentence.
+    """Return one of pydantic's ``ValidationError.errors()`` as a TOML path and a sentence.
 
-    Parameters
-    ----------
-    detail : dict
-        One of ``ValidationError.errors()``.
-    root : type of BaseModel
-        The model of the whole file.
+    ``root`` is the model of the whole file.
     """
     location = tuple(part for part in detail["loc"])
     path = ".".join(str(part) for part in location)

@@ -1,4 +1,4 @@
-"""How one key of the settings file is described: meaning, unit, limits, and where to take it from.
+"""The description of one key of the settings file: meaning, unit, limits, and its source.
 
 A key that must be measured, read off a certificate or looked up on the rig has no default, and
 its ``json_schema_extra["where"]`` says where its value comes from; the message for a missing key
@@ -48,7 +48,7 @@ class MeasuredValue(Section):
     u: float = key("Standard uncertainty (k = 1), in the unit of the key", gt=0)
 
     def quantity(self) -> Quantity:
-        """Return the same as an analysis value."""
+        """Return the value for the analysis."""
         # Imported here: whoever only makes the valve safe must not wait for numpy.
         from analysis.campaign import Quantity  # noqa: PLC0415
 

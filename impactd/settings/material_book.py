@@ -1,4 +1,4 @@
-"""The materials of a rig with what people changed since: who, when, and from what to what.
+"""The materials of a rig with their changes: who, when, and from what to what.
 
 ::
 
@@ -34,48 +34,27 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
 @dataclass(frozen=True)
 class MaterialChange:
-    """One change of one material.
-
-    Attributes
-    ----------
-    version : int
-        From 1; the book has this version after the change.
-    utc : str
-        When.
-    role : str
-        ``sphere`` or ``surface``.
-    before : dict or None
-        Its entry until then, ``None`` for a new one.
-    after : dict
-        Its entry since, in the keys of the materials file.
-    note : str
-        Why, in the words of whoever changed it.
-    """
+    """One change of one material."""
 
     version: int
+    """From 1; the book has this version after the change."""
     utc: str
     by: str
     role: Role
     name: str
     before: Json | None
+    """Its entry until then, ``None`` for a new one."""
     after: Json
+    """Its entry since, in the keys of the materials file."""
     note: str
+    """Why, in the words of whoever changed it."""
 
 
 class MaterialBook:
     """The materials of a rig, with their changes. Thread safe.
 
-    Parameters
-    ----------
-    file : Path
-        The materials file, which stays as it is.
-    directory : Path
-        Of the archive: the changes belong to the shots.
-
-    Raises
-    ------
-    SettingsError
-        If file or changes cannot be read.
+    The materials ``file`` stays as it is; the changes are kept in the archive's ``directory``, as
+    they belong to the shots. Raises SettingsError if file or changes cannot be read.
     """
 
     def __init__(self, file: Path, directory: Path) -> None:
@@ -107,7 +86,7 @@ class MaterialBook:
         return replace(materials_of(entries, self._file), version=version)
 
     def first_stated(self) -> Materials:
-        """Return every material as it was stated first: what a simulated rig is made from."""
+        """Return every material as it was stated first: a simulated rig is made from these."""
         entries = deepcopy(self._base)
         for one in self.changes:
             entries.setdefault(one.role, {}).setdefault(one.name, deepcopy(one.after))
@@ -118,8 +97,6 @@ class MaterialBook:
 
         Parameters
         ----------
-        role : str
-            ``sphere`` or ``surface``.
         name : str
             Letters, digits, ``_``, ``.`` and ``-``: it stands in requests and file names.
         entry : dict
@@ -159,7 +136,7 @@ class MaterialBook:
 
 
 def _refuse_impossible(role: Role, name: str, materials: Materials) -> None:
-    """Refuse a sphere of a density that nothing has: millimetres or grams were given."""
+    """Refuse a sphere of an impossible density: millimetres or grams were given."""
     if role == "sphere":
         sphere = materials.spheres[name]
         impossible = impossible_density(sphere.radius_m, sphere.mass_kg)

@@ -44,49 +44,27 @@ class UnknownMaterialError(Exception):
 
 @dataclass(frozen=True)
 class Materials:
-    """What a drop may name.
-
-    Attributes
-    ----------
-    reference_spheres, reference_surfaces : frozenset of str
-        Those whose modulus counts as known: calibrations may rest on them.
-    version : int
-        Changes since the materials file, see `impactd.settings.material_book`.
-    """
+    """The spheres and surfaces that a drop may name."""
 
     spheres: dict[str, Sphere]
     surfaces: dict[str, Surface]
     reference_spheres: frozenset[str] = field(default=frozenset())
+    """Those whose modulus counts as known: calibrations may use them."""
     reference_surfaces: frozenset[str] = field(default=frozenset())
     version: int = 0
+    """Changes since the materials file, see `impactd.settings.material_book`."""
 
     def check(self, sphere: str, surface: str) -> None:
-        """Raise `UnknownMaterialError` unless both are known.
-
-        Raises
-        ------
-        UnknownMaterialError
-            If one is not in the file.
-        """
+        """Raise `UnknownMaterialError` unless both are known."""
         if sphere not in self.spheres:
             raise UnknownMaterialError("sphere", sphere, tuple(self.spheres))
         if surface not in self.surfaces:
             raise UnknownMaterialError("surface", surface, tuple(self.surfaces))
 
     def why_no_reference(self, role: str, name: str) -> str | None:
-        """Return why a material cannot carry a calibration, ``None`` when it can.
+        """Return why a ``sphere`` or ``surface`` cannot carry a calibration, ``None`` if it can.
 
-        Parameters
-        ----------
-        role : str
-            ``sphere`` or ``surface``.
-        name : str
-            The material's name.
-
-        Returns
-        -------
-        str or None
-            The reason, ready for a message.
+        The reason is ready for a message.
         """
         known: Iterable[str] = self.spheres if role == "sphere" else self.surfaces
         references = self.reference_spheres if role == "sphere" else self.reference_surfaces
@@ -196,20 +174,8 @@ class _MaterialsFile(BaseModel):
 def load_materials(file: Path) -> Materials:
     """Return the spheres and surfaces of a materials file.
 
-    Parameters
-    ----------
-    file : Path
-        TOML with tables ``sphere.NAME`` and ``surface.NAME``, SI units in the key names.
-
-    Returns
-    -------
-    Materials
-        Ready for requests and for the analysis.
-
-    Raises
-    ------
-    SettingsError
-        If the file cannot be read, or a key is unknown, missing or wrong.
+    It is TOML with tables ``sphere.NAME`` and ``surface.NAME``, SI units in the key names. Raises
+    SettingsError if the file cannot be read, or a key is unknown, missing or wrong.
     """
     return materials_of(read_entries(file), file)
 
@@ -227,20 +193,7 @@ def read_entries(file: Path) -> dict[str, Any]:
 def materials_of(content: Mapping[str, Any], file: Path | None) -> Materials:
     """Return the spheres and surfaces of tables as a materials file holds them.
 
-    Parameters
-    ----------
-    content : mapping
-        Tables ``sphere`` and ``surface``, by name.
-
-    Returns
-    -------
-    Materials
-        Ready for requests and for the analysis.
-
-    Raises
-    ------
-    SettingsError
-        If a key is unknown, missing or wrong.
+    Raises SettingsError if a key is unknown, missing or wrong.
     """
     try:
         entries = _MaterialsFile.model_validate(content)

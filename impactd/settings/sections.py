@@ -184,11 +184,11 @@ class EnvironmentSection(Section):
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is always the same."""
+        """Whether both values are fixed in the settings."""
         return self.file is None and self.command is None
 
     def constant(self) -> Environment:
-        """Return what is always the same."""
+        """Return the fixed values."""
         # Imported here: whoever only makes the valve safe must not wait for numpy.
         from analysis.campaign import Environment  # noqa: PLC0415
 

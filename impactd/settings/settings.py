@@ -82,8 +82,8 @@ class Settings(Section):
     def snapshot(self) -> dict[str, Any]:
         """Return what a shot file keeps of the settings: JSON-ready, without secrets.
 
-        The simulation's section stays out: it would tell the analysis what it is to find out. So
-        does the certificate's: names and addresses do not belong in recordings.
+        The simulation's section stays out: it holds what the analysis is to find. So does the
+        certificate's: names and addresses do not belong in recordings.
         """
         kept = self.model_dump(mode="json", exclude={"simulation", "certificate"})
         kept["simulated"] = self.simulated
@@ -115,7 +115,9 @@ class Settings(Section):
 
 
 def load_settings(path: Path | None = None, *, data: Path | None = None) -> Settings:
-    """Return the settings of a file.
+    """Return the settings of a file, checked whole.
+
+    File names in it are absolute or as the working directory sees them.
 
     Parameters
     ----------
@@ -123,11 +125,6 @@ def load_settings(path: Path | None = None, *, data: Path | None = None) -> Sett
         The TOML file; ``None`` looks at ``$IMPACTD_CONFIG``, then ``/etc/impactd/impactd.toml``.
     data : Path, optional
         Folder of the archive, instead of the file's ``storage.directory``.
-
-    Returns
-    -------
-    Settings
-        Checked whole; file names in it are absolute or as the working directory sees them.
 
     Raises
     ------
@@ -150,22 +147,10 @@ def load_settings(path: Path | None = None, *, data: Path | None = None) -> Sett
 
 
 def find_config(name: str) -> Path:
-    """Return a file that came with the program, e.g. ``simulated.toml``.
+    """Return a file of ``config`` that came with the program, e.g. ``simulated.toml``.
 
-    Parameters
-    ----------
-    name : str
-        File name inside ``config``.
-
-    Returns
-    -------
-    Path
-        In a checkout beside the packages, else where the wheel put it.
-
-    Raises
-    ------
-    SettingsError
-        If it is in neither place.
+    In a checkout it is beside the packages, else where the wheel put it. Raises SettingsError if it
+    is in neither place.
     """
     places = (
         Path(__file__).resolve().parent.parent.parent / "config",
@@ -203,17 +188,10 @@ def _locate(path: Path | None) -> Path:
 
 
 def read_toml(path: Path | None) -> tuple[Path, dict[str, Any]]:
-    """Return where the settings are, and what is written there, unchecked.
+    """Return where the settings are, and their content, unchecked.
 
-    Parameters
-    ----------
-    path : Path or None
-        As in `load_settings`.
-
-    Raises
-    ------
-    SettingsError
-        If there is no such file, or it is not TOML.
+    ``path`` is as in `load_settings`. Raises SettingsError if there is no such file, or it is not
+    TOML.
     """
     file = _locate(path)
     try:

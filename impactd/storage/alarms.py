@@ -11,49 +11,31 @@ from impactd.storage.timestamp import utc_now
 
 @dataclass(frozen=True)
 class Alarm:
-    """Something that went wrong.
-
-    Attributes
-    ----------
-    id : int
-        [1]
-    kind : str
-        The event that raised it, e.g. ``rig.fault``.
-    remedy : str
-        What to do; may be empty.
-    times : int
-        How often it happened since it was first raised: a flapping device is one alarm.
-    first_utc, last_utc : str
-        When it happened first and last.
-    acknowledged_utc, acknowledged_by : str or None
-        When and by whom it was acknowledged; ``None`` while it is open.
-    """
+    """Something that went wrong."""
 
     id: int
     kind: str
+    """The event that raised it, e.g. ``rig.fault``."""
     sentence: str
     remedy: str
+    """May be empty."""
     times: int
+    """How often it happened since it was first raised: a flapping device is one alarm."""
     first_utc: str
     last_utc: str
     acknowledged_utc: str | None
+    """``None`` while it is open."""
     acknowledged_by: str | None
 
 
 class AlarmTable:
-    """The table of alarms; nothing is ever taken out of it."""
+    """The table of alarms; no row is ever deleted."""
 
     def __init__(self, index: Index) -> None:
         self._index = index
 
     def raise_alarm(self, kind: str, sentence: str, remedy: str) -> Alarm:
-        """Write an alarm; one that is open with the same words is counted once more.
-
-        Parameters
-        ----------
-        sentence, remedy : str
-            What happened and what to do.
-        """
+        """Write an alarm; an open one with the same words is counted once more."""
         now = utc_now()
         with self._index.transaction():
             row = self._index.row(
@@ -74,13 +56,7 @@ class AlarmTable:
         return self.get(number)
 
     def acknowledge(self, number: int, by: str) -> Alarm:
-        """Write who has seen an alarm; the first acknowledgement counts.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Write who has seen an alarm; the first acknowledgement counts. Raise NotFoundError."""
         self._index.write(
             "UPDATE alarms SET acknowledged_utc=?, acknowledged_by=? "
             "WHERE id=? AND acknowledged_utc IS NULL",
@@ -89,13 +65,7 @@ class AlarmTable:
         return self.get(number)
 
     def get(self, number: int) -> Alarm:
-        """Return one alarm.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Return one alarm; raise NotFoundError."""
         row = self._index.row("SELECT * FROM alarms WHERE id=?", (number,))
         if row is None:
             raise NotFoundError("alarm", number)

@@ -97,23 +97,8 @@ CALIBRATIONS_NAME = "calibrations"
 class Archive:
     """Drops, shots and everything that is known of them. Thread safe.
 
-    Open it with `Archive.open`; close it when done, or use it as a context manager.
-
-    Parameters
-    ----------
-    lock : int
-        Descriptor of the lock, held while the archive is open.
-    reserve_bytes : int
-        What must stay free on the disk before a new drop may begin. [B]
-    rescue_directory : Path or None
-        Where a record goes that this disk does not take; see `rescue.places`.
-
-    Attributes
-    ----------
-    jobs, fits, calibrations, comparisons, events, alarms, tokens, models : table
-        One table each; see their files.
-    diagnoses : DiagnosisStore
-        Finished diagnoses as files.
+    Open it with `Archive.open`; close it when done, or use it as a context manager. ``lock`` is the
+    descriptor of the lock, held while the archive is open. Each table has a file of its own.
     """
 
     def __init__(
@@ -152,8 +137,6 @@ class Archive:
 
         Parameters
         ----------
-        directory : Path
-            Created when absent.
         reserve_bytes : int
             What must stay free before a new drop may begin. [B]
         rescue_directory : Path or None
@@ -195,10 +178,7 @@ class Archive:
     def reindex(cls, directory: Path) -> ReindexReport:
         """Rebuild the index from journal and files; see `reindex.rebuild_index`.
 
-        Raises
-        ------
-        ArchiveError
-            If another process has the archive open.
+        Raises ArchiveError if another process has the archive open.
         """
         _make_folders(directory)
         lock = lock_archive(directory, alone=True)
@@ -208,7 +188,7 @@ class Archive:
             os.close(lock)
 
     def close(self) -> None:
-        """Give index and lock back; nothing is lost without it."""
+        """Close the index and release the lock; nothing is lost without it."""
         self._index.close()
         if self._lock is not None:
             os.close(self._lock)
@@ -250,19 +230,10 @@ class Archive:
         idempotency_key: str | None = None,
         calibration: int | None = None,
     ) -> tuple[Drop, bool]:
-        """Give a drop its number and its row, durably, before anything moves.
+        """Write a drop's number and row, durably, before anything moves.
 
-        Parameters
-        ----------
-        idempotency_key : str, optional
-            With its namespace (`request_key`): the same key and request give the old drop.
-        calibration : int, optional
-            The calibration run it belongs to.
-
-        Returns
-        -------
-        tuple of Drop and bool
-            The drop, and whether it was created now.
+        Return it, and whether it was created now: the same ``idempotency_key`` (with its namespace,
+        see `request_key`) and request give the old drop. ``calibration`` is the run it belongs to.
 
         Raises
         ------
@@ -290,7 +261,7 @@ class Archive:
         return self._drops.by_key(idempotency_key, request)
 
     def set_drop_state(self, number: int, state: str, problem: Problem | None = None) -> Drop:
-        """Move a drop on, durably; raise DropStateError when it has ended."""
+        """Write a drop's next state, durably; raise DropStateError when it has ended."""
         return self._drops.set_state(number, state, problem)
 
     def set_rebound_height(self, number: int, rebound_height_m: float, u_m: float) -> Drop:
@@ -310,15 +281,10 @@ class Archive:
         return self._drops.active()
 
     def interrupt_unfinished(self) -> list[Drop]:
-        """End what a dead daemon left under way; the daemon calls it at start-up.
+        """End the drops that a dead daemon left under way, and return them; called at start-up.
 
         A drop whose file was published before the end, or rescued to another disk, is stored: its
         shot is taken into the index. Every other one is interrupted: shown, and never fired again.
-
-        Returns
-        -------
-        list of Drop
-            The drops that were under way, as they are now.
         """
         return end_interrupted(self._index, self._store, self.rescue_directory)
 
@@ -327,15 +293,7 @@ class Archive:
     def store_shot(self, number: int, record: Record, metadata: ShotMetadata) -> Shot:
         """Store the record of a drop; return once it would survive a power cut.
 
-        Parameters
-        ----------
-        number : int
-            The drop; its shot gets the same number.
-
-        Returns
-        -------
-        Shot
-            Its row in the index; the drop is ``stored``.
+        The shot gets the drop's number, and the drop is ``stored``.
 
         Raises
         ------
@@ -366,11 +324,7 @@ class Archive:
         """Keep a record outside the archive that cannot be stored before the daemon ends.
 
         The drop stays under way: `interrupt_unfinished` of the next start takes its file back.
-
-        Raises
-        ------
-        ArchiveError
-            If no disk took it.
+        Raises ArchiveError if no disk took it.
         """
         path = self._store.path(number)
         if path.exists():  # only its row is missing
@@ -389,18 +343,7 @@ class Archive:
     def keep_partial(
         self, number: int, record: Record, metadata: ShotMetadata, reason: str
     ) -> Path:
-        """Keep a record that must not be used, as evidence beside the archive.
-
-        Parameters
-        ----------
-        reason : str
-            Why it must not be used.
-
-        Returns
-        -------
-        Path
-            The file, below ``partial/``.
-        """
+        """Keep a record that must not be used, as evidence in ``partial/``; ``reason`` says why."""
         noted = replace(metadata, notes=(*metadata.notes, f"NOT A SHOT: {reason}"))
         drop = self._drops.get(number)
         return self._store.publish_partial(number, recording_of(record), noted, drop)
@@ -441,7 +384,7 @@ class Archive:
         Raises
         ------
         NotFoundError
-            If there is none of that number.
+            If the index has no such shot.
         CorruptShotError
             If the file is missing, or its SHA-256 is not the one that was stored.
         """
@@ -450,7 +393,7 @@ class Archive:
     # In and out
 
     def import_campaign(self, path: Path) -> ImportReport:
-        """Take a campaign folder in; the same samples are taken once. See `import_folder`."""
+        """Import a campaign folder; the same samples are stored once. See `import_folder`."""
         return import_folder(path, known=self._shots.by_origin, store=self.store_import)
 
     def export(self, numbers: Sequence[int], form: str, out: Path) -> list[Path]:

@@ -13,7 +13,7 @@ M = TypeVar("M", Sphere, Surface)
 
 
 class MaterialNames(Protocol):
-    """The materials file, as far as it is needed here."""
+    """The part of the materials file that is needed here."""
 
     @property
     def spheres(self) -> Mapping[str, Sphere]:
@@ -31,27 +31,16 @@ def assemble_campaign(
     gravity_m_per_s2: float,
     speed_repeatability: float | None,
 ) -> Campaign:
-    """Return shots of the archive as one campaign.
+    """Return shots of the archive as one campaign, sorted by number and named ``shot 17``.
 
     Parameters
     ----------
-    shots : sequence of StoredShot
-        In any order.
     materials : MaterialNames or None
         Today's materials: for drops of this rig they win over what the files remember, so that
         a corrected mass reaches old shots. A name they do not know, and all of an import, is taken
         from the file.
-    sensor : Sensor
-        What is known of the load cell.
-    gravity_m_per_s2 : float
-        [m/s^2]
     speed_repeatability : float or None
         Relative standard deviation of the impact speed. [1]
-
-    Returns
-    -------
-    Campaign
-        Shots in the order of their numbers, named ``shot 17``.
 
     Raises
     ------
@@ -89,18 +78,7 @@ def _take(found: dict[str, M], remembered: M | None, today: Mapping[str, M]) -> 
 
 
 def campaign_shot(stored: StoredShot) -> Shot:
-    """Return one shot of the archive as the analysis sees it.
-
-    Parameters
-    ----------
-    stored : StoredShot
-        As read from its file.
-
-    Returns
-    -------
-    Shot
-        Named ``shot 17``.
-    """
+    """Return one shot of the archive as the analysis sees it, named ``shot 17``."""
     recording, metadata = stored.recording, stored.metadata
     return Shot(
         name=f"shot {stored.shot.number}",

@@ -36,37 +36,22 @@ Progress = Callable[[str, float], None]
 
 @dataclass(frozen=True)
 class BackupReport:
-    """What a backup holds.
-
-    Attributes
-    ----------
-    files : int
-        Without the manifest.
-    size_bytes : int
-        Their sum. [B]
-    """
+    """What a backup holds."""
 
     file: Path
     files: int
+    """Without the manifest."""
     size_bytes: int
+    """Of these files together. [B]"""
 
 
 def back_up(
     directory: Path, out: Path, progress: Progress = lambda text, share: None
 ) -> BackupReport:
-    """Write a backup of an archive; the daemon may work meanwhile.
+    """Write a backup of an archive to a new tar file; the daemon may work meanwhile.
 
-    Parameters
-    ----------
-    out : Path
-        The new tar file.
-    progress : callable, optional
-        Told what is being done and a share between 0 and 1.
-
-    Raises
-    ------
-    ArchiveError
-        If there is no archive, or the file exists.
+    ``progress`` hears what is being done and a share between 0 and 1. Raises ArchiveError if there
+    is no archive, or the file exists.
     """
     journal = directory / JOURNAL_NAME
     if not journal.is_file():
@@ -96,12 +81,7 @@ def back_up(
 
 
 def restore(file: Path, directory: Path) -> ReindexReport:
-    """Restore an archive from a backup, and rebuild its index.
-
-    Parameters
-    ----------
-    directory : Path
-        New, or empty.
+    """Restore an archive from a backup into a new or empty directory, and rebuild its index.
 
     Raises
     ------

@@ -29,37 +29,21 @@ _SELECT = (
 
 @dataclass(frozen=True)
 class Calibration:
-    """A calibration run.
-
-    Attributes
-    ----------
-    number : int
-        [1]
-    slot : str or None
-        The timer slot it belongs to: the same slot never runs twice.
-    plan : list of dict
-        The series: sphere, surface, drop_height_m, repeats.
-    owner : str
-        Who asked for it.
-    state : str
-        ``requested``, ``running``, ``fitting``, ``done`` or ``failed``.
-    drops : tuple of int
-        Numbers of its drops in their order.
-    result : dict or None
-        The joint fit, once done.
-    requested_utc : str
-        When it was asked for.
-    finished_utc, valid_until_utc : str or None
-        When it ended and until when it may be used.
-    """
+    """A calibration run."""
 
     number: int
     slot: str | None
+    """The timer slot it belongs to: the same slot never runs twice."""
     plan: list[dict[str, Any]]
+    """The series: sphere, surface, drop_height_m, repeats."""
     owner: str
+    """Name of the token that asked for it."""
     state: str
+    """``requested``, ``running``, ``fitting``, ``done`` or ``failed``."""
     drops: tuple[int, ...]
+    """Numbers of its drops, in order."""
     result: dict[str, Any] | None
+    """The joint fit, once done."""
     problem: Problem | None
     requested_utc: str
     finished_utc: str | None
@@ -74,10 +58,7 @@ class Calibration:
 class CalibrationTable:
     """The table of calibrations.
 
-    Parameters
-    ----------
-    directory : Path
-        Results are kept here too, one JSON file each, so that they outlive a lost index.
+    Results are kept in ``directory`` too, one JSON file each, so that they outlive a lost index.
     """
 
     def __init__(self, index: Index, directory: Path) -> None:
@@ -89,20 +70,9 @@ class CalibrationTable:
     ) -> tuple[Calibration, bool]:
         """Open a calibration, durably; a slot that was used before gives the old one.
 
-        Parameters
-        ----------
-        slot : str or None
-            The timer slot, or a client's idempotency key with the namespace of `request_key`.
-
-        Returns
-        -------
-        tuple of Calibration and bool
-            The calibration, and whether it was created now.
-
-        Raises
-        ------
-        IdempotencyConflictError
-            If the slot was used with another plan.
+        ``slot`` is the timer's slot, or a client's idempotency key with the namespace of
+        `request_key`. The second value says whether it was created now. Raises
+        IdempotencyConflictError if the slot was used with another plan.
         """
         with self._index.transaction():
             row = self._by_slot(slot) if slot else None
@@ -126,11 +96,11 @@ class CalibrationTable:
         return self._index.row(_SELECT + owned, (bare.key, bare.token))
 
     def set_state(self, number: int, state: str) -> Calibration:
-        """Move a calibration on (``running``, ``fitting``)."""
+        """Write the next state of a calibration (``running``, ``fitting``)."""
         return self._update(number, "state=?", (state,))
 
     def attach(self, number: int, drop: int) -> None:
-        """Say that a drop belongs to a calibration; `begin_drop(calibration=...)` does the same."""
+        """Write that a drop belongs to a calibration, as `begin_drop(calibration=...)` does."""
         self._index.write("UPDATE drops SET calibration=? WHERE number=?", (number, drop))
 
     def finish(self, number: int, result: dict[str, Any], valid_until_utc: str) -> Calibration:
@@ -148,10 +118,7 @@ class CalibrationTable:
     def restore(self) -> tuple[int, list[str]]:
         """Take the results that the index lacks from their files.
 
-        Returns
-        -------
-        tuple of int and list of str
-            How many were taken in, and which files could not be, and why.
+        Return how many were taken in, and which files could not be, and why.
         """
         taken, damaged = 0, []
         for path in self._paths():
@@ -216,13 +183,7 @@ class CalibrationTable:
         return None if row is None else _calibration_of(row)
 
     def get(self, number: int) -> Calibration:
-        """Return one calibration.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Return one calibration; raise NotFoundError."""
         row = self._index.row(_SELECT + "WHERE number=?", (number,))
         if row is None:
             raise NotFoundError("calibration", number)

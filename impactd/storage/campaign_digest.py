@@ -1,4 +1,4 @@
-"""What tells whether a campaign folder is still the one that a result was made from."""
+"""Whether a campaign folder is still the one that a result was made from."""
 
 from __future__ import annotations
 
@@ -12,10 +12,7 @@ from impactd.storage.campaign_folder import JSON_NAME, read_campaign_folder
 def campaign_files(path: Path) -> dict[str, str]:
     """Return the SHA-256 of ``campaign.json`` and of every shot's file, by name.
 
-    Parameters
-    ----------
-    path : Path
-        The folder or its ``campaign.json``; read once already, so that it is known to be whole.
+    The folder was read once already, so that it is known to be whole.
     """
     file = path / JSON_NAME if path.is_dir() else path
     names = {file.name, *(shot.file for shot in read_campaign_folder(path).shots)}

@@ -67,25 +67,18 @@ CALIBRATION_KEYS = ("number", "model", "finished_utc", "valid_until_utc", "senso
 
 @dataclass(frozen=True)
 class CampaignFolder:
-    """A folder as read: the campaign, and its raw samples.
-
-    Attributes
-    ----------
-    campaign : Campaign
-        As the analysis sees it: with the calibrated cell where the folder carries one.
-    certificate : Sensor
-        What was known of the load cell before any calibration.
-    shots : tuple of CampaignShot
-        The same shots in the same order.
-    """
+    """A folder as read: the campaign, and its raw samples."""
 
     campaign: Campaign
+    """As the analysis sees it: with the calibrated cell where the folder carries one."""
     shots: tuple[CampaignShot, ...]
+    """The shots of ``campaign``, in the same order."""
     certificate: Sensor
+    """What was known of the load cell before any calibration."""
 
 
 def read_campaign(path: Path, *, calibrated: bool = True) -> Campaign:
-    """Return a campaign folder as the analysis sees it.
+    """Return a campaign folder as the analysis sees it, refused shots under ``rejected``.
 
     Parameters
     ----------
@@ -95,11 +88,6 @@ def read_campaign(path: Path, *, calibrated: bool = True) -> Campaign:
         Whether the load cell is the one of the folder's ``calibration``, as a fit wants it. A
         diagnosis starts from the certificate: a calibration made under the model in question
         would vouch for it.
-
-    Returns
-    -------
-    Campaign
-        With refused shots under ``rejected``.
 
     Raises
     ------
@@ -111,39 +99,12 @@ def read_campaign(path: Path, *, calibrated: bool = True) -> Campaign:
 
 
 def load_campaign(path: str | os.PathLike[str]) -> Campaign:
-    """Return a campaign folder; what `analysis.load_campaign` calls. See `read_campaign`.
-
-    Parameters
-    ----------
-    path : str or path-like
-        The folder or its ``campaign.json``.
-
-    Returns
-    -------
-    Campaign
-        With refused shots under ``rejected``.
-
-    Raises
-    ------
-    CampaignError
-        If the folder cannot be used as a whole, or none of its shots can.
-    """
+    """Return a campaign folder; what `analysis.load_campaign` calls. See `read_campaign`."""
     return read_campaign(Path(path))
 
 
 def read_campaign_folder(path: Path) -> CampaignFolder:
-    """Return a campaign folder with its raw samples; see `read_campaign`.
-
-    Parameters
-    ----------
-    path : Path
-        The folder or its ``campaign.json``.
-
-    Raises
-    ------
-    CampaignError
-        If the folder cannot be used as a whole, or none of its shots can.
-    """
+    """Return a campaign folder with its raw samples; see `read_campaign`."""
     file = path / JSON_NAME if path.is_dir() else path
     _refuse_recordings(path, file)
     root = Fields(read_json(file), file=str(file), known=CAMPAIGN_KEYS)
@@ -168,7 +129,7 @@ def read_campaign_folder(path: Path) -> CampaignFolder:
 
 
 def _calibrated(root: Fields) -> Sensor | None:
-    """Return the cell that the folder's calibration found, ``None`` where it carries none."""
+    """Return the cell that the folder's calibration found, ``None`` where it has none."""
     if not root.has("calibration"):
         return None
     calibration = root.child("calibration", known=CALIBRATION_KEYS)
@@ -232,7 +193,7 @@ def _with_shots(root: Fields, header: Campaign, certificate: Sensor, file: Path)
 
 
 def _assumed(root: Fields, good: Sequence[CampaignShot]) -> tuple[str, ...]:
-    """Return what was taken to be so; without a drop height nothing rests on gravity."""
+    """Return the assumptions; without a drop height nothing depends on gravity."""
     if root.has("gravity_m_per_s2") or all(one.shot.drop_height_m is None for one in good):
         return ()
     return (
@@ -242,7 +203,7 @@ def _assumed(root: Fields, good: Sequence[CampaignShot]) -> tuple[str, ...]:
 
 
 def _called(value: object) -> str:
-    """Return how a shot that cannot be read is called: by its name, else by its file."""
+    """Return the name for a shot that cannot be read: its own, else its file's."""
     if not isinstance(value, dict):
         return ""
     told = (value.get("name"), value.get("file"))
@@ -301,28 +262,21 @@ def write_campaign(
     sources: Sequence[Mapping[str, object]] = (),
     calibration: Mapping[str, object] | None = None,
 ) -> Path:
-    """Write a campaign as a folder that `read_campaign` reads back.
+    """Write a campaign as a folder that `read_campaign` reads back; return its ``campaign.json``.
 
     Parameters
     ----------
     folder : Path
         Created when absent; it must not hold a ``campaign.json`` yet.
     campaign : Campaign
-        What to write. Rejected shots are not in it any more.
+        Its rejected shots are not written.
     recordings : tuple of Recording, optional
         The raw samples of its shots, in their order; without them the signals are written as
         floats in their unit.
-    assumptions : sequence of str, optional
-        Sentences on what was taken to be so.
     sources : sequence of mapping, optional
         For each shot more keys that say where it comes from.
     calibration : mapping, optional
         Keys of ``calibration``; the campaign's own sensor is the certificate then.
-
-    Returns
-    -------
-    Path
-        The ``campaign.json``.
 
     Raises
     ------

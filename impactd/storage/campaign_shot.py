@@ -52,42 +52,21 @@ SHOT_KEYS = (
 
 @dataclass(frozen=True)
 class CampaignShot:
-    """One shot of a folder, with its samples as they stand in the file.
-
-    Attributes
-    ----------
-    shot : Shot
-        As the analysis sees it.
-    recording : Recording
-        As the archive keeps it.
-    file : str
-        Its file; the shot's own name may be another.
-    """
+    """One shot of a folder, with its samples as they stand in the file."""
 
     shot: Shot
+    """As the analysis sees it."""
     recording: Recording
+    """As the archive keeps it."""
     file: str
+    """The name of its file; the shot's own name may be another."""
 
 
 def read_campaign_shot(fields: Fields, header: Campaign, folder: Path) -> CampaignShot:
     """Return one shot of a folder.
 
-    Parameters
-    ----------
-    fields : Fields
-        Its object in ``shots``.
-    header : Campaign
-        The materials it may name.
-
-    Returns
-    -------
-    CampaignShot
-        As the analysis and as the archive see it.
-
-    Raises
-    ------
-    CampaignError
-        At the first field that cannot be used.
+    ``fields`` is its object in ``shots``; ``header`` has the materials it may name. Raises
+    CampaignError at the first field that cannot be used.
     """
     name = fields.text("file")
     if name is None:

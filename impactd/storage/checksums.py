@@ -45,7 +45,7 @@ def first_columns(table: str) -> list[str]:
 
 
 def install(connection: sqlite3.Connection) -> None:
-    """Teach a connection the function that the triggers call."""
+    """Give a connection the function that the triggers call."""
     connection.create_function("row_digest", -1, _digest, deterministic=True)
 
 
@@ -55,13 +55,7 @@ def _digest(*values: object) -> int:
 
 
 def migration() -> tuple[str, ...]:
-    """Return the statements that give an index its checksums.
-
-    Returns
-    -------
-    tuple of str
-        For the index's list of migrations.
-    """
+    """Return the statements that give an index its checksums."""
     statements = [
         "CREATE TABLE row_digests (kind TEXT NOT NULL, row INTEGER NOT NULL, "
         "digest INTEGER NOT NULL, PRIMARY KEY (kind, row)) STRICT, WITHOUT ROWID"
@@ -73,12 +67,7 @@ def migration() -> tuple[str, ...]:
 
 
 def statements_of(table: str) -> Iterator[str]:
-    """Yield the statements that give one table its checksums.
-
-    Parameters
-    ----------
-    table : str
-        One of `COLUMNS`.
+    """Yield the statements that give a table of `COLUMNS` its checksums.
 
     Yields
     ------
@@ -120,12 +109,7 @@ def renewal(table: str, before: Sequence[str], after: Sequence[str]) -> str:
 def changed_rows(connection: sqlite3.Connection, table: str) -> Iterator[int]:
     """Yield the row ids that are not what was written, missing ones included.
 
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Any connection to an index, also one beside the program's own.
-    table : str
-        One of `COLUMNS`.
+    Any connection to an index will do, also one beside the program's own.
     """
     install(connection)
     # An index of an older version lacks what was added since.

@@ -1,4 +1,4 @@
-"""Does a record sit on a limit of the converter or of the amplifier?"""
+"""Whether a record reaches a limit of the converter or of the amplifier."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _CONVERTER_LIMITS = {
 
 
 def is_clipped(samples: NDArray[Any], *, quantum: float | None = None) -> bool:
-    """Return whether a record sits on a limit.
+    """Return whether a record reaches a limit.
 
     Three or more equal extreme samples in a row are the mark. At an end of a converter's codes that
     is enough. Elsewhere (an amplifier's limit) a smooth, coarsely quantised crest looks the same

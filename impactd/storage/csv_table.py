@@ -19,18 +19,7 @@ _FORMULA = re.compile("(^|[;\\t\\r\\n])([\\s\"'\\ufeff]*[=+\\-@\uff1d\uff0b\uff0
 
 
 def csv_line(cells: Iterable[object]) -> str:
-    """Return one line of CSV with its line end.
-
-    Parameters
-    ----------
-    cells : iterable of object
-        Numbers, texts, or ``None`` for an empty cell.
-
-    Returns
-    -------
-    str
-        Ends with ``\\r\\n`` (RFC 4180).
-    """
+    """Return one line of CSV, ending with ``\r\n`` (RFC 4180); ``None`` is an empty cell."""
     buffer = io.StringIO()
     csv.writer(buffer).writerow([_inert(one) for one in cells])
     return buffer.getvalue()

@@ -31,7 +31,7 @@ DIAGNOSES_NAME = "diagnoses"
 
 
 class DiagnosisStore:
-    """The files of diagnoses, and the way back from them into the index."""
+    """The files of diagnoses, and their way back into the index."""
 
     def __init__(self, index: Index, directory: Path) -> None:
         self._index = index
@@ -48,15 +48,8 @@ class DiagnosisStore:
     def publish(self, job: Job, model: NamedModel | None) -> Path:
         """Write a finished diagnosis durably, in the transaction that finishes its job.
 
-        Parameters
-        ----------
-        model : NamedModel or None
-            What was named for it.
-
-        Raises
-        ------
-        ArchiveError
-            If it cannot be written; the transaction then leaves nothing behind.
+        ``model`` is what was named for it. Raises ArchiveError if it cannot be written; the
+        transaction then leaves nothing behind.
         """
         record = {
             "format": FORMAT,
@@ -69,17 +62,9 @@ class DiagnosisStore:
         return path
 
     def read(self, path: Path) -> Json:
-        """Return the record of a file.
+        """Return the record of a file: ``format``, ``job`` and ``named_model``.
 
-        Returns
-        -------
-        dict
-            ``format``, ``job`` and ``named_model``.
-
-        Raises
-        ------
-        ArchiveError
-            If it is not what was written.
+        Raises ArchiveError if it is not what was written.
         """
         try:
             kept = json.loads(read_regular_file(path, SEALED_LIMIT_BYTES))
@@ -100,11 +85,8 @@ class DiagnosisStore:
     def restore(self) -> tuple[int, list[str]]:
         """Take in what the index lacks, and write files for diagnoses that only the index has.
 
-        Returns
-        -------
-        tuple of int and list of str
-            How many were taken in, and which files could not be, and why. Their numbers are not
-            given out again all the same.
+        Return how many were taken in, and which files could not be, and why. Their numbers are not
+        given out again all the same.
         """
         taken, damaged = 0, []
         for path in self.paths():
@@ -170,7 +152,7 @@ class DiagnosisStore:
         return new
 
     def _never_again(self, path: Path) -> None:
-        """Keep the number of a file that cannot be read from being given out again."""
+        """Reserve the number of a file that cannot be read, so that it is not given out again."""
         number = int(path.stem)
         with self._index.transaction():
             self._index.write(

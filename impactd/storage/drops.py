@@ -23,67 +23,43 @@ _SELECT = (
 
 @dataclass(frozen=True)
 class DropRequest:
-    """The request of a drop.
-
-    Attributes
-    ----------
-    sphere, surface : str
-        Names in the materials file.
-    drop_height_m : float
-        Fall height of the sphere's lowest point. [m]
-    operator : str
-        Who hangs the sphere.
-    environment : Environment or None
-        As the technician read it; it counts instead of the settings' way.
-    """
+    """The request of a drop."""
 
     sphere: str
     surface: str
     drop_height_m: float
+    """Fall height of the sphere's lowest point. [m]"""
     operator: str
+    """Who hangs the sphere."""
     environment: Environment | None = None
+    """As the technician read it; it counts instead of what the settings say."""
 
 
 @dataclass(frozen=True)
 class Drop:
-    """A request and what became of it.
-
-    Attributes
-    ----------
-    number : int
-        Short, starts at 1, never used twice; also the number of its shot.
-    state : str
-        One of ``ACTIVE_STATES`` or ``FINAL_STATES``; ``stored`` may still become ``analysed``.
-    request : DropRequest
-        What was asked for.
-    owner : str
-        Name of the token that asked.
-    shot : int or None
-        Its shot once that is durable.
-    problem : Problem or None
-        Why it failed; on a stored drop, why it could not be analysed.
-    requested_utc, updated_utc : str
-        When it was asked for and when its state last changed.
-    calibration : int or None
-        The calibration run it belongs to.
-    idempotency_key : str or None
-        As it is stored: with the namespace of `request_key`.
-    rebound_height_m, u_rebound_height_m : float or None
-        How high the sphere came back, as somebody entered it, and its standard uncertainty. [m]
-    """
+    """A request and what became of it."""
 
     number: int
+    """Short, from 1, never used twice; also the number of its shot."""
     state: str
+    """One of ``ACTIVE_STATES`` or ``FINAL_STATES``; ``stored`` may still become ``analysed``."""
     request: DropRequest
     owner: str
+    """Name of the token that asked."""
     shot: int | None
+    """Its shot once that is durable."""
     problem: Problem | None
+    """Why it failed; on a stored drop, why it could not be analysed."""
     requested_utc: str
     updated_utc: str
     calibration: int | None
+    """The calibration run it belongs to."""
     idempotency_key: str | None
+    """As it is stored: with the namespace of `request_key`."""
     rebound_height_m: float | None = None
+    """How high the sphere came back, as somebody entered it. [m]"""
     u_rebound_height_m: float | None = None
+    """Its standard uncertainty. [m]"""
 
     @property
     def client_key(self) -> str | None:
@@ -166,22 +142,10 @@ class DropTable:
             return self.get(number)
 
     def by_key(self, key: str, request: DropRequest) -> Drop | None:
-        """Return the drop of an idempotency key; one without namespace is its owner's alone.
+        """Return the drop of an idempotency key, ``None`` when the key is new.
 
-        Parameters
-        ----------
-        request : DropRequest
-            What the client asks for now.
-
-        Returns
-        -------
-        Drop or None
-            ``None`` when the key is new.
-
-        Raises
-        ------
-        IdempotencyConflictError
-            If the key belongs to another request.
+        A key without namespace is its owner's alone. Raises IdempotencyConflictError if the key
+        belongs to another request.
         """
         row = self._index.row(_SELECT + "WHERE idempotency_key=?", (key,)) or self._by_bare(key)
         if row is None:
@@ -199,13 +163,7 @@ class DropTable:
         return self._index.row(_SELECT + owned, (bare.key, bare.token))
 
     def get(self, number: int) -> Drop:
-        """Return one drop.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Return one drop; raise NotFoundError."""
         row = self._index.row(_SELECT + "WHERE drops.number=?", (number,))
         if row is None:
             raise NotFoundError("drop", number)
@@ -236,7 +194,7 @@ class DropTable:
         return [_drop_of(row) for row in rows]
 
     def set_state(self, number: int, state: str, problem: Problem | None = None) -> Drop:
-        """Move a drop on.
+        """Write the next state of a drop.
 
         Raises
         ------
@@ -244,7 +202,7 @@ class DropTable:
             If the state is unknown, or the drop has ended and is not going from ``stored`` to
             ``analysed`` (or back to ``stored``, when a repeated fit fails).
         NotFoundError
-            If there is none of that number.
+            If the index has no such drop.
         """
         with self._index.transaction():
             drop = self.get(number)

@@ -38,15 +38,7 @@ class ArchiveError(Exception):
 
 
 class StorageFullError(ArchiveError):
-    """The disk is full, or its reserve would be touched.
-
-    Parameters
-    ----------
-    free_bytes : int
-        What the file system still offers. [B]
-    needed_bytes : int
-        What was needed, the reserve included. [B]
-    """
+    """The disk is full, or its reserve would be touched; ``needed_bytes`` includes the reserve."""
 
     def __init__(self, directory: str, *, free_bytes: int, needed_bytes: int) -> None:
         self.directory = directory
@@ -62,14 +54,9 @@ class StorageFullError(ArchiveError):
 
 
 class NotFoundError(ArchiveError):
-    """Nothing of that kind has that number.
+    """Nothing of that kind has that number or name.
 
-    Parameters
-    ----------
-    kind : str
-        ``drop``, ``shot``, ``fit``, ``job``, ``calibration`` or ``token``.
-    number : int or str
-        The number, or the name, asked for.
+    ``kind`` is ``drop``, ``shot``, ``fit``, ``job``, ``calibration`` or ``token``.
     """
 
     def __init__(self, kind: str, number: int | str) -> None:
@@ -91,13 +78,7 @@ class CorruptShotError(ArchiveError):
 
 
 class DropStateError(ArchiveError):
-    """A drop cannot go from its state to that one.
-
-    Parameters
-    ----------
-    wanted : str
-        The state that was asked for.
-    """
+    """A drop cannot go from its state to that one."""
 
     def __init__(self, number: int, state: str, wanted: str) -> None:
         self.number = number

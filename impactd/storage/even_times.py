@@ -1,7 +1,7 @@
 """The sampling rate of a column of times, as instruments print them.
 
 An export rounds: at 25.6 kHz and steps of 10 us the times lie up to 5 us beside where the samples
-were taken. Such times are even; how far they may lie off is what the printing itself explains.
+were taken. Such times are even; the step of the printing says how far they may lie off.
 """
 
 from __future__ import annotations
@@ -27,30 +27,20 @@ _GRIDS = tuple(m * 10.0**e for e in range(0, -10, -1) for m in (1.0, 0.5, 0.2))
 
 @dataclass(frozen=True)
 class EvenTimes:
-    """A rate, and what was seen of the times.
-
-    Attributes
-    ----------
-    rate : float
-        Samples by unit of the times.
-    u_rate : float
-        Standard uncertainty that rounded times leave; 0 where they are printed finely enough.
-    grid : float or None
-        Step that the times are rounded to, where that is coarse beside a sample's time.
-    """
+    """The sampling rate that a column of times has."""
 
     rate: float
+    """Samples per unit of the times."""
     u_rate: float = 0.0
+    """Standard uncertainty that rounded times leave; 0 where they are printed finely enough."""
     grid: float | None = None
+    """Step that the times are rounded to, where that is coarse beside a sample's time."""
 
 
 class UnevenTimesError(ValueError):
-    """Times are not those of evenly taken samples; the message continues a sentence on them.
+    """The times are not those of evenly taken samples, from ``row`` (counted from 1) on.
 
-    Parameters
-    ----------
-    row : int
-        Where, counted from 1.
+    The message continues a sentence about them.
     """
 
     def __init__(self, reason: str, row: int) -> None:
@@ -60,22 +50,10 @@ class UnevenTimesError(ValueError):
 
 
 def find_rate(times: NDArray[np.float64]) -> EvenTimes:
-    """Return the rate of times that rise evenly.
+    """Return the rate of times that rise evenly, and its uncertainty from their rounding.
 
-    Parameters
-    ----------
-    times : ndarray, shape (n,)
-        In any unit, n >= 2, finite.
-
-    Returns
-    -------
-    EvenTimes
-        Rate and what the printing leaves open of it.
-
-    Raises
-    ------
-    UnevenTimesError
-        If the times do not rise, or do not rise evenly.
+    ``times`` are n >= 2 finite values in any unit. Raises UnevenTimesError if they do not rise, or
+    do not rise evenly.
     """
     count = times.size
     span = float(times[-1] - times[0])

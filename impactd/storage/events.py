@@ -14,23 +14,13 @@ KEPT_EVENTS = 100_000
 
 @dataclass(frozen=True)
 class Event:
-    """Something that happened.
-
-    Attributes
-    ----------
-    id : int
-        Grows by time; SSE clients send the last one they saw.
-    utc : str
-        When.
-    kind : str
-        E.g. ``drop.stored``.
-    data : dict
-        JSON.
-    """
+    """Something that happened."""
 
     id: int
+    """Grows with time; SSE clients send the last one they saw."""
     utc: str
     kind: str
+    """E.g. ``drop.stored``."""
     data: dict[str, Any]
 
 
@@ -61,20 +51,7 @@ class EventTable:
     def latest(
         self, *, limit: int, before: int | None = None, kinds: Sequence[str] = ()
     ) -> list[Event]:
-        """Return events, newest first.
-
-        Parameters
-        ----------
-        before : int, optional
-            Only numbers below this one (the next page).
-        kinds : sequence of str, optional
-            Only these kinds; all of them without it.
-
-        Returns
-        -------
-        list of Event
-            May be empty.
-        """
+        """Return events, newest first: those below ``before``, of ``kinds`` if any are named."""
         marks = ", ".join("?" * len(kinds))
         chosen = f"kind IN ({marks})" if kinds else "1"
         rows = self._index.rows(

@@ -39,24 +39,15 @@ _CSV_COLUMNS = {
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What came of an import.
-
-    Attributes
-    ----------
-    folder : str
-        Where it came from.
-    numbers : tuple of int
-        Shots that were stored now.
-    already : tuple of int
-        Shots that were there from an earlier import of the same samples.
-    rejected : tuple of Rejected
-        Shots that were refused, and why.
-    """
+    """The outcome of an import."""
 
     folder: str
     numbers: tuple[int, ...]
+    """Shots that were stored now."""
     already: tuple[int, ...]
+    """Shots that were there from an earlier import of the same samples."""
     rejected: tuple[Rejected, ...]
+    """Shots that were refused, and why."""
 
 
 def import_folder(
@@ -65,24 +56,10 @@ def import_folder(
     known: Callable[[str], Shot | None],
     store: Callable[[Recording, ShotMetadata], Shot],
 ) -> ImportReport:
-    """Take the shots of a campaign folder into an archive.
+    """Store the shots of a campaign folder (or its ``campaign.json``) in an archive.
 
-    Parameters
-    ----------
-    path : Path
-        The folder or its ``campaign.json``.
-    known : callable
-        The shot that was imported from an origin before, or ``None``.
-
-    Returns
-    -------
-    ImportReport
-        New shots, known ones and refused ones.
-
-    Raises
-    ------
-    CampaignError
-        If the folder cannot be used as a whole.
+    ``known`` gives the shot that was imported from an origin before, or ``None``. Raises
+    CampaignError if the folder cannot be used as a whole.
     """
     folder = read_campaign_folder(path)
     place = path if path.is_dir() else path.parent
@@ -120,27 +97,22 @@ def _metadata(one: CampaignShot, folder: CampaignFolder, place: str) -> ShotMeta
 
 
 def _around(shot: Recorded, campaign: Campaign) -> Environment | None:
-    """Return what the shot says, completed by what is said of the whole campaign."""
+    """Return the shot's environment, completed by that of the whole campaign."""
     if shot.environment is None:
         return campaign.environment
     return shot.environment.completed_by(campaign.environment)
 
 
 def export_shots(shots: Sequence[StoredShot], form: str, out: Path) -> list[Path]:
-    """Write shots for other programs.
+    """Write shots for other programs; return the files, in the order of the shots.
 
     Parameters
     ----------
     form : str
-        ``csv`` (``time_s,volts`` and a json beside it), ``npz`` (codes, signal, time and facts) or
-        ``campaign`` (a folder that `import_folder` reads).
+        ``csv`` (``time_s,volts`` and a json beside it), ``npz`` (codes, signal, time and metadata)
+        or ``campaign`` (a folder that `import_folder` reads; its ``campaign.json`` is returned).
     out : Path
         A directory; created when absent.
-
-    Returns
-    -------
-    list of Path
-        The files, in the order of the shots; for a campaign its ``campaign.json``.
 
     Raises
     ------
@@ -168,22 +140,10 @@ def _export_campaign(shots: Sequence[StoredShot], out: Path) -> Path:
 
 
 def archive_campaign(shots: Sequence[StoredShot]) -> Campaign:
-    """Return shots as a campaign with what their files remember, nothing newer.
+    """Return shots (at least one) as a campaign with what their files remember, nothing newer.
 
-    Parameters
-    ----------
-    shots : sequence of StoredShot
-        At least one.
-
-    Returns
-    -------
-    Campaign
-        With the sensor of the first shot.
-
-    Raises
-    ------
-    ArchiveError
-        If they do not share gravity, release and load cell, or describe a material differently.
+    The sensor is that of the first shot. Raises ArchiveError if the shots do not share gravity,
+    release and load cell, or describe a material differently.
     """
     first = shots[0].metadata
     for one in shots[1:]:
@@ -209,13 +169,7 @@ def _facts(one: StoredShot) -> dict[str, object]:
 
 
 def csv_text(one: StoredShot) -> str:
-    """Return a shot's samples as text.
-
-    Returns
-    -------
-    str
-        A header line, then time from the trigger [s] and signal [its unit], one sample per line.
-    """
+    """Return a header line, then time from the trigger [s] and signal [its unit] of each sample."""
     buffer = io.StringIO()
     buffer.write(csv_line(("time_s", _CSV_COLUMNS[one.recording.quantity])).replace("\r\n", "\n"))
     np.savetxt(

@@ -15,48 +15,24 @@ from impactd.storage.timestamp import utc_now
 
 @dataclass(frozen=True)
 class Fit:
-    """A result of the analysis.
-
-    Attributes
-    ----------
-    id : int
-        [1]
-    shot : int or None
-        The shot, ``None`` for a joint fit.
-    model : str
-        E.g. ``kv``.
-    calibration : int or None
-        The calibration of the load cell that was used.
-    job : int or None
-        The job that made it.
-    result : dict
-        As JSON carries it.
-    created_utc : str
-        When it was written.
-    """
+    """A result of the analysis."""
 
     id: int
     shot: int | None
+    """``None`` for a joint fit."""
     model: str
+    """E.g. ``kv``."""
     calibration: int | None
+    """The calibration of the load cell that was used."""
     job: int | None
+    """The job that made it."""
     result: dict[str, Any]
     created_utc: str
 
 
 @dataclass(frozen=True)
 class ShotFit:
-    """A fit of one shot, with what decides whether it counts.
-
-    Attributes
-    ----------
-    sha256, started_utc, source : str
-        As in its row.
-    clipped : bool
-        The record sits on a limit.
-    series : int or None
-        The calibration run that its drop belongs to.
-    """
+    """A fit of one shot, with the columns of its shot that decide whether it counts."""
 
     fit: Fit
     number: int
@@ -64,7 +40,9 @@ class ShotFit:
     started_utc: str
     source: str
     clipped: bool
+    """Whether the record reaches a limit of the converter or the amplifier."""
     series: int | None
+    """The calibration run that its drop belongs to."""
     environment: Environment | None = None
 
 
@@ -93,13 +71,7 @@ class FitTable:
         return self.get(number)
 
     def not_in_run(self, run: str, *, after: int = 0, limit: int = 1000) -> list[int]:
-        """Return the next shots that a re-fit has not done.
-
-        Returns
-        -------
-        list of int
-            Shots, in the order of their numbers.
-        """
+        """Return the numbers of the next shots that a re-fit has not done, in order."""
         rows = self._index.rows(
             "SELECT number FROM shots WHERE number > ? AND NOT EXISTS "
             "(SELECT 1 FROM fits WHERE fits.run = ? AND fits.shot = shots.number) "
@@ -113,7 +85,7 @@ class FitTable:
         return self._index.number("SELECT count(DISTINCT shot) FROM fits WHERE run = ?", (run,))
 
     def rows_in_run(self, run: str) -> int:
-        """Return how many fits a re-fit has written: shots times models, were all well."""
+        """Return how many fits a re-fit has written: one per shot and model, unless some failed."""
         return self._index.number("SELECT count(*) FROM fits WHERE run = ?", (run,))
 
     def count_not_in_run(self, run: str) -> int:
@@ -125,13 +97,7 @@ class FitTable:
         )
 
     def get(self, number: int) -> Fit:
-        """Return one fit.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Return one fit; raise NotFoundError."""
         row = self._index.row("SELECT * FROM fits WHERE id=?", (number,))
         if row is None:
             raise NotFoundError("fit", number)
@@ -153,17 +119,7 @@ class FitTable:
     def of_shots(self, model: str, *, after: int, last: int) -> list[ShotFit]:
         """Return the fits of single shots under one model, with what the index knows of the shots.
 
-        Parameters
-        ----------
-        model : str
-            E.g. ``kv``.
-        after, last : int
-            Only ids above the one, up to the other.
-
-        Returns
-        -------
-        list of ShotFit
-            In the order of their ids, which is that of writing.
+        Only ids above ``after``, up to ``last``, in their order, which is that of writing.
         """
         rows = self._index.rows(
             "SELECT fits.*, shots.sha256, shots.started_utc, shots.source, shots.clipped, "
@@ -190,10 +146,7 @@ class FitTable:
     def noise_of_newest(self, limit: int) -> list[tuple[int, str, float]]:
         """Return number, start and noise before the trigger [V rms] of the newest own shots.
 
-        Returns
-        -------
-        list of tuple
-            Oldest first; shots without a fit that tells it are left out.
+        Oldest first; shots whose fits do not state the noise are left out.
         """
         rows = self._index.rows(
             "SELECT number, started_utc, (SELECT json_extract(result, '$.noise_rms') FROM fits "

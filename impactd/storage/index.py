@@ -1,14 +1,14 @@
-"""The SQLite file behind all tables: connections, transactions, what is wrong with it.
+"""The SQLite file behind all tables: connections, transactions, integrity.
 
 It is an index and a job table, never the truth: that are the shot files and the journal, and
 ``reindex`` rebuilds this file from them.
 
 Three connections serve all threads of a process, each behind its own lock, so that no connection is
 left behind by a thread pool: one writes and waits for the disk at every commit, one only reads and
-never waits for it, and one only looks tokens up, so that no long query keeps anybody from being
-let in. A thread inside a transaction reads what it has just written. Other processes (``impactd
-token create`` beside a running daemon) have their own connections; WAL and the busy timeout let
-them share.
+never waits for it, and one only looks tokens up, so that a long query delays nobody's login. A
+thread inside a transaction reads what it has just written. Other processes (``impactd token
+create`` beside a running daemon) have their own connections; WAL and the busy timeout let them
+share.
 """
 
 from __future__ import annotations
@@ -185,18 +185,9 @@ class Index:
     def transaction(self, timeout_s: float | None = None) -> Iterator[None]:
         """Hold the write lock; commit durably at the end, roll back on any error.
 
-        Inner transactions join the outer one.
-
-        Parameters
-        ----------
-        timeout_s : float, optional
-            How long to wait for the lock, in this process and for others together; without it,
-            other processes are waited for 10 s, and threads of this one until they are done. [s]
-
-        Raises
-        ------
-        ArchiveError
-            If the lock was not free in time.
+        Inner transactions join the outer one. The lock is waited for ``timeout_s`` at most, then
+        ArchiveError is raised; without it, other processes are waited for 10 s, and threads of this
+        one until they are done.
         """
         with self._locked(timeout_s) as left_s, self._translated():
             if self._depth == 0:
@@ -217,7 +208,7 @@ class Index:
 
     @contextmanager
     def _locked(self, timeout_s: float | None) -> Iterator[float]:
-        """Hold the lock of this process's writers; give what is left of the time."""
+        """Hold the lock of this process's writers; yield what is left of the time."""
         began_s = time.monotonic()
         if not self._lock.acquire(timeout=-1 if timeout_s is None else timeout_s):
             raise self._no_answer(f"another thread has been writing for {timeout_s:g} s")
@@ -247,17 +238,9 @@ class Index:
             raise
 
     def write(self, sql: str, values: Sequence[object] = ()) -> int:
-        """Run one statement in a transaction.
+        """Run one statement with ``?`` for each value, in a transaction.
 
-        Parameters
-        ----------
-        sql : str
-            One statement with ``?`` for each value.
-
-        Returns
-        -------
-        int
-            The row id of an INSERT, else the number of rows changed.
+        Return the row id of an INSERT, else the number of rows changed.
         """
         with self.transaction():
             collected = self._journaling.count()
@@ -272,33 +255,11 @@ class Index:
             return cursor.rowcount
 
     def rows(self, sql: str, values: Sequence[object] = ()) -> list[sqlite3.Row]:
-        """Return all rows of a query.
-
-        Parameters
-        ----------
-        sql : str
-            One SELECT with ``?`` for each value.
-
-        Returns
-        -------
-        list of sqlite3.Row
-            May be empty.
-        """
+        """Return all rows of one SELECT with ``?`` for each value."""
         return self._read(self._reader, self._reading, sql, values)
 
     def token_rows(self, sql: str, values: Sequence[object] = ()) -> list[sqlite3.Row]:
-        """Return the rows of a short query, whatever other readers are at.
-
-        Parameters
-        ----------
-        sql : str
-            One SELECT with ``?`` for each value, answered by a key.
-
-        Returns
-        -------
-        list of sqlite3.Row
-            May be empty.
-        """
+        """Return the rows of a SELECT that a key answers, without waiting for other readers."""
         return self._read(self._tokens, self._looking_up, sql, values)
 
     def _read(
@@ -315,29 +276,12 @@ class Index:
             return connection.execute(sql, tuple(values)).fetchall()
 
     def row(self, sql: str, values: Sequence[object] = ()) -> sqlite3.Row | None:
-        """Return the first row of a query.
-
-        Parameters
-        ----------
-        sql : str
-            One SELECT with ``?`` for each value.
-
-        Returns
-        -------
-        sqlite3.Row or None
-            ``None`` when there is none.
-        """
+        """Return the first row of a SELECT, ``None`` when there is none."""
         found = self.rows(sql, values)
         return found[0] if found else None
 
     def number(self, sql: str, values: Sequence[object] = ()) -> int:
-        """Return the first column of the first row as an integer, 0 where there is none.
-
-        Parameters
-        ----------
-        sql : str
-            One SELECT with ``?`` for each value.
-        """
+        """Return the first column of the first row as an integer, 0 where there is none."""
         found = self.row(sql, values)
         return int(found[0] or 0) if found is not None else 0
 
@@ -389,7 +333,7 @@ class Index:
             yield self._connection
 
     def close(self) -> None:
-        """Give the files back."""
+        """Close the connections and the journal."""
         with self._lock, self._reading, self._looking_up:
             self._journaling.close()
             for connection in (self._tokens, self._reader, self._connection):
@@ -397,34 +341,15 @@ class Index:
 
 
 def as_text(value: object) -> str:
-    """Return JSON text for a column; NaN and Infinity are refused, as everywhere in this program.
+    """Return a value as compact JSON with sorted keys, so that equal values give equal text.
 
-    Parameters
-    ----------
-    value : object
-        Anything JSON can say.
-
-    Returns
-    -------
-    str
-        Compact, with sorted keys, so that equal values give equal text.
+    NaN and Infinity are refused, as everywhere in this program.
     """
     return json.dumps(value, allow_nan=False, sort_keys=True, separators=(",", ":"))
 
 
 def from_text(text: str) -> Any:
-    """Return the value of a column that `as_text` wrote.
-
-    Parameters
-    ----------
-    text : str
-        JSON.
-
-    Raises
-    ------
-    ArchiveError
-        If it is no JSON any more.
-    """
+    """Return the value of a column that `as_text` wrote; raise ArchiveError if it is no JSON."""
     try:
         return json.loads(text)
     except (ValueError, TypeError) as error:

@@ -1,4 +1,4 @@
-"""Is the archive what it says it is?"""
+"""Checks that an archive holds what was written."""
 
 from __future__ import annotations
 
@@ -18,18 +18,12 @@ from impactd.storage.shots import ShotTable
 
 @dataclass(frozen=True)
 class VerifyFinding:
-    """What was found about one thing.
-
-    Attributes
-    ----------
-    subject : str
-        ``shot 17``, a file, ``index`` or ``journal``.
-    problem : str or None
-        What is wrong; ``None`` when it is sound.
-    """
+    """The finding about one part of the archive."""
 
     subject: str
+    """``shot 17``, a file, ``index`` or ``journal``."""
     problem: str | None
+    """``None`` when it is sound."""
 
 
 def verify_archive(

@@ -25,55 +25,35 @@ COMPARE = "compare_shot"
 
 @dataclass(frozen=True)
 class Job:
-    """A piece of work for the worker.
-
-    Attributes
-    ----------
-    id : int
-        [1]
-    kind : str
-        ``compare_shot``, ``fit_shot``, ``fit_campaign``, ``calibrate`` or ``diagnose``.
-    payload : dict
-        What the task needs, JSON.
-    subject : str
-        What it is about, for people: ``shot 17``.
-    state : str
-        ``queued``, ``running``, ``done``, ``failed`` or ``cancelled``.
-    attempts : int
-        How often it was started.
-    result : dict or None
-        What the task returned.
-    reason : str or None
-        Why it failed, or why its first attempt did.
-    created_utc : str
-        When it was asked for.
-    started_utc, finished_utc : str or None
-        When it was last started and when it ended.
-    key : str or None
-        The idempotency key as it is stored: with the namespace of `request_key`.
-    """
+    """A piece of work for the worker."""
 
     id: int
     kind: str
+    """``compare_shot``, ``fit_shot``, ``fit_campaign``, ``calibrate`` or ``diagnose``."""
     payload: dict[str, Any]
+    """What the task needs, JSON."""
     subject: str
+    """What it is about, for people: ``shot 17``."""
     state: str
+    """``queued``, ``running``, ``done``, ``failed`` or ``cancelled``."""
     attempts: int
+    """How often it was started."""
     result: dict[str, Any] | None
     reason: str | None
+    """Why it failed, or why its first attempt did."""
     created_utc: str
     started_utc: str | None
+    """When it was last started."""
     finished_utc: str | None
     key: str | None
+    """The idempotency key as it is stored: with the namespace of `request_key`."""
 
 
 class JobTable:
     """The table of jobs.
 
-    Attributes
-    ----------
-    arrival : threading.Event
-        Set whenever this process adds a job; whoever runs them clears it and need not poll.
+    ``arrival`` is set whenever this process adds a job; whoever runs them clears it and need not
+    poll.
     """
 
     def __init__(self, index: Index) -> None:
@@ -85,10 +65,7 @@ class JobTable:
     ) -> Job:
         """Add a job, durably; with a known key, return the job of that key.
 
-        Raises
-        ------
-        IdempotencyConflictError
-            If the key belongs to another job.
+        Raises IdempotencyConflictError if the key belongs to another job.
         """
         text = as_text(payload)
         with self._index.transaction():
@@ -119,10 +96,7 @@ class JobTable:
     def claim(self, *, prompt: bool = False) -> Job | None:
         """Take the oldest job that waits, ``None`` when none does.
 
-        Parameters
-        ----------
-        prompt : bool
-            Of those of the kind `COMPARE`, else of all others.
+        With ``prompt``, only those of the kind `COMPARE`; without, all others.
         """
         waiting = "SELECT id FROM jobs WHERE state='queued' AND (kind=?) = ? ORDER BY id LIMIT 1"
         which = (COMPARE, int(prompt))
@@ -178,13 +152,7 @@ class JobTable:
             ]
 
     def get(self, number: int) -> Job:
-        """Return one job.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Return one job; raise NotFoundError."""
         row = self._index.row("SELECT * FROM jobs WHERE id=?", (number,))
         if row is None:
             raise NotFoundError("job", number)

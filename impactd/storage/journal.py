@@ -40,45 +40,31 @@ Change = list[Any]
 
 @dataclass(frozen=True)
 class Position:
-    """How far a journal is.
-
-    Attributes
-    ----------
-    n : int
-        Number of the last transaction, 0 before the first.
-    size_bytes : int
-        Where the line of that transaction ends. [B]
-    """
+    """A place in a journal."""
 
     journal: str
     n: int
+    """Number of the last transaction, 0 before the first."""
     size_bytes: int
+    """Where the line of that transaction ends. [B]"""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """A line of a journal as it was found.
-
-    Attributes
-    ----------
-    line : int
-        From 1, for people.
-    end_bytes : int
-        Where it ends. [B]
-    body : dict or None
-        What it says; ``None`` where it is not what was written.
-    whole : bool
-        Whether it has its end; the last line of a writer that was killed may lack it.
-    """
+    """A line of a journal as it was read."""
 
     line: int
+    """From 1, for people."""
     end_bytes: int
+    """Where it ends. [B]"""
     body: dict[str, Any] | None
+    """``None`` where it is not what was written."""
     whole: bool
+    """Whether it has its end; the last line of a writer that was killed may lack it."""
 
 
 def line_of(body: dict[str, Any]) -> bytes:
-    """Return the line that says something, with its checksum."""
+    """Return the line of a body, with its checksum."""
     text = json.dumps(body, ensure_ascii=False, separators=(",", ":")).encode()
     return b"%s%08x%s%s\n" % (_PREFIX, zlib.crc32(text), _AFTER, text[1:])
 
@@ -93,7 +79,7 @@ def _body_of(line: bytes) -> dict[str, Any] | None:
 
 
 def entries(path: Path, *, start_bytes: int = 0, end_bytes: int | None = None) -> Iterator[Entry]:
-    """Yield the lines of a journal.
+    """Yield the lines of a journal, whole or not.
 
     Parameters
     ----------
@@ -105,7 +91,7 @@ def entries(path: Path, *, start_bytes: int = 0, end_bytes: int | None = None) -
     Yields
     ------
     Entry
-        Whole or not.
+        In their order.
 
     Raises
     ------
@@ -129,17 +115,7 @@ def entries(path: Path, *, start_bytes: int = 0, end_bytes: int | None = None) -
 
 
 def write_whole(path: Path, changes: Iterable[list[Change]]) -> Position:
-    """Write a new journal, durably, up to its name.
-
-    Parameters
-    ----------
-    path : Path
-        Replaced when it exists.
-
-    Returns
-    -------
-    Position
-        Its end.
+    """Write a new journal, durably, and return its end; an older one is replaced.
 
     Raises
     ------
@@ -179,15 +155,7 @@ def id_of(path: Path) -> str | None:
 class Journal:
     """A journal that is written to; its writers take turns by the write lock of the index.
 
-    Parameters
-    ----------
-    path : Path
-        The file; exists.
-
-    Raises
-    ------
-    ArchiveError
-        If it cannot be opened.
+    The file exists; ArchiveError is raised if it cannot be opened.
     """
 
     def __init__(self, path: Path) -> None:
@@ -198,12 +166,9 @@ class Journal:
             raise _translated(error, path) from error
 
     def append(self, at: Position, rows: list[Change]) -> Position:
-        """Append a transaction durably after the last committed one.
+        """Append a transaction durably after the last committed one, which ended at ``at``.
 
-        Parameters
-        ----------
-        at : Position
-            Of the last one. What lies behind it was never acknowledged, and is overwritten.
+        What lies behind that was never acknowledged, and is overwritten.
 
         Raises
         ------
@@ -240,7 +205,7 @@ class Journal:
         return os.fstat(self._file).st_size
 
     def close(self) -> None:
-        """Give the file back; safe to call twice."""
+        """Close the file; safe to call twice."""
         if self._file >= 0:
             os.close(self._file)
             self._file = -1

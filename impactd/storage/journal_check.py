@@ -1,4 +1,4 @@
-"""Does the index say what its journal says? And: can every line of the journal be trusted?"""
+"""Checks every line of a journal, and that the index says what its journal says."""
 
 from __future__ import annotations
 
@@ -25,8 +25,6 @@ class Lines:
 
     Attributes
     ----------
-    id : str or None
-        From its first line.
     n : int
         Of the last line that could be read.
     end_bytes : int
@@ -83,11 +81,6 @@ def journal_problems(index_path: Path, journal_path: Path) -> Iterator[str]:
     """Yield what is wrong with a journal, and where the index does not say the same.
 
     Writers may be at work: what is compared is what was committed when it began.
-
-    Parameters
-    ----------
-    index_path, journal_path : Path
-        Of an archive that is open.
 
     Yields
     ------

@@ -33,16 +33,14 @@ def key_of(table: str) -> tuple[str, ...]:
 
 
 def install(connection: sqlite3.Connection, collect: Collect) -> None:
-    """Teach a connection the functions that the triggers call.
+    """Give a connection the functions that the triggers call.
 
-    Parameters
-    ----------
-    collect : callable
-        Hears table, key and columns of each row after its change; ``None`` for a deleted one.
+    ``collect`` hears table, key and columns of each row after its change; ``None`` for a deleted
+    one.
     """
 
     def written(table: str, *values: Any) -> None:
-        """Take a row that was inserted or updated."""
+        """Collect a row that was inserted or updated."""
         named = dict(zip(checksums.COLUMNS[table].split(), values, strict=True))
         collect(table, tuple(named[name] for name in key_of(table)), values)
 
@@ -53,13 +51,7 @@ def install(connection: sqlite3.Connection, collect: Collect) -> None:
 
 
 def migration() -> tuple[str, ...]:
-    """Return the statements that give an index its journal.
-
-    Returns
-    -------
-    tuple of str
-        For the index's list of migrations.
-    """
+    """Return the statements that give an index its journal."""
     statements = [
         f"CREATE TABLE {POSITION} (id INTEGER PRIMARY KEY CHECK (id = 1), journal TEXT NOT NULL, "
         "n INTEGER NOT NULL, size_bytes INTEGER NOT NULL) STRICT",
@@ -72,12 +64,12 @@ def migration() -> tuple[str, ...]:
 
 
 def statements_of(table: str) -> Iterator[str]:
-    """Yield the statements that journal one table.
+    """Yield the statements that journal one table, one trigger each.
 
     Yields
     ------
     str
-        SQL that makes one trigger.
+        SQL.
     """
     yield from triggers_of(table, checksums.first_columns(table))
     key = ", ".join(f"old.{name}" for name in key_of(table))
@@ -104,7 +96,7 @@ class Collected:
         self.rows: list[Change] = []
 
     def add(self, table: str, key: tuple[Any, ...], values: tuple[Any, ...] | None) -> None:
-        """Take a change; deleted rows that follow one another become one range."""
+        """Add a change; deleted rows that follow one another become one range."""
         if values is not None:
             self.rows.append(
                 [table, dict(zip(checksums.COLUMNS[table].split(), values, strict=True))]
@@ -121,12 +113,7 @@ class Collected:
 def apply(connection: sqlite3.Connection, rows: Sequence[Change]) -> None:
     """Make the changes of one line in an index; the caller holds the transaction.
 
-    Raises
-    ------
-    ArchiveError
-        If the index has no such table or column.
-    sqlite3.Error
-        If it refuses a row.
+    Raises ArchiveError if the index has no such table or column, sqlite3.Error if it refuses a row.
     """
     for table, first, *last in rows:
         if table not in TABLES:
@@ -144,7 +131,7 @@ def apply(connection: sqlite3.Connection, rows: Sequence[Change]) -> None:
 
 
 def put(connection: sqlite3.Connection, table: str, row: dict[str, Any]) -> None:
-    """Insert a row, or update the one of its key; never at the cost of another row."""
+    """Insert a row, or update the one of its key; no other row is replaced."""
     # No upsert: its way with conflicts would replace that of the triggers' own statements.
     keys = " AND ".join(f"{name}=?" for name in key_of(table))
     news = ", ".join(f"{name}=?" for name in row)
@@ -157,12 +144,7 @@ def put(connection: sqlite3.Connection, table: str, row: dict[str, Any]) -> None
 
 
 def snapshot(connection: sqlite3.Connection) -> Iterator[list[Change]]:
-    """Yield all rows of an index as transactions of a new journal.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Nobody else writes meanwhile.
+    """Yield all rows of an index as transactions of a new journal; nobody else writes meanwhile.
 
     Yields
     ------

@@ -24,10 +24,7 @@ _FIRST = ".first"
 class Journaling:
     """Keeps the changes of one connection in a journal; used by one thread at a time.
 
-    Parameters
-    ----------
-    path : Path or None
-        The journal; without one the changes are kept in the index alone.
+    Without a ``path`` the changes are kept in the index alone.
     """
 
     def __init__(self, connection: sqlite3.Connection, path: Path | None) -> None:
@@ -40,10 +37,7 @@ class Journaling:
     def open(self) -> None:
         """Open the journal and bring the index up to it; the caller holds the transaction.
 
-        Raises
-        ------
-        ArchiveError
-            If index and journal do not belong together.
+        Raises ArchiveError if index and journal do not belong together.
         """
         if self._path is None:
             return
@@ -70,12 +64,9 @@ class Journaling:
         self._replay(self._path, at)
 
     def begin_first(self) -> bool:
-        """Write the journal of an index that has none; the caller commits, then finishes it.
+        """Write the journal of an index that has none, and return whether it had none.
 
-        Returns
-        -------
-        bool
-            Whether there was none.
+        The caller commits, then calls `finish_first`.
         """
         if self._path is None or self._journal is not None:
             return False
@@ -88,7 +79,7 @@ class Journaling:
         return True
 
     def finish_first(self) -> None:
-        """Give a first journal its name; the index that names it is durable."""
+        """Rename a first journal to its name; the index that names it is durable."""
         at = position(self._connection)
         if self._path is not None and self._journal is not None and at is not None:
             self._finish_first(at)
@@ -131,7 +122,7 @@ class Journaling:
         set_position(self._connection, self._journal.append(at, self._collected.rows))
 
     def forget(self, count: int = 0) -> None:
-        """Forget what was collected behind the first so many changes."""
+        """Forget what was collected after the first ``count`` changes."""
         del self._collected.rows[count:]
 
     def count(self) -> int:
@@ -139,7 +130,7 @@ class Journaling:
         return len(self._collected.rows)
 
     def take_back(self) -> None:
-        """Take back the line of a commit that failed, as far as that is possible now."""
+        """Remove the line of a commit that failed, as far as that is possible now."""
         if self._journal is None:
             return
         with suppress(sqlite3.Error):
@@ -152,7 +143,7 @@ class Journaling:
                 self._connection.execute("ROLLBACK")
 
     def close(self) -> None:
-        """Give the journal back; safe to call twice."""
+        """Close the journal; safe to call twice."""
         if self._journal is not None:
             self._journal.close()
 

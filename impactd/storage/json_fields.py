@@ -52,10 +52,7 @@ _UNITS = frozenset(
 def read_json(path: Path) -> Any:
     """Return the JSON of a file; NaN, Infinity and repeated keys are refused.
 
-    Raises
-    ------
-    CampaignError
-        If it cannot be read or is no such JSON.
+    Raises CampaignError if it cannot be read or is no such JSON.
     """
 
     try:
@@ -66,17 +63,10 @@ def read_json(path: Path) -> Any:
 
 
 def parse_json(content: bytes, file: str) -> Any:
-    """Return the JSON of some bytes; NaN, Infinity and repeated keys are refused.
+    """Return the JSON of UTF-8 bytes; NaN, Infinity and repeated keys are refused.
 
-    Parameters
-    ----------
-    content : bytes
-        UTF-8, with or without the mark that Windows editors put before it.
-
-    Raises
-    ------
-    CampaignError
-        If it is no such JSON.
+    The mark that Windows editors put before the text may be there. Raises CampaignError if it is no
+    such JSON.
     """
 
     def refuse_constant(text: str) -> NoReturn:
@@ -84,7 +74,7 @@ def parse_json(content: bytes, file: str) -> Any:
         raise CampaignError(file, "$", f"{text} is no JSON number.")
 
     def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-        """Return an object, or refuse one that says a thing twice."""
+        """Return an object; refuse one with a repeated key."""
         found: dict[str, Any] = {}
         for key, value in pairs:
             if key in found:
@@ -113,15 +103,8 @@ _COUNT = Range(0, 2**53)
 class Fields:
     """One JSON object that is being read.
 
-    Parameters
-    ----------
-    known : iterable of str
-        The keys this object may have; a near miss of one of them is refused.
-
-    Raises
-    ------
-    CampaignError
-        If it is no object or has a misspelt key.
+    ``known`` are the keys this object may have; a near miss of one of them is refused. Raises
+    CampaignError if it is no object or has a misspelt key.
     """
 
     def __init__(
@@ -147,11 +130,11 @@ class Fields:
         return self._values.get(key) is not None
 
     def value(self, key: str) -> Any:
-        """Return what stands there, ``None`` when nothing does."""
+        """Return the value at a key, ``None`` when it is absent."""
         return self._values.get(key)
 
     def names(self) -> list[str]:
-        """Return all keys in their order, each of which is the name of something."""
+        """Return all keys in their order; each of them is a name."""
         for key in self._values:
             found = find_forbidden(key)
             if found is not None:

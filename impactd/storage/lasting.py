@@ -15,32 +15,17 @@ _EMPTIED = ("/tmp", "/var/tmp", "/dev/shm", "/run")  # noqa: S108 - named to be 
 
 @dataclass(frozen=True)
 class Mount:
-    """Where a file system is seen.
-
-    Attributes
-    ----------
-    point : Path
-        Its place in the tree.
-    kind : str
-        E.g. ``ext4`` or ``tmpfs``.
-    """
+    """A mount point and its file system."""
 
     point: Path
     kind: str
+    """E.g. ``ext4`` or ``tmpfs``."""
 
 
 def why_not_lasting(folder: Path) -> str | None:
-    """Return why files in a folder may be gone after the daemon's end.
+    """Return why files in a folder may be gone after the daemon's end, ``None`` if they stay.
 
-    Parameters
-    ----------
-    folder : Path
-        Need not be there yet.
-
-    Returns
-    -------
-    str or None
-        Continues a sentence that names the folder; ``None`` when they stay.
+    The reason continues a sentence that names the folder. The folder need not be there yet.
     """
     real = folder.expanduser().resolve()
     for name in dict.fromkeys((*_EMPTIED, os.environ.get("TMPDIR") or _EMPTIED[0])):
@@ -53,17 +38,9 @@ def why_not_lasting(folder: Path) -> str | None:
 
 
 def mount_of(folder: Path) -> Mount:
-    """Return the mount that a folder lies in.
+    """Return the mount that a folder (absolute, without links) lies in.
 
-    Parameters
-    ----------
-    folder : Path
-        Absolute, without links.
-
-    Returns
-    -------
-    Mount
-        The deepest one; of two at one place the later, which hides the other.
+    It is the deepest one; of two at one place the later, which hides the other.
     """
     best = Mount(Path("/"), "unknown")
     for line in Path("/proc/self/mountinfo").read_text(encoding="utf-8").splitlines():

@@ -17,22 +17,10 @@ LOCKED_NAME = "shots"
 
 
 def lock_archive(directory: Path, *, alone: bool) -> int:
-    """Lock an archive's directory.
+    """Lock an archive's directory, ``alone`` or together with others; return a descriptor.
 
-    Parameters
-    ----------
-    alone : bool
-        Whether nobody else may have it open.
-
-    Returns
-    -------
-    int
-        A descriptor; closing it gives the lock back, and so does the end of the process.
-
-    Raises
-    ------
-    ArchiveError
-        If another process holds a lock that excludes this one.
+    Closing it gives the lock back, and so does the end of the process. Raises ArchiveError if
+    another process holds a lock that excludes this one.
     """
     try:
         descriptor = os.open(directory / LOCKED_NAME, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

@@ -1,4 +1,4 @@
-"""The file of what people changed of materials: a line a change, whole or not there."""
+"""The file of the changes that people made to materials: one line each, whole or absent."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def append_line(file: Path, line: bytes) -> None:
 
 
 def whole_lines(file: Path) -> list[str]:
-    """Return the lines; the beginning of one that a power cut left is taken off the file."""
+    """Return the lines; an unfinished last line, left by a power cut, is taken off the file."""
     lines = file.read_text(encoding="utf-8").splitlines(keepends=True)
     if lines and not lines[-1].endswith("\n"):
         lines.pop()  # nobody was told that it counts

@@ -67,7 +67,7 @@ def measured_to_json(value: float | None, known: Uncertainty | None) -> Json | f
 
 
 def environment_from_json(fields: Fields) -> Environment | None:
-    """Return what it was like around the rig, ``None`` where nothing is said."""
+    """Return the environment of the rig, ``None`` where nothing is said."""
     found = Environment(
         fields.quantity("temperature_C", ranges.TEMPERATURE_C),
         fields.quantity("relative_humidity", ranges.RELATIVE_HUMIDITY),
@@ -76,7 +76,7 @@ def environment_from_json(fields: Fields) -> Environment | None:
 
 
 def environment_to_json(environment: Environment | None) -> Json | None:
-    """Return it in the keys of the campaign format, ``None`` for ``None``."""
+    """Return an environment in the keys of the campaign format, ``None`` for ``None``."""
     if environment is None:
         return None
     found = {
@@ -87,14 +87,14 @@ def environment_to_json(environment: Environment | None) -> Json | None:
 
 
 def environment_from_text(text: str | None) -> Environment | None:
-    """Return what a column of the index says, ``None`` for ``None``."""
+    """Return the environment of a column of the index, ``None`` for ``None``."""
     if text is None:
         return None
     return environment_from_json(Fields(json.loads(text), file="index", known=ENVIRONMENT_KEYS))
 
 
 def environment_to_text(environment: Environment | None) -> str | None:
-    """Return it for a column of the index, ``None`` for ``None``."""
+    """Return an environment for a column of the index, ``None`` for ``None``."""
     found = environment_to_json(environment)
     return None if found is None else json.dumps(found, allow_nan=False)
 

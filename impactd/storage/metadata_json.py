@@ -68,12 +68,9 @@ def _of_drop(drop: Drop) -> dict[str, Any]:
 def metadata_from_json(
     facts: dict[str, Any], samples: NDArray[Any], path: str
 ) -> tuple[Recording, ShotMetadata, Drop | None]:
-    """Return what `circumstances` encoded, with the samples put back.
+    """Return what `metadata_to_json` encoded, with the samples put back.
 
-    Raises
-    ------
-    CorruptShotError
-        If it is another format.
+    Raises CorruptShotError if it is another format.
     """
     if facts["format"] != FORMAT:
         raise CorruptShotError(path, f"its format is {facts['format']!r}, not {FORMAT!r}")
@@ -92,7 +89,7 @@ def metadata_from_json(
 def _refuse_impossible(
     recording: dict[str, Any], metadata: dict[str, Any], samples: NDArray[Any], path: str
 ) -> None:
-    """Hold the numbers of a file to what a campaign may say; a reindex reads any file."""
+    """Hold the numbers of a file to the ranges of a campaign; a reindex reads any file."""
     record = Fields(recording, file=path, path="$.recording")
     for key, within in (
         ("sample_rate_hz", ranges.SAMPLE_RATE_HZ),

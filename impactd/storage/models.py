@@ -20,36 +20,24 @@ CHOICES_NAME = "active-models.json"
 
 @dataclass(frozen=True)
 class NamedModel:
-    """A model that a diagnosis found and accepted.
-
-    Attributes
-    ----------
-    name : str
-        E.g. ``kv+adhesive_layer``.
-    version : int
-        From 1; every diagnosis that ends in the same name makes the next one.
-    definition : dict
-        What `analysis.diagnosis.named_model` builds it from: owners and numbers of its effects.
-    provenance : dict
-        Diagnosis, shots and files it was found in, and the software.
-    created_utc : str
-        When it was written.
-    """
+    """A model that a diagnosis found and accepted."""
 
     name: str
+    """E.g. ``kv+adhesive_layer``."""
     version: int
+    """From 1; every diagnosis that ends in the same name makes the next one."""
     definition: dict[str, Any]
+    """What `analysis.diagnosis.named_model` builds it from: owners and numbers of its effects."""
     provenance: dict[str, Any]
+    """Diagnosis, shots and files it was found in, and the software."""
     created_utc: str
 
 
 class ModelTable:
     """The tables of models.
 
-    Parameters
-    ----------
-    directory : Path
-        The archive; every choice is kept there in a file too, so that it outlives a lost index.
+    Every choice is kept in a file of the archive's ``directory`` too, so that it outlives a lost
+    index.
     """
 
     def __init__(self, index: Index, directory: Path) -> None:
@@ -70,13 +58,7 @@ class ModelTable:
             return self.named(name, version)
 
     def named(self, name: str, version: int | None = None) -> NamedModel:
-        """Return a named model, the latest version unless one is given.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that name and version.
-        """
+        """Return a named model, the latest version unless one is given; raise NotFoundError."""
         row = self._index.row(
             "SELECT * FROM named_models WHERE name=? AND (? IS NULL OR version=?) "
             "ORDER BY version DESC LIMIT 1",
@@ -125,7 +107,7 @@ class ModelTable:
         return len(kept)
 
     def findings(self) -> Iterator[tuple[str, str | None]]:
-        """Yield the name of the file of choices and what is wrong with it, if there is one."""
+        """Yield the name of the file of choices, if there is one, and what is wrong with it."""
         if not self._choices.exists():
             return
         try:
@@ -148,7 +130,7 @@ class ModelTable:
             ) from error
 
     def history(self) -> list[tuple[str, str]]:
-        """Return every choice with its moment, oldest first."""
+        """Return every choice with its timestamp, oldest first."""
         rows = self._index.rows("SELECT name, since_utc FROM active_models ORDER BY id")
         return [(row["name"], row["since_utc"]) for row in rows]
 

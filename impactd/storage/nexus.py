@@ -18,7 +18,7 @@ def group(parent: h5py.Group, name: str, nx_class: str, **attributes: object) ->
 
 
 def put(parent: h5py.Group, name: str, value: object, units: str | None = None) -> None:
-    """Write a field; what is unknown is left out rather than invented."""
+    """Write a field; an unknown value is left out."""
     if value is None or (isinstance(value, str) and not value):
         return
     field = parent.create_dataset(name, data=value)
@@ -27,22 +27,10 @@ def put(parent: h5py.Group, name: str, value: object, units: str | None = None) 
 
 
 def plain(file: h5py.File, path: str) -> h5py.Dataset:
-    """Return a dataset that lies inside its file, by a chain of hard links.
+    """Return a dataset that lies inside its file, by a chain of hard links, safe to be read whole.
 
-    Parameters
-    ----------
-    file : h5py.File
-        Open for reading, and looked at by `refuse_foreign`.
-
-    Returns
-    -------
-    h5py.Dataset
-        Safe to be read whole.
-
-    Raises
-    ------
-    ValueError
-        If something else is there, or nothing.
+    The file was checked by `refuse_foreign`. Raises ValueError if something else is there, or
+    nothing.
     """
     parts = path.split("/")
     for end in range(1, len(parts) + 1):
@@ -70,8 +58,6 @@ def refuse_foreign(
 
     Parameters
     ----------
-    file : h5py.File
-        Open for reading.
     content_bytes : int
         Size of the whole file. [B]
     soft_links : mapping of str to str

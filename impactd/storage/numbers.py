@@ -31,7 +31,7 @@ class NumberSequence:
             return number
 
     def raise_to(self, number: int) -> None:
-        """Let the sequence go on after a number, if it is not beyond it already."""
+        """Continue the sequence after a number, if it is not beyond it already."""
         with self._index.transaction():
             last = max(number, self.last(), self.last_in_file())
             publish(self._path, _text(last), replace=True)
@@ -49,7 +49,7 @@ class NumberSequence:
             return 0
 
     def findings(self) -> Iterator[tuple[str, str | None]]:
-        """Yield what the file is called and what is wrong with it, if there is one.
+        """Yield the name of the file, if there is one, and what is wrong with it.
 
         Yields
         ------

@@ -1,9 +1,9 @@
-"""Which characters a name or a note may hold.
+"""The characters that a name or a note may hold.
 
 Control characters move a terminal's cursor and end log lines; bidi controls and other format
 characters let a text look like another one. Refused are the Unicode categories Cc, Cf, Cs, Zl and
-Zp. Two format characters are letters' business: the zero-width non-joiner and joiner, without
-which Persian and many Indic words are misspelt. They may stand between two visible characters.
+Zp. Two format characters belong to words: without the zero-width non-joiner and joiner, Persian
+and many Indic words are misspelt. They may stand between two visible characters.
 """
 
 from __future__ import annotations
@@ -15,12 +15,9 @@ _JOINERS = frozenset("\u200c\u200d")
 
 
 def find_forbidden(text: str) -> str | None:
-    """Return the first character that a text must not hold.
+    """Return the first character that a text must not hold, ``None`` when there is none.
 
-    Returns
-    -------
-    str or None
-        E.g. ``"U+202E RIGHT-TO-LEFT OVERRIDE as character 3"``, ``None`` when there is none.
+    E.g. ``"U+202E RIGHT-TO-LEFT OVERRIDE as character 3"``.
     """
     for position, letter in enumerate(text):
         if unicodedata.category(letter) not in _REFUSED:

@@ -1,4 +1,4 @@
-"""A failure as a value that travels: from the rig through the index to an HTTP client."""
+"""A failure as a value, from the rig through the index to an HTTP client."""
 
 from __future__ import annotations
 
@@ -10,24 +10,16 @@ from impactd.storage.errors import ArchiveError
 
 @dataclass(frozen=True)
 class Problem:
-    """Why something failed, in the members of RFC 9457.
-
-    Attributes
-    ----------
-    type : str
-        Stable identifier, e.g. ``overrun``.
-    title : str
-        The kind of failure in a few words.
-    status : int
-        HTTP status that goes with it.
-    detail : str
-        What happened this time, with values and units.
-    """
+    """Why something failed, in the members of RFC 9457."""
 
     type: str
+    """Stable identifier, e.g. ``overrun``."""
     title: str
+    """The kind of failure in a few words."""
     status: int
+    """HTTP status that goes with it."""
     detail: str
+    """What happened this time, with values and units."""
     remedy: str
 
     def to_text(self) -> str:

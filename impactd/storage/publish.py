@@ -27,8 +27,6 @@ def publish(path: Path, content: bytes, *, replace: bool = False) -> None:
     ----------
     path : Path
         Its final name; the directory exists.
-    content : bytes
-        The whole file.
     replace : bool
         Whether an older file of that name may go.
 

@@ -1,4 +1,4 @@
-"""Between which limits a number of a campaign can lie, each with its reason.
+"""The limits between which a number of a campaign can lie, each with its reason.
 
 The limits are far outside what any rig measures. They keep out what arithmetic cannot carry: a
 squared 1e308 is infinite, and the inverse of a subnormal number, too.
@@ -16,26 +16,19 @@ is 12, so a smaller uncertainty cannot be told from none, and its inverse square
 
 @dataclass(frozen=True)
 class Range:
-    """Closed limits of a number.
-
-    Attributes
-    ----------
-    low, high : float
-        [``unit``]
-    unit : str
-        As messages write it.
-    """
+    """Closed limits of a number."""
 
     low: float
     high: float
     unit: str = "1"
+    """Of both limits, as messages write it."""
 
     def __str__(self) -> str:
         return f"between {self.low:g} and {with_unit(self.high, self.unit)}"
 
 
 def with_unit(number: float, unit: str) -> str:
-    """Return a number as messages write it: a pure number has no unit behind it."""
+    """Return a number with its unit, as messages write it; a pure number has none."""
     return f"{number:g}" if unit == "1" else f"{number:g} {unit}"
 
 
@@ -88,17 +81,10 @@ RELATIVE_HUMIDITY = Range(0.0, 1.0)
 
 
 def impossible_density(radius_m: float | None, mass_kg: float | None) -> str | None:
-    """Return what is wrong with a sphere that no matter is light or heavy enough for.
+    """Return what is wrong with a sphere whose density no material has, ``None`` otherwise.
 
-    Parameters
-    ----------
-    radius_m, mass_kg : float or None
-        Each within its own range; one in millimetres or grams is found only beside the other.
-
-    Returns
-    -------
-    str or None
-        For the middle of a sentence; ``None`` where nothing is wrong or one is unknown.
+    Both values are within their own ranges; one in millimetres or grams is found only beside the
+    other. The text fits into the middle of a sentence.
     """
     if radius_m is None or mass_kg is None:
         return None

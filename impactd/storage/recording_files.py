@@ -1,4 +1,4 @@
-"""How a recording is told from a campaign by its name alone."""
+"""Recordings are told from campaigns by the names of their files."""
 
 from __future__ import annotations
 

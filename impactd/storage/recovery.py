@@ -16,15 +16,10 @@ from impactd.storage.shots import ShotTable
 def end_interrupted(
     index: Index, store: ShotStore, rescue_directory: Path | None = None
 ) -> list[Drop]:
-    """End every drop that is under way.
+    """End every drop that is under way, and return these drops as they are now.
 
     A drop whose file was published before the end, or rescued to another disk, is stored: its shot
     is taken into the index. Every other one is interrupted.
-
-    Returns
-    -------
-    list of Drop
-        The drops that were under way, as they are now.
     """
     for draft in store.drafts():
         pid = draft.name.split(".")[-2]
@@ -43,7 +38,7 @@ def end_interrupted(
 
 
 def _take_back(store: ShotStore, number: int, rescue_directory: Path | None) -> Path | None:
-    """Take a rescued file into the archive; return where it stays if that is not possible."""
+    """Publish a rescued file in the archive; return where it stays if that is not possible."""
     if store.path(number).exists():
         return None
     path = rescue.find(store.directory, number, rescue_directory)

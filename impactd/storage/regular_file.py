@@ -30,19 +30,9 @@ class IrregularFileError(OSError):
 
 
 def open_regular_file(path: Path, limit_bytes: int) -> BinaryIO:
-    """Return a regular file, open for reading.
+    """Return a regular file of at most ``limit_bytes``, open for reading; the caller closes it.
 
-    Parameters
-    ----------
-    path : Path
-        The file. Folders on the way may be links, the file itself may not.
-    limit_bytes : int
-        Largest size that is read. [B]
-
-    Returns
-    -------
-    BinaryIO
-        At its beginning; the caller closes it.
+    Folders on the way may be links, the file itself may not.
 
     Raises
     ------
@@ -74,17 +64,7 @@ def open_regular_file(path: Path, limit_bytes: int) -> BinaryIO:
 
 
 def read_regular_file(path: Path, limit_bytes: int) -> bytes:
-    """Return the content of a regular file; see `open_regular_file`.
-
-    Parameters
-    ----------
-    limit_bytes : int
-        Largest size that is read. [B]
-
-    Returns
-    -------
-    bytes
-        As many as it had when it was opened.
+    """Return the bytes that a regular file had when it was opened; see `open_regular_file`.
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """Rebuild the index from journal and files, in a file of its own, and swap it in at the end.
 
-Whatever ends the rebuild, one of two things is found: the old index with its journal, or the new
+However the rebuild ends, one of two states remains: the old index with its journal, or the new
 journal beside an index that does not belong to it (or none). The latter is refused at every start,
 and the journal alone then gives everything back: it begins with a snapshot of what was rebuilt.
 """
@@ -45,54 +45,29 @@ _LOST_CALIBRATION = Problem(
 
 @dataclass(frozen=True)
 class ReindexReport:
-    """What a rebuilt index holds.
-
-    Attributes
-    ----------
-    shots, drops : int
-        Rows it holds now.
-    damaged : tuple of str
-        Files and lines of the journal that are not what was written, and what became of them.
-    kept : dict
-        Rows it holds now, by table, and how many came from files of calibrations, diagnoses and
-        choices of a model.
-    lost : tuple of str
-        What nothing could give back, one sentence each.
-    last_number : int
-        The sequence goes on after it.
-    old_index : str or None
-        Where the old index was put.
-    """
+    """What a rebuilt index holds."""
 
     shots: int
     drops: int
     damaged: tuple[str, ...]
+    """Files and lines of the journal that are not what was written, and what became of them."""
     kept: dict[str, int]
+    """Rows it holds now, by table, and how many came from files of calibrations, diagnoses and
+    choices of a model."""
     lost: tuple[str, ...]
+    """What could not be restored, one sentence each."""
     last_number: int
+    """The sequence goes on after it."""
     old_index: str | None
+    """Where the old index was put."""
 
 
 def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
     """Rebuild an index from its journal and the files; nobody else has the archive open.
 
-    Where the journal is damaged or absent, the old index gives what it still can. Old index and
-    old journal are kept under other names.
-
-    Parameters
-    ----------
-    path : Path
-        The index; may be absent or damaged.
-
-    Returns
-    -------
-    ReindexReport
-        What the new index holds.
-
-    Raises
-    ------
-    ArchiveError
-        If it cannot be written; the old one is then as it was.
+    Where the journal is damaged or absent, the old index, which may be damaged or absent too, gives
+    what it still can. Old index and old journal are kept under other names. Raises ArchiveError if
+    the index cannot be written; the old one is then as it was.
     """
     remove_unfinished(path)
     building, journal = _building(path), _building(path.with_name(JOURNAL_NAME))
@@ -117,7 +92,7 @@ def rebuild_index(path: Path, store: ShotStore) -> ReindexReport:
 
 
 def remove_unfinished(path: Path) -> None:
-    """Remove what a rebuild left that was ended; the caller knows that none is under way."""
+    """Remove the files of a rebuild that did not end; the caller knows that none is under way."""
     for name in (path, path.with_name(JOURNAL_NAME)):
         with suppress(OSError):
             _building(name).unlink(missing_ok=True)
@@ -204,7 +179,7 @@ def _take_in(index: Index, found: FoundShot, damaged: list[str]) -> None:
 
 
 def _remove_orphans(connection: sqlite3.Connection) -> list[str]:
-    """Remove rows that name something nobody has; return a sentence for each."""
+    """Remove rows that name a row that does not exist; return a sentence for each."""
     gone = []
     for table, row, parent, _ in connection.execute("PRAGMA foreign_key_check").fetchall():
         connection.execute(f"DELETE FROM {table} WHERE rowid=?", (row,))
@@ -213,7 +188,7 @@ def _remove_orphans(connection: sqlite3.Connection) -> list[str]:
 
 
 def _swap(path: Path) -> str | None:
-    """Put index and journal in the place of the old ones; return where the old index is."""
+    """Put the new index and journal in the place of the old ones; return where the old index is."""
     folder, journal = path.parent, path.with_name(JOURNAL_NAME)
     aside = f".before-{utc_now().replace(':', '')}"
     wal, shared = (path.with_name(path.name + suffix) for suffix in ("-wal", "-shm"))

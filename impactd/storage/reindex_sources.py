@@ -1,4 +1,4 @@
-"""What a rebuilt index is filled with first: the journal, and what it lacks from the old index."""
+"""The first sources of a rebuilt index: the journal, and the old index for what it lacks."""
 
 from __future__ import annotations
 
@@ -26,20 +26,9 @@ def take_from_journal_and_index(
 ) -> tuple[list[str], list[str]]:
     """Fill an empty index; the caller holds the transaction.
 
-    A whole journal is enough. Where it is damaged, the old index fills the holes: it holds what
-    was committed up to its position, so lines up to there go before its rows, later ones behind.
-
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Of the new index.
-    path : Path
-        The old index; may be absent or damaged.
-
-    Returns
-    -------
-    tuple of list of str and list of str
-        What is damaged and could be mended, and what is lost.
+    A whole journal is enough. Where it is damaged, the old index at ``path`` fills the holes, if
+    it is there: it holds what was committed up to its position, so lines up to there go before its
+    rows, later ones behind. Return what is damaged and could be mended, and what is lost.
     """
     journal = path.with_name(JOURNAL_NAME)
     lines = Lines(journal)
@@ -74,17 +63,9 @@ def _apply(
 
 
 class OldIndex:
-    """An index as far as it can be read.
+    """An index as far as it can be read; it may be damaged or absent.
 
-    Parameters
-    ----------
-    path : Path
-        May be absent or damaged.
-
-    Attributes
-    ----------
-    position : Position or None
-        How far of its journal it is; ``None`` where it cannot be told.
+    ``position`` says how far of its journal it is, ``None`` where that cannot be read.
     """
 
     def __init__(self, path: Path) -> None:
@@ -142,7 +123,7 @@ class OldIndex:
 
 
 def _told(lines: Lines, old: OldIndex, known_n: int) -> tuple[list[str], list[str]]:
-    """Return what is damaged in the journal, and what of it the old index does not make good."""
+    """Return what is damaged in the journal, and which part of it the old index does not have."""
     unread = old.cut_short()
     damaged = [f"Line {line} of the journal is not what was written." for line in lines.damaged]
     if lines.id is None and not lines.n:
@@ -167,7 +148,7 @@ def _told(lines: Lines, old: OldIndex, known_n: int) -> tuple[list[str], list[st
 
 
 def _changed(connection: sqlite3.Connection, table: str) -> set[int]:
-    """Return the rows that must not be taken over: nobody wrote them so."""
+    """Return the rows that are not what was written, and are left out."""
     known = "SELECT 1 FROM sqlite_master WHERE name=?"
     for name in ("row_digests", table):  # an index of an older version lacks the one or the other
         if connection.execute(known, (name,)).fetchone() is None:

@@ -24,18 +24,12 @@ _NOT_BARE = re.compile(r"token \d+ |calibration[ -]")
 
 @dataclass(frozen=True)
 class RequestKey:
-    """A key and whose it is.
-
-    Attributes
-    ----------
-    namespace : str
-        ``token 3``; ``token 3 fit`` where drops are not what is asked for; ``calibration``.
-    key : str
-        The client's own part.
-    """
+    """An idempotency key and whose it is."""
 
     namespace: str
+    """``token 3``; ``token 3 fit`` where drops are not what is asked for; ``calibration``."""
     key: str
+    """The client's own part."""
 
     @property
     def text(self) -> str:
@@ -45,13 +39,7 @@ class RequestKey:
 
 @dataclass(frozen=True)
 class BareKey:
-    """What an older program stored for a token's key.
-
-    Attributes
-    ----------
-    key : str
-        The key as it came.
-    """
+    """What an older program stored for a token's key: the key as it came."""
 
     token: int
     key: str
@@ -60,15 +48,8 @@ class BareKey:
 def bare_key(text: str, *, has_kind: bool = False) -> BareKey | None:
     """Return what an older program would have stored for a key.
 
-    Parameters
-    ----------
-    has_kind : bool
-        Whether the namespace names a kind behind the token, as for jobs and calibrations.
-
-    Returns
-    -------
-    BareKey or None
-        ``None`` where nobody but the daemon, or another token, can have stored it so.
+    ``None`` where only the daemon, or another token, can have stored it so. ``has_kind`` says
+    whether the namespace names a kind behind the token, as for jobs and calibrations.
     """
     found = (_TOKEN_AND_KIND if has_kind else _TOKEN).fullmatch(text)
     if found is None or _NOT_BARE.match(found[2]):
@@ -79,10 +60,7 @@ def bare_key(text: str, *, has_kind: bool = False) -> BareKey | None:
 def client_part(text: str | None) -> str | None:
     """Return the part of a drop's stored key that its client sent.
 
-    Returns
-    -------
-    str or None
-        The text itself where it has no namespace of a token.
+    That is the whole text where it has no namespace of a token.
     """
     found = _TOKEN.fullmatch(text or "")
     return found[2] if found else text

@@ -26,33 +26,18 @@ _MARK_LIMIT_BYTES = 4096
 
 @dataclass(frozen=True)
 class Mark:
-    """What a daemon left at its start.
-
-    Attributes
-    ----------
-    start : str
-        Identity of that start.
-    utc : str
-        When it was.
-    """
+    """The mark that a daemon left at its start."""
 
     start: str
+    """Identity of that start."""
     utc: str
 
 
 def places(configured: Path | None) -> list[Path]:
     """Return where a record may be kept, best first.
 
-    Parameters
-    ----------
-    configured : Path or None
-        ``storage.rescue_directory`` of the settings.
-
-    Returns
-    -------
-    list of Path
-        That folder, then the cache of the service, or where there is none that of the user; those
-        that do not keep files are left out.
+    First the ``storage.rescue_directory`` of the settings, then the cache of the service, or where
+    there is none that of the user; those that do not keep files are left out.
     """
     cache = os.environ.get("CACHE_DIRECTORY", "").partition(":")[0]
     home = os.environ.get("XDG_CACHE_HOME") or "~/.cache"
@@ -62,21 +47,9 @@ def places(configured: Path | None) -> list[Path]:
 
 
 def keep(archive: Path, number: int, content: bytes, configured: Path | None) -> Path:
-    """Write a shot file outside the archive, durably.
+    """Write a shot file outside an archive that has no room for it, durably.
 
-    Parameters
-    ----------
-    archive : Path
-        Folder of the archive that has no room for it.
-    content : bytes
-        The whole file.
-    configured : Path or None
-        ``storage.rescue_directory`` of the settings.
-
-    Raises
-    ------
-    ArchiveError
-        If no place took it.
+    Raises ArchiveError if no place took it.
     """
     refusals = []
     if configured is not None and (why := why_not_lasting(configured)):
@@ -99,15 +72,7 @@ def keep(archive: Path, number: int, content: bytes, configured: Path | None) ->
 def find(archive: Path, number: int, configured: Path | None) -> Path | None:
     """Return the file that `keep` wrote for a drop of an archive.
 
-    Parameters
-    ----------
-    configured : Path or None
-        ``storage.rescue_directory`` of the settings.
-
-    Returns
-    -------
-    Path or None
-        ``None`` where there is none, or it is not ours.
+    ``None`` where there is none, or where somebody else can have written it.
     """
     name = f"{number:06d}.h5"
     paths = [place / _FOLDER / _hash(archive) / name for place in places(configured)]
@@ -115,19 +80,10 @@ def find(archive: Path, number: int, configured: Path | None) -> Path | None:
 
 
 def leave_mark(place: Path, archive: Path, start: str) -> None:
-    """Leave a file that tells a later look whether this place keeps files.
+    """Leave a file in a place that shows at the next start whether the place keeps files.
 
-    Parameters
-    ----------
-    place : Path
-        ``storage.rescue_directory`` of the settings.
-    start : str
-        Identity of this start of the daemon.
-
-    Raises
-    ------
-    OSError or ArchiveError
-        If the place does not take it, or does not keep files.
+    ``start`` is the identity of this start. Raises OSError or ArchiveError if the place does not
+    take it, or does not keep files.
     """
     why = why_not_lasting(place)
     if why is not None:
@@ -139,18 +95,7 @@ def leave_mark(place: Path, archive: Path, start: str) -> None:
 
 
 def read_marks(place: Path, archive: Path) -> list[Mark]:
-    """Return the marks of the last two starts, newest first.
-
-    Parameters
-    ----------
-    place : Path
-        One of `places`.
-
-    Returns
-    -------
-    list of Mark
-        Empty where none is readable.
-    """
+    """Return the marks of the last two starts in one of `places`, newest first."""
     try:
         kept = json.loads(read_regular_file(_mark_path(place, archive), _MARK_LIMIT_BYTES))
         return [Mark(str(one["start"]), str(one["utc"])) for one in kept]
@@ -159,17 +104,9 @@ def read_marks(place: Path, archive: Path) -> list[Mark]:
 
 
 def try_place(place: Path, size_bytes: int) -> None:
-    """Write, sync and remove a file where a record would go.
+    """Write, sync and remove a file of a record's size where a record would go.
 
-    Parameters
-    ----------
-    size_bytes : int
-        Of a record. [B]
-
-    Raises
-    ------
-    OSError or ArchiveError
-        If the place would not take the record either.
+    Raises OSError or ArchiveError if the place would not take the record either.
     """
     _make_folders(place / _FOLDER)
     path = place / _FOLDER / f"trial-{os.getpid()}"
@@ -188,7 +125,7 @@ def _hash(archive: Path) -> str:
 
 
 def _make_folders(folder: Path) -> None:
-    """Make a folder of ours in a place; a place that is not there may be a disk not mounted."""
+    """Make a folder of ours in a place; an absent place may be a disk that is not mounted."""
     for path in reversed([folder, *folder.parents]):
         if _FOLDER in (path.name, path.parent.name):
             path.mkdir(mode=0o700, exist_ok=True)
@@ -197,7 +134,7 @@ def _make_folders(folder: Path) -> None:
 
 
 def _ours(folder: Path) -> bool:
-    """Tell whether nobody else can have put a file there."""
+    """Return whether nobody else can have put a file there."""
     folders = [folder] if folder.name == _FOLDER else [folder.parent, folder]
     return all(
         not one.is_symlink() and one.stat().st_uid == os.getuid() and not one.stat().st_mode & 0o022

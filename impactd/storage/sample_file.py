@@ -40,14 +40,12 @@ class SampleFileError(Exception):
 
 
 def read_samples(folder: Path, name: str, quantity: str) -> tuple[NDArray[Any], float | None]:
-    """Return the samples of a file inside a campaign folder.
+    """Return the samples of a file inside a campaign folder, and the rate of a csv's time column.
 
     Parameters
     ----------
     folder : Path
         The campaign's folder; nothing outside it is ever opened.
-    name : str
-        As ``campaign.json`` calls the file.
     quantity : str
         What the samples are of; a csv header must agree.
 
@@ -56,7 +54,7 @@ def read_samples(folder: Path, name: str, quantity: str) -> tuple[NDArray[Any], 
     samples : ndarray, shape (n,)
         In the file's own type (integers or floats), native byte order.
     sample_rate_hz : float or None
-        As a csv's time column says. [Hz]
+        ``None`` without such a column. [Hz]
 
     Raises
     ------
@@ -143,7 +141,7 @@ def _read_csv(file: BinaryIO, quantity: str) -> tuple[NDArray[np.float64], float
 
 
 def _lines(text: TextIO) -> Iterator[str]:
-    """Yield the lines of a table, none longer and not more of them than a record has."""
+    """Yield the lines of a table; a line or a table that is too long is refused."""
     for _ in range(MAX_SAMPLES + 1):  # the header is one of them
         line = text.readline(_LINE_LIMIT)
         if not line:
@@ -166,15 +164,7 @@ def _rate_hz(times_s: NDArray[np.float64]) -> float:
 
 
 def write_samples(path: Path, samples: NDArray[Any]) -> None:
-    """Write samples as ``.npy``, durably.
-
-    Parameters
-    ----------
-    path : Path
-        The file; it must not exist.
-    samples : ndarray, shape (n,)
-        Codes or values.
-    """
+    """Write codes or values of shape (n,) as a new ``.npy`` file, durably."""
     buffer = io.BytesIO()
     np.save(buffer, samples, allow_pickle=False)
     publish(path, buffer.getvalue())

@@ -10,15 +10,7 @@ from impactd.storage import checksums, journal_rows
 
 
 def added_column(table: str, name: str) -> tuple[str, ...]:
-    """Return the statements that add a column of text to a table that has checksums and a journal.
-
-    Parameters
-    ----------
-    table : str
-        One of `checksums.COLUMNS`.
-    name : str
-        The column; the last of those that the table has by then.
-    """
+    """Return the statements that add a last column of text to a table of `checksums.COLUMNS`."""
     columns = checksums.COLUMNS[table].split()
     after = columns[: columns.index(name) + 1]
     events = [f"{table}_{event}" for event in ("insert", "update")]
@@ -128,14 +120,10 @@ MIGRATIONS: tuple[str | tuple[str, ...], ...] = (
 
 
 def migrate(connection: sqlite3.Connection, version: int) -> None:
-    """Bring an index from a version to the present one; the caller holds the transaction.
+    """Bring an index from a version (0 for a new one) to the present one.
 
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        With `checksums.install` and `journal_rows.install`.
-    version : int
-        What the index has, 0 for a new one.
+    The caller holds the transaction; the connection has `checksums.install` and
+    `journal_rows.install`.
     """
     for step in MIGRATIONS[version:]:
         for statement in step.split(";") if isinstance(step, str) else step:
@@ -148,15 +136,7 @@ def migrate(connection: sqlite3.Connection, version: int) -> None:
 def changed_form(connection: sqlite3.Connection) -> list[str]:
     """Return in what the tables, columns and triggers are not as this program makes them.
 
-    Parameters
-    ----------
-    connection : sqlite3.Connection
-        Of an index of the present version.
-
-    Returns
-    -------
-    list of str
-        One sentence each; empty when all is well.
+    The index is of the present version. One sentence each; empty when all is well.
     """
     return [
         f"the {kind} {name} is not as this program makes it."

@@ -16,38 +16,15 @@ SEALED_LIMIT_BYTES = 256 * 1024 * 1024
 
 
 def seal(record: Any) -> bytes:
-    """Return the content of a file.
-
-    Parameters
-    ----------
-    record : object
-        Anything JSON can say.
-
-    Returns
-    -------
-    bytes
-        For `publish`.
-    """
+    """Return the content of a file, for `publish`; the record is anything JSON can say."""
     return as_text({"sha256": _digest(record), "record": record}).encode()
 
 
 def unseal(path: Path) -> Any:
-    """Return the record of a file.
+    """Return the record that was given to `seal`, or the content of a file without a seal.
 
-    Parameters
-    ----------
-    path : Path
-        The file; one of a version that did not seal is taken as it is.
-
-    Returns
-    -------
-    object
-        As it was given to `seal`.
-
-    Raises
-    ------
-    ArchiveError
-        If the file cannot be read or is not what was written.
+    Earlier versions did not seal. Raises ArchiveError if the file cannot be read or is not what
+    was written.
     """
     remedy = "Restore it from a backup; `impactd verify` names every such file."
     try:

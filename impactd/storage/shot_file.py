@@ -44,7 +44,7 @@ _METADATA = "entry/process/circumstances/data"
 
 
 def recording_of(record: Record) -> Recording:
-    """Return a digitizer's record as the archive keeps it, looked at for clipping."""
+    """Return a digitizer's record as the archive keeps it, checked for clipping."""
     codes = np.ascontiguousarray(record.codes, dtype=np.int16)
     return Recording(
         samples=codes,
@@ -67,20 +67,7 @@ def recording_of(record: Record) -> Recording:
 def build_shot_file(
     number: int, recording: Recording, metadata: ShotMetadata, drop: Drop | None
 ) -> bytes:
-    """Return the bytes of a shot file.
-
-    Parameters
-    ----------
-    metadata : ShotMetadata
-        What is known of the shot beside its samples.
-    drop : Drop or None
-        The drop it belongs to, ``None`` for an import.
-
-    Returns
-    -------
-    bytes
-        A whole HDF5 file.
-    """
+    """Return the bytes of a whole shot file; ``drop`` is ``None`` for an import."""
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("earliest", "v110")) as file:
         file.attrs.update(
@@ -98,17 +85,9 @@ def build_shot_file(
 
 
 def read_shot_file(content: bytes, path: str) -> tuple[int, Recording, ShotMetadata, Drop | None]:
-    """Return what a shot file holds.
+    """Return what the bytes of a whole shot file hold.
 
-    Parameters
-    ----------
-    content : bytes
-        The whole file, as `build_shot_file` made it.
-
-    Raises
-    ------
-    CorruptShotError
-        If it is no shot file or a checksum inside does not agree.
+    Raises CorruptShotError if it is no shot file or a checksum inside does not agree.
     """
     try:
         with h5py.File(io.BytesIO(content), "r") as file:

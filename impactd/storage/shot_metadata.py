@@ -25,77 +25,49 @@ QUANTITIES = {VOLTAGE: "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 @dataclass(frozen=True)
 class ShotMetadata:
-    """The metadata of a shot.
-
-    Attributes
-    ----------
-    started_utc : str
-        When the acquisition of this record was started (`moment.utc_now`).
-    started_monotonic_ns : int
-        Host clock at that same moment; ties the other host times to UTC. [ns]
-    gravity_m_per_s2 : float
-        [m/s^2]
-    sphere, surface : Sphere, Surface or None
-        What was known of them on that day, with their names. ``None`` = unknown.
-    drop_height_m : float or None
-        [m]
-    speed_repeatability : float or None
-        Relative standard deviation of the impact speed. [1]
-    valve_monotonic_ns : int or None
-        Host clock when the command that opened the valve had been handed over. [ns]
-    valve_identity : str
-        The board's own words.
-    valve_confirmed : bool or None
-        Whether the board read the command back.
-    vacuum_v : float or None
-        The gauge before the release. [V]
-    trigger : TriggerSettings or None
-        What it waited for.
-    baseline_v, noise_rms_v : float or None
-        Of the idle input at pre-flight. [V]
-    sensor : Sensor or None
-        What was known of the load cell.
-    calibration : int or None
-        The calibration in force, by number.
-    restitution : Quantity or None
-        As somebody else measured it (imports). [1]
-    environment : Environment or None
-        At the shot: as the technician read it, or a sensor.
-    source : str
-        ``drop`` or ``import``.
-    origin : str
-        For an import, the file it came from.
-    configuration : dict
-        Snapshot of the settings, JSON, no secrets.
-    notes : tuple of str
-        What a reader should know, e.g. ``"valve state unconfirmed"``.
-    """
+    """The metadata of a shot; ``None`` is unknown."""
 
     started_utc: str
+    """When the acquisition of this record was started (`timestamp.utc_now`)."""
     started_monotonic_ns: int
+    """Host clock at that same moment; ties the other host times to UTC. [ns]"""
     gravity_m_per_s2: float
     operator: str = ""
     sphere: Sphere | None = None
+    """As it was known on that day, with its name; ``surface`` too."""
     surface: Surface | None = None
     drop_height_m: float | None = None
     speed_repeatability: float | None = None
+    """Relative standard deviation of the impact speed. [1]"""
     valve_monotonic_ns: int | None = None
+    """Host clock when the command that opened the valve had been handed over. [ns]"""
     valve_identity: str = ""
+    """The board's own words."""
     valve_confirmed: bool | None = None
+    """Whether the board read the command back."""
     vacuum_v: float | None = None
+    """The gauge before the release. [V]"""
     digitizer: DigitizerIdentity | None = None
     trigger: TriggerSettings | None = None
     baseline_v: float | None = None
+    """Of the idle input at pre-flight, as ``noise_rms_v``. [V]"""
     noise_rms_v: float | None = None
     sensor: Sensor | None = None
     calibration: int | None = None
+    """The calibration in force, by number."""
     restitution: Quantity | None = None
+    """As somebody else measured it (imports). [1]"""
     environment: Environment | None = None
+    """At the shot: as the technician read it, or a sensor."""
     source: str = "drop"
+    """``drop`` or ``import``."""
     origin: str = ""
+    """For an import, the file it came from."""
     configuration: dict[str, Any] = field(default_factory=dict)
+    """Snapshot of the settings, JSON, no secrets."""
     software: str = ""
     notes: tuple[str, ...] = ()
+    """What a reader should know, e.g. ``"valve state unconfirmed"``."""
 
     @property
     def impact_speed_m_per_s(self) -> float | None:
@@ -107,48 +79,35 @@ class ShotMetadata:
 
 @dataclass(frozen=True)
 class Recording:
-    """A record as the archive keeps it.
-
-    Attributes
-    ----------
-    samples : ndarray, shape (n,)
-        Raw converter codes (int16), never corrected; an import keeps the type it came in.
-    per_code, offset : float
-        ``signal = samples * per_code + offset``. [unit of ``quantity``]
-    quantity : str
-        One of ``QUANTITIES``.
-    sample_rate_hz, sample_rate_u_hz : float
-        Calibrated rate and its standard uncertainty (0 = not stated). [Hz]
-    trigger_index : int
-        [1]
-    range_v : float or None
-        The converter's range, +/-. [V]
-    calibrated : bool or None
-        Whether the converter's own calibration is in the two numbers; ``None`` = unknown.
-    clipped : bool
-        The record sits on a limit.
-    first_sample_index, samples_streamed : int
-        Place in the stream. [1]
-    trigger_monotonic_ns : int or None
-        Host clock when the trigger was recognised. [ns]
-    status_words : tuple of int
-        Acquisition status at start and end.
-    """
+    """A record as the archive keeps it."""
 
     samples: NDArray[Any]
+    """Shape (n,). Raw converter codes (int16), never corrected; an import keeps the type it came
+    in."""
     per_code: float
     offset: float
+    """``signal = samples * per_code + offset``. [unit of ``quantity``]"""
     quantity: str
+    """One of ``QUANTITIES``."""
     sample_rate_hz: float
+    """Calibrated rate. [Hz]"""
     sample_rate_u_hz: float
+    """Its standard uncertainty; 0 = not stated. [Hz]"""
     trigger_index: int
     range_v: float | None = None
+    """The converter's range, +/-. [V]"""
     calibrated: bool | None = None
+    """Whether the converter's own calibration is in ``per_code`` and ``offset``; ``None`` =
+    unknown."""
     clipped: bool = False
+    """Whether the record reaches a limit of the converter or the amplifier."""
     first_sample_index: int = 0
+    """Place in the stream, which had ``samples_streamed``. [1]"""
     samples_streamed: int = 0
     trigger_monotonic_ns: int | None = None
+    """Host clock when the trigger was recognised. [ns]"""
     status_words: tuple[int, ...] = ()
+    """Acquisition status at start and end."""
 
     @property
     def signal(self) -> NDArray[np.float64]:
@@ -168,31 +127,20 @@ class Recording:
 
 @dataclass(frozen=True)
 class StoredShot:
-    """A shot as read back from its file.
-
-    Attributes
-    ----------
-    shot : Shot
-        Its row in the index.
-    metadata : ShotMetadata
-        What is known of the shot beside its samples.
-    drop : Drop or None
-        The drop it belongs to, as it was when the file was written; ``None`` for an import.
-    """
+    """A shot as read back from its file."""
 
     shot: Shot
+    """Its row in the index."""
     recording: Recording
     metadata: ShotMetadata
     drop: Drop | None
+    """As it was when the file was written; ``None`` for an import."""
 
     @property
     def record(self) -> Record:
         """The record as a digitizer gave it, for replay.
 
-        Raises
-        ------
-        ArchiveError
-            If the shot was recorded by another instrument.
+        Raises ArchiveError if the shot was recorded by another instrument.
         """
         kept = self.recording
         if kept.samples.dtype != np.int16 or kept.quantity != VOLTAGE or kept.range_v is None:

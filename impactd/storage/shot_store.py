@@ -26,17 +26,10 @@ SHOT_LIMIT_BYTES = 2 * 8 * MAX_SAMPLES + 64 * 1024 * 1024
 
 @dataclass(frozen=True)
 class FoundShot:
-    """A shot file as found on disk, whatever the index says.
-
-    Attributes
-    ----------
-    row : Shot
-        The row it deserves.
-    drop : Drop or None
-        The drop it remembers.
-    """
+    """A shot file as found on disk, whatever the index says."""
 
     row: Shot
+    """The row that the file deserves."""
     drop: Drop | None
 
 
@@ -94,14 +87,7 @@ class ShotStore:
         return path
 
     def take(self, path: Path, number: int) -> None:
-        """Publish a shot file that lies outside the archive, then remove it there.
-
-        Parameters
-        ----------
-        path : Path
-            From `rescue.find`.
-        number : int
-            What it must hold.
+        """Publish a shot file of this number from `rescue.find`, then remove it there.
 
         Raises
         ------
@@ -119,10 +105,7 @@ class ShotStore:
     def read(self, shot: Shot) -> StoredShot:
         """Return a shot from its file.
 
-        Raises
-        ------
-        CorruptShotError
-            If the file is missing, or its SHA-256 is not the one that was stored.
+        Raises CorruptShotError if the file is missing, or has another SHA-256 than was stored.
         """
         path = self.directory / shot.file
         return replace(read_shot(path, shot.sha256), shot=shot)
@@ -130,10 +113,7 @@ class ShotStore:
     def find(self, path: Path) -> FoundShot:
         """Return what a shot file says of itself; for rebuilding the index.
 
-        Raises
-        ------
-        CorruptShotError
-            If it is no shot file, or carries another number than its name.
+        Raises CorruptShotError if it is no shot file, or carries another number than its name.
         """
         content = _content(path)
         number, recording, metadata, drop = read_shot_file(content, str(path))
@@ -151,22 +131,9 @@ class ShotStore:
 
 
 def read_shot(path: Path, sha256: str) -> StoredShot:
-    """Return a shot from its file, without an index; workers do this.
+    """Return a shot from its file, with the row that it deserves, without an index; for workers.
 
-    Parameters
-    ----------
-    sha256 : str
-        What the whole file must hash to.
-
-    Returns
-    -------
-    StoredShot
-        With the row that the file deserves.
-
-    Raises
-    ------
-    CorruptShotError
-        If the file is missing or is not the one that was stored.
+    Raises CorruptShotError if the file is missing or does not hash to ``sha256``.
     """
     content = _content(path)
     found = hashlib.sha256(content).hexdigest()

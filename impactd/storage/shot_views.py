@@ -23,13 +23,7 @@ VIEW_AFTER_S = 2e-3
 
 
 def write_views(entry: h5py.Group, title: str, recording: Recording) -> None:
-    """Write ``impact`` and ``record``, each of which plots by itself.
-
-    Parameters
-    ----------
-    recording : Recording
-        The record; its samples are in the file already.
-    """
+    """Write ``impact`` and ``record``, each of which plots by itself, beside the samples."""
     rate_hz, trigger = recording.sample_rate_hz, recording.trigger_index
     first = max(0, trigger - round(VIEW_BEFORE_S * rate_hz))
     view = replace(

@@ -13,64 +13,38 @@ from impactd.storage.materials_json import environment_from_text, environment_to
 
 @dataclass(frozen=True)
 class Shot:
-    """The index's row of a shot file.
-
-    Attributes
-    ----------
-    number : int
-        The drop's number, or the next free one for an import.
-    file : str
-        Path below the archive's directory.
-    sha256 : str
-        Hash of the whole file, checked whenever it is read.
-    size_bytes : int
-        [B]
-    source : str
-        ``drop`` or ``import``.
-    origin : str
-        For an import, file and hash of the samples; the same samples are not imported twice.
-    started_utc, stored_utc : str
-        When the recording was started, and when it was durable.
-    sphere, surface : str or None
-        ``None`` = unknown (recordings made elsewhere).
-    drop_height_m : float or None
-        [m]
-    operator : str
-        Who did it; empty when unknown.
-    quantity : str
-        ``voltage``, ``force_N`` or ``acceleration_m_per_s2``.
-    sample_rate_hz : float
-        Calibrated rate. [Hz]
-    samples : int
-        [1]
-    trigger_index : int
-        [1]
-    peak : float
-        Sample farthest from the baseline, baseline removed. [V, N or m/s^2]
-    clipped : bool
-        The record sits on a limit.
-    environment : Environment or None
-        At the shot, as its file has it.
-    """
+    """The index's row of a shot file."""
 
     number: int
+    """The drop's number, or the next free one for an import."""
     file: str
+    """Path below the archive's directory."""
     sha256: str
+    """Hash of the whole file, checked whenever it is read."""
     size_bytes: int
     source: str
+    """``drop`` or ``import``."""
     origin: str
+    """For an import, file and hash of the samples; the same samples are not imported twice."""
     started_utc: str
     stored_utc: str
+    """When it was durable."""
     sphere: str | None
+    """``None`` = unknown, as ``surface`` (recordings made elsewhere)."""
     surface: str | None
     drop_height_m: float | None
     operator: str
+    """Empty when unknown."""
     quantity: str
+    """``voltage``, ``force_N`` or ``acceleration_m_per_s2``."""
     sample_rate_hz: float
+    """Calibrated rate. [Hz]"""
     samples: int
     trigger_index: int
     peak: float
+    """Sample farthest from the baseline, baseline removed. [V, N or m/s^2]"""
     clipped: bool
+    """Whether the record reaches a limit of the converter or the amplifier."""
     environment: Environment | None = None
 
 
@@ -94,13 +68,7 @@ class ShotTable:
         self._index.write(f"INSERT INTO shots VALUES ({marks})", values)  # noqa: S608 - only marks
 
     def get(self, number: int) -> Shot:
-        """Return one row.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Return one row; raise NotFoundError."""
         row = self._index.row("SELECT * FROM shots WHERE number=?", (number,))
         if row is None:
             raise NotFoundError("shot", number)
@@ -126,19 +94,12 @@ class ShotTable:
 
         Parameters
         ----------
-        sphere, surface : str, optional
-            Names.
         since, until : str, optional
-            First moment that counts and first that does not, in the form of `moment.utc_now`.
+            First timestamp that counts and first that does not, in the form of `timestamp.utc_now`.
         search : str, optional
             A shot's number, or a part of sphere, surface, operator or origin; case does not count.
         before : int, optional
             Only numbers below this one (the next page).
-
-        Returns
-        -------
-        list of Shot
-            May be empty.
         """
         conditions = {
             "sphere = ?": sphere,

@@ -1,4 +1,4 @@
-"""The one form in which this archive writes a moment: ISO 8601, UTC, microseconds, ``Z``.
+"""The one form of a timestamp in this archive: ISO 8601, UTC, microseconds, ``Z``.
 
 Text of this form sorts as time does, which the index relies on.
 """
@@ -11,54 +11,24 @@ _FORM = "%Y-%m-%dT%H:%M:%S.%fZ"
 
 
 def utc_now() -> str:
-    """Return the present moment.
-
-    Returns
-    -------
-    str
-        E.g. ``2026-03-01T12:00:00.000000Z``.
-    """
+    """Return the present time, e.g. ``2026-03-01T12:00:00.000000Z``."""
     return datetime.now(UTC).strftime(_FORM)
 
 
 def utc_after(days: float) -> str:
-    """Return the moment so many days from now.
-
-    Parameters
-    ----------
-    days : float
-        [d]
-
-    Returns
-    -------
-    str
-        In the same form as `utc_now`.
-    """
+    """Return the time so many days from now, in the form of `utc_now`."""
     return (datetime.now(UTC) + timedelta(days=days)).strftime(_FORM)
 
 
 def utc_at(epoch_s: float) -> str:
-    """Return a moment of the host's clock, e.g. of a file, in the same form as `utc_now`. [s]"""
+    """Return a time of the host's clock [s], e.g. of a file, in the form of `utc_now`."""
     return datetime.fromtimestamp(epoch_s, UTC).strftime(_FORM)
 
 
 def as_utc(text: str) -> str:
-    """Return any ISO 8601 moment in the archive's form, so that texts compare as times.
+    """Return any ISO 8601 date or time in the form of `utc_now`, so that texts compare as times.
 
-    Parameters
-    ----------
-    text : str
-        A date or a moment; without a zone it is UTC.
-
-    Returns
-    -------
-    str
-        In the same form as `utc_now`.
-
-    Raises
-    ------
-    ValueError
-        If the text is no moment.
+    Without a zone it is UTC. Raises ValueError if the text is no such time.
     """
     moment = datetime.fromisoformat(text)
     if moment.tzinfo is None:

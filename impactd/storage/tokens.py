@@ -19,25 +19,13 @@ _LONGEST_LIFE_D = 36525
 
 @dataclass(frozen=True)
 class Token:
-    """What is known of a token; never the secret.
-
-    Attributes
-    ----------
-    id : int
-        [1]
-    name : str
-        Whose it is; owners of drops are called so.
-    scope : str
-        ``read``, ``operate`` or ``admin``.
-    created_utc : str
-        When it was made.
-    expires_utc, revoked_utc : str or None
-        When it ends, and when it was taken back.
-    """
+    """What is known of a token; never the secret."""
 
     id: int
     name: str
+    """Whose it is; also the owner of the drops it asks for."""
     scope: str
+    """``read``, ``operate`` or ``admin``."""
     created_utc: str
     expires_utc: str | None
     revoked_utc: str | None
@@ -56,24 +44,10 @@ class TokenTable:
     def create(
         self, name: str, scope: str = "operate", days: float | None = None
     ) -> tuple[Token, str]:
-        """Make a token.
+        """Make a token; return it and its secret, which nobody can read again.
 
-        Parameters
-        ----------
-        scope : str
-            ``read``, ``operate`` or ``admin``.
-        days : float, optional
-            How long it lives, > 0; without it, until it is revoked. [d]
-
-        Returns
-        -------
-        tuple of Token and str
-            What is known of it, and the secret, which nobody can read again.
-
-        Raises
-        ------
-        ArchiveError
-            If the scope is unknown, or the life is not positive or longer than a century.
+        It lives for ``days`` (> 0), without them until it is revoked. Raises ArchiveError if the
+        scope is unknown, or the life is not positive or longer than a century.
         """
         if scope not in SCOPES:
             raise ArchiveError(f"The scope {scope!r} is unknown; there are {', '.join(SCOPES)}.")
@@ -119,13 +93,7 @@ class TokenTable:
         return [_token_of(row) for row in self._index.rows("SELECT * FROM tokens ORDER BY id")]
 
     def revoke(self, number: int) -> Token:
-        """Take a token back; it stays on the list.
-
-        Raises
-        ------
-        NotFoundError
-            If there is none of that number.
-        """
+        """Revoke a token; it stays on the list. Raise NotFoundError."""
         self._index.write(
             "UPDATE tokens SET revoked_utc=coalesce(revoked_utc, ?) WHERE id=?",
             (utc_now(), number),

@@ -28,19 +28,9 @@ _ROW_PATIENCE_S = 0.1
 
 
 def required_key(key: str | None, what: str) -> str:
-    """Return the idempotency key.
+    """Return the idempotency key of the header; raise ProblemError 400 when there is none.
 
-    Parameters
-    ----------
-    key : str or None
-        The header.
-    what : str
-        What would happen twice without it.
-
-    Raises
-    ------
-    ProblemError
-        400 when there is none.
+    ``what`` says what would happen twice without it.
     """
     if not key:
         raise ProblemError(
@@ -51,7 +41,7 @@ def required_key(key: str | None, what: str) -> str:
 
 
 def owner_name(operator: str, caller: Caller) -> str:
-    """Return how a drop's owner is named to others: the person, and whose token was used."""
+    """Return a drop's owner as others see it: the person, and whose token was used."""
     return operator if operator == caller.name else f"{operator} ({caller.name})"
 
 
@@ -92,26 +82,10 @@ def begin_drop(  # noqa: PLR0917 - what a request brings, as the routes have it
     key: str | None,
     accepted: int,
 ) -> DropAnswer:
-    """Begin a drop, whoever described it, and say where it can be watched.
+    """Begin a drop, or return the one of the same key; ``response`` gets the ``Location``.
 
-    Parameters
-    ----------
-    response : Response
-        Gets the ``Location``.
-    key : str or None
-        The idempotency key, without which nothing moves.
-    accepted : int
-        The abort epoch at which the request arrived; an abort since then refuses it.
-
-    Returns
-    -------
-    DropAnswer
-        New, or the one of the same key.
-
-    Raises
-    ------
-    ProblemError
-        400 without a key.
+    An abort since the epoch ``accepted``, at which the request arrived, refuses it. Raises
+    ProblemError 400 without a key.
     """
     drop = daemon.service.request_drop(
         asked,
@@ -196,7 +170,7 @@ async def abort_drop(
 
 
 async def _read_in_time(daemon: Daemon, number: int, limits: Limits) -> Drop | None:
-    """Return a drop's row; ``None`` where the disk does not answer before an aborting hand does."""
+    """Return a drop's row, ``None`` where the disk answers later than an abort may wait."""
     with anyio.move_on_after(_ROW_PATIENCE_S):
         try:
             return await anyio.to_thread.run_sync(

@@ -35,10 +35,10 @@ async def _place(
     last_event_id: _LastEventId = None,
     after: _After = None,
 ) -> int:
-    """Return behind which event a stream begins.
+    """Return the number of the event after which a stream begins.
 
-    The answer says it in its own `Last-Event-ID`: a client that loses its line before the first
-    event goes on from there.
+    The answer says it in its own `Last-Event-ID`: a client that loses its connection before the
+    first event goes on from there.
     """
     place = last_event_id if last_event_id is not None else after
     if place is None:

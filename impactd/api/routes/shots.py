@@ -116,7 +116,7 @@ def download_csv(number: Number, daemon: TheDaemon) -> Response:
 
 
 def _check(path: Path, sha256: str, number: int) -> None:
-    """Never hand out a damaged file under the name of a good one."""
+    """Refuse a file that is damaged."""
     if not path.is_file():
         raise ProblemError("damaged", f"The file of shot {number} is missing.")
     with path.open("rb") as file:
