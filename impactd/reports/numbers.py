@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-K_95 = 1.96
+K_95 = 1.959963984540054
 """Coverage factor of 95 % of a normal distribution (JCGM 100, G.3.4), where JSON tells none. It is
-`analysis.fit.measurand.NORMAL95`, which would load numpy before a number can be printed."""
+`analysis.fit.measurand.NORMAL95`, which would load numpy before a number can be printed, and that
+of the page (`../page/static/js/numbers.js`), whose rule for digits is this one."""
 MOST_DECIMALS = 9
 """As many as the page writes; smaller and larger numbers have a power of ten."""
 
@@ -47,10 +48,15 @@ def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:
     if low is not None and value - expanded < 0.0 <= low * scale:
         upper = "any" if high is None else f"{high * scale:.2g}"
         return f"{value:.2g} (95 %: {low * scale:.2g} .. {upper})"
-    digits = max(0, 1 - math.floor(math.log10(expanded)))
+    digits = decimals(expanded)
     if digits > MOST_DECIMALS or max(abs(value), expanded) >= 1e7:
         power = math.floor(math.log10(max(abs(value), expanded)))
         places = max(0, power + 1 - math.floor(math.log10(expanded)))
         both = (f"{one / 10**power:.{places}f}" for one in (value, expanded))
         return f"({f' {sign} '.join(both)})e{power:+03d}"
     return f"{value:.{digits}f} {sign} {expanded:.{digits}f}"
+
+
+def decimals(expanded: float) -> int:
+    """Return how many decimals a value has whose U shows two digits."""
+    return max(0, 1 - math.floor(math.log10(expanded)))
