@@ -26,6 +26,14 @@ export function measured(quantity, scale = 1) {
   return `${value.toFixed(digits)} ± ${expanded.toFixed(digits)}`;
 }
 
+/** Return "3.150(87)": the digits in brackets are the standard uncertainty of the last ones (GUM 7.2.2). */
+export function concise(value, u) {
+  if (!(Number.isFinite(u) && u > 0)) return significant(value, 6);
+  const digits = Math.max(0, 1 - Math.floor(Math.log10(u)));
+  const bracket = u < 1 ? Math.round(u * 10 ** digits) : u.toFixed(digits);
+  return `${value.toFixed(digits)}(${bracket})`;
+}
+
 /** Return the scale and unit in which a modulus is easy to read. */
 export function modulusUnit(pascal) {
   return Math.abs(pascal) >= 1e9 ? [1e-9, "GPa"] : Math.abs(pascal) >= 1e6 ? [1e-6, "MPa"] : [1e-3, "kPa"];
