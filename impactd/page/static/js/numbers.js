@@ -4,7 +4,7 @@
 export const K_95 = 1.959963984540054;
 const MOST_DECIMALS = 9;
 
-/** Return "1.595 ± 0.018", with two digits of the expanded uncertainty U (95 %); the rule is `reports/numbers.py`. */
+/** Return "1.595 ± 0.018", with two digits of the expanded uncertainty U (95 %); the rule is `analysis/written_numbers.py`. */
 export function measured(quantity, scale = 1) {
   if (quantity?.value === null || quantity?.value === undefined) return "–";
   const value = quantity.value * scale;
