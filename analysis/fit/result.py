@@ -23,6 +23,7 @@ from analysis.fit.shot_fit import MISFIT_ABOVE, ShotFit, collect
 from analysis.fit.statements import WITHHOLD_ABOVE
 from analysis.identifiability import Identifiability, identifiability
 from analysis.model import solver
+from analysis.moduli_html import moduli_html
 from analysis.undetermined import Undetermined, undetermined
 
 __all__ = [
@@ -307,6 +308,9 @@ class FitResult:
             "assumptions": list(self.problem.assumptions),
             "flags": self.flags(),
         }
+
+    def _repr_html_(self) -> str:
+        return moduli_html(self.model, self.outcome.message, self.moduli())
 
     def flags(self) -> list[str]:
         """Return what a user must know before trusting the moduli."""

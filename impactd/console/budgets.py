@@ -56,11 +56,13 @@ def budget(
     from analysis import fit_campaign
     from analysis.budget_monte_carlo import FORMAT, monte_carlo
     from analysis.budget_monte_carlo import refits as refitted
+    from impactd.jobs.rebound import with_later_landings
     from impactd.storage.campaign_folder import read_campaign
     from impactd.storage.version import software
 
+    campaign = with_later_landings(read_campaign(path), model)
     result = fit_campaign(
-        read_campaign(path), model, heldout=False, progress=lambda w, s: progress(w, share=s)
+        campaign, model, heldout=False, progress=lambda w, s: progress(w, share=s)
     )
     found = result.budget()
     if found is None:

@@ -52,10 +52,11 @@ def offline(
         If no shot could be fitted.
     """
     from analysis import fit_campaign
+    from impactd.jobs.rebound import with_later_landings
     from impactd.storage.campaign_folder import read_campaign
     from impactd.storage.version import software
 
-    campaign = read_campaign(path)
+    campaign = with_later_landings(read_campaign(path), model)
     result = fit_campaign(campaign, model, progress=lambda what, share: progress(what, share=share))
     progress("", last=True)
     document = {**result.to_json(), "software": software()}
@@ -201,7 +202,7 @@ def _pairs(document: dict[str, Any]) -> str:
         rows.append(
             (name, document["model"], value, unit, pair["shots"], _worst_r2(document, name))
         )
-    return table(("pair", "model", "value +- U (95 %)", "unit", "shots", "lowest R2"), rows)
+    return table(("pair", "model", "value +- U (95 %)", "unit", "hits", "lowest R2"), rows)
 
 
 def _worst_r2(document: dict[str, Any], pair: str) -> float | None:

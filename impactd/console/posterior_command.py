@@ -57,14 +57,14 @@ def posterior(  # noqa: PLR0917 - the framework fills them by name
     from impactd.console.failure import Failure
     from impactd.console.progress_bar import progress
     from impactd.console.tables import print_json, table
+    from impactd.jobs.rebound import with_later_landings
 
     try:
         import arviz
     except ImportError:
         raise Failure("this needs ArviZ and emcee: pip install 'impactd[mcmc]'.") from None
-    fit = fit_campaign(
-        load_campaign(campaign), model, progress=lambda text, share: progress(text, share=share)
-    )
+    hits = with_later_landings(load_campaign(campaign), model)
+    fit = fit_campaign(hits, model, progress=lambda text, share: progress(text, share=share))
     if sampler is Sampler.LAPLACE:
         draws = laplace_draws(fit, steps, seed=seed)
     else:

@@ -60,7 +60,7 @@ def _rows(block: Json) -> Iterator[tuple[Any, ...]]:
                     name,
                     key,
                     *_numbers(key, pair[key]),
-                    f"{pair['shots']} shots",
+                    f"{pair['shots']} hits",
                 )
     for name, value in (block.get("parameters") or {}).items():
         yield (model, "parameter", name, name.rpartition(".")[2], *_numbers(name, value), "")

@@ -46,22 +46,27 @@ class _Sensor:
 
     Attributes
     ----------
+    columns : list of str
+        Without a calibration that gave no result.
     rows : list of tuple
         Name, a measurand or None for each column, truth, whether the last one holds it.
+    failed : str
+        Why the calibration gave no result; empty where it did.
     """
 
     columns: list[str]
     rows: list[tuple[str, list[Any], float, str]]
+    failed: str
 
 
 def _sensor(outcome: Outcome) -> _Sensor:
-    result = outcome.calibration.get("result") or {}
-    columns = {
-        f"calibration under {CLOSED}": {
-            **result.get("parameters", {}),
-            **result.get("identifiable", {}),
-        }
-    }
+    result = outcome.calibration.get("result")
+    columns, failed = {}, ""
+    if result:
+        calibrated = {**result["parameters"], **result["identifiable"]}
+        columns[f"calibration under {CLOSED}"] = calibrated
+    else:
+        failed = (outcome.calibration.get("problem") or {}).get("detail") or "no reason is given."
     columns |= {
         f"all drops, {rung.name}": rung.block.get("parameters", {})
         for rung in outcome.rungs
@@ -72,7 +77,7 @@ def _sensor(outcome: Outcome) -> _Sensor:
         stated = [_of_sensor(found, name) for found in columns.values()]
         if any(found and found.get("value") is not None for found in stated):
             rows.append((name, stated, true_value, _holds(stated[-1], true_value)))
-    return _Sensor(list(columns), rows)
+    return _Sensor(list(columns), rows, failed)
 
 
 def _of_sensor(parameters: dict[str, Any], name: str) -> Any:

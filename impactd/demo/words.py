@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from impactd.demo.outcome import Estimate, Row
-from impactd.reports.numbers import K_95
+from impactd.reports.numbers import K_95, decimals, measured
 
 
 def gigapascals(estimate: Estimate | None) -> str:
@@ -21,8 +21,7 @@ def gigapascals(estimate: Estimate | None) -> str:
     """
     if estimate is None:
         return "withheld"
-    digits = _digits(estimate)
-    return f"{estimate.value_pa / 1e9:.{digits}f} ± {K_95 * estimate.u_pa / 1e9:.{digits}f}"
+    return measured(estimate.to_json(), scale=1e-9, sign="±")
 
 
 def true_gigapascals(row: Row) -> str:
@@ -38,7 +37,8 @@ def true_gigapascals(row: Row) -> str:
     str
         In GPa.
     """
-    digits = max((_digits(e) for e in row.estimates.values() if e is not None), default=3)
+    stated = [one for one in row.estimates.values() if one is not None]
+    digits = max((decimals(K_95 * one.u_pa / 1e9) for one in stated), default=3)
     return f"{row.truth_pa / 1e9:.{digits}f}"
 
 
@@ -81,8 +81,3 @@ def off_by(estimate: Estimate | None, truth_pa: float) -> str:
         return "-"
     percent = 100 * (estimate.value_pa / truth_pa - 1)
     return f"{percent:+.0f} %" if abs(percent) >= 10 else f"{percent:+.2f} %"
-
-
-def _digits(estimate: Estimate) -> int:
-    """Return how many decimals of a value in GPa its uncertainty supports."""
-    return next((n for n in range(5) if K_95 * estimate.u_pa / 1e9 >= 0.95 * 10.0 ** (1 - n)), 5)

@@ -5,13 +5,32 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from analysis import restitution_from_bounce
+from analysis import restitution_from_bounce, with_bounces
 from analysis.bounce import restitution_from_rebound_height
-from analysis.campaign import Quantity, Shot
+from analysis.campaign import Campaign, Quantity, Shot
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import RESTITUTION_DISAGREES_ABOVE
 from impactd.aliases import Json
 from impactd.storage.shot_metadata import ShotMetadata
+
+_FIRST_LANDING_ONLY = ("release_speed_bias", "recontact")
+"""Effects of the release and of a second touch: a bounce has neither."""
+
+
+def with_later_landings(campaign: Campaign, model: str, definition: Json | None = None) -> Campaign:
+    """Return what a joint fit fits: later landings are shots, too, where the model describes them.
+
+    Daemon and terminal fit the same, so that shots and their export give the same number.
+
+    Parameters
+    ----------
+    definition : dict or None
+        Of a named model.
+    """
+    said = f"{model} {definition}"
+    if any(effect in said for effect in _FIRST_LANDING_ONLY):
+        return campaign
+    return with_bounces(campaign)
 
 
 def with_restitution(shot: Shot, metadata: ShotMetadata, rebound_height_m: Json | None) -> Shot:

@@ -14,7 +14,6 @@ import numpy as np
 
 from analysis import calibrate as analysis_calibrate
 from analysis import fit_campaign as analysis_fit_campaign
-from analysis import with_bounces
 from analysis.base_models import BASE_MODELS
 from analysis.campaign import Campaign, Quantity, Sensor, Shot, Sphere, Surface, Uncertainty
 from analysis.diagnosis.named_model import fit_named
@@ -23,7 +22,7 @@ from analysis.fit.result import FitResult
 from impactd.aliases import Json
 from impactd.jobs.curves import curve_of
 from impactd.jobs.progress import report
-from impactd.jobs.rebound import check_rebound, with_restitution
+from impactd.jobs.rebound import check_rebound, with_later_landings, with_restitution
 from impactd.storage.assemble import assemble_campaign
 from impactd.storage.json_fields import Fields
 from impactd.storage.materials_json import (
@@ -37,8 +36,6 @@ from impactd.storage.shot_store import read_shot
 from impactd.storage.version import software
 
 FORMAT = "impactd-shot-fit/1"
-_FIRST_LANDING_ONLY = ("release_speed_bias", "recontact")
-"""Effects of the release and of a second touch: a bounce has neither."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +76,7 @@ def fit_campaign(order: Json) -> Json:
     shots = _read(order)
     campaign, model = campaign_of(order, shots), order["model"]
     definition = _definition(order, model)
-    if _holds_for_bounces(model, definition):
-        campaign = with_bounces(campaign)
+    campaign = with_later_landings(campaign, model, definition)
     if definition is None:
         result = analysis_fit_campaign(campaign, model, progress=report)
     else:
@@ -95,16 +91,9 @@ def calibrate(order: Json) -> Json:
     """
     shots = _read(order)
     campaign, model = campaign_of(order, shots), order["model"]
-    if _holds_for_bounces(model, _definition(order, model)):
-        campaign = with_bounces(campaign)
+    campaign = with_later_landings(campaign, model, _definition(order, model))
     result = analysis_calibrate(campaign, model, progress=report)
     return {"calibration": {**result.to_json(), **_provenance(order, shots)}}
-
-
-def _holds_for_bounces(model: str, definition: Json | None) -> bool:
-    """Return whether a model describes later landings too, its definition's effects included."""
-    said = f"{model} {definition}"
-    return not any(effect in said for effect in _FIRST_LANDING_ONLY)
 
 
 def diagnose(order: Json) -> Json:

@@ -81,7 +81,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     said = [
         *wording.base_sentences(diagnosis),
         *wording.set_aside_sentences(diagnosis.set_aside),
-        wording.verdict_sentence(diagnosis, before, after),
+        wording.verdict_sentence(
+            diagnosis, before, after, wording.moved_moduli(base["moduli"], stated["moduli"])
+        ),
+        *wording.heldout_sentences(diagnosis, stated, free_after.problem),
         *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
         *_on_moduli(stated, free_after),
         *_provisos(free_after, blames=diagnosis.leaves_noise or explained),
@@ -115,8 +118,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "next_drop": None if diagnosis.next_drop is None else diagnosis.next_drop.to_json(),
         "campaign": _campaign(before),
         "residual": {
-            "before": residual.describe(before),
-            "after": None if after is before else residual.describe(after),
+            "before": residual.describe(before, structured=_structured(diagnosis, first)),
+            "after": None
+            if after is before
+            else residual.describe(after, structured=_structured(diagnosis, last)),
         },
         "rejected": [dataclasses.asdict(r) for r in first.problem.rejected],
         "assumptions": list(first.problem.assumptions),
@@ -470,10 +475,15 @@ def _remaining(diagnosis: Diagnosis, step: Step) -> Json:
     if diagnosis.disturbed and diagnosis.located is None:
         seen = {"family": "background", "scope": "shot"}
     return {
-        "structured": step.score_test.structured or diagnosis.disturbed,
+        "structured": _structured(diagnosis, step),
         "p_value": _p_value(diagnosis, step),
         "strongest": seen,
     }
+
+
+def _structured(diagnosis: Diagnosis, step: Step) -> bool:
+    """Return whether a residual is more than noise, or something else is always on the line."""
+    return step.score_test.structured or diagnosis.disturbed
 
 
 def _p_value(diagnosis: Diagnosis, step: Step) -> float:

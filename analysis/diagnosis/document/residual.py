@@ -39,8 +39,11 @@ RATES = (1.0, 0.0, -1.0)
 """At which rate of indentation: loading, at rest and unloading, in the usual speed. [1]"""
 
 
-def describe(result: FitResult) -> Json:
-    """Return a residual in sentences, ``said``, the numbers they rest on, and its stacks."""
+def describe(result: FitResult, *, structured: bool) -> Json:
+    """Return a residual in sentences, ``said``, the numbers they rest on, and its stacks.
+
+    ``structured`` is what the tests say of it: the sentences do not contradict them.
+    """
     shots = result.shots
     if not shots:
         return {"said": []}
@@ -56,21 +59,27 @@ def describe(result: FitResult) -> Json:
         "stacks": stacks_json(shots),
     }
     records = said_before_and_after([shot.item for shot in shots])
-    return {"said": _sentences(found, records), **found}
+    return {"said": _sentences(found, records, structured=structured), **found}
 
 
-def _sentences(found: Json, records: list[str]) -> list[str]:
+def _sentences(found: Json, records: list[str], *, structured: bool) -> list[str]:
     """Return a description in words, one thought each, what the records say among them."""
     share = found["share_that_repeats"]
     repeats = "" if share is None else f"{share:.0%} of its energy repeats from shot to shot"
     ratio = {n: p["chi2_per_sample"] for n, p in found["phases"].items() if p["chi2_per_sample"]}
     worst = max(ratio, key=lambda name: ratio[name])
-    if ratio[worst] < CRITERIA.words.residual_ratio:
+    small = ratio[worst] < CRITERIA.words.residual_ratio
+    if small and not structured:
         noise = "Before, during and after the contact the residual is noise"
         return [f"{noise}; {repeats}." if repeats else f"{noise}."]
-    said = [
-        f"The residual is largest {PHASES[worst]}: {times_noise(ratio[worst])} times the noise."
-    ]
+    largest = (
+        f"The residual is largest {PHASES[worst]}: {times_noise(ratio[worst])} times the noise"
+    )
+    if not structured:
+        largest += ", which the tests ascribe to chance"
+    said = [f"{largest}."]
+    if small:
+        said.append("Its size is hardly more than the noise, but the tests find structure in it.")
     if worst != "before" and "before" in ratio:
         quiet = "noise"
         if ratio["before"] >= CRITERIA.words.residual_ratio:

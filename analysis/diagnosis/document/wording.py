@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import kruskal, norm, spearmanr
 
-from analysis.aliases import Array
+from analysis.aliases import Array, Json
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import shot_words
 from analysis.diagnosis.basis.proposals import scopes_of
@@ -82,9 +82,28 @@ UNITS = {
 
 # -- numbers -------------------------------------------------------------------------------------
 def times_noise(squares: float) -> str:
-    """Return whitened squares a sample as a ratio of rms to noise, to three digits."""
+    """Return whitened squares a sample as a ratio of rms to noise.
+
+    To three digits, or more where three would make it 1, which it is not.
+    """
     ratio = math.sqrt(max(squares, 0.0))
-    return f"{ratio:.3g}" if ratio < 1000 else f"{ratio:,.0f}"
+    if ratio >= 1000:
+        return f"{ratio:,.0f}"
+    digits = next((n for n in range(3, 7) if f"{ratio:.{n}g}" != "1"), 3)
+    return f"{ratio:.{digits}g}"
+
+
+def told_apart(one: float, other: float, *beside: float) -> list[str]:
+    """Return numbers as text: three digits each, and as many that the first two differ."""
+    least = _decimals(min(one, other))
+    decimals = next(
+        (n for n in range(least, least + 4) if f"{one:.{n}f}" != f"{other:.{n}f}"), least
+    )
+    return [f"{value:.{max(decimals, _decimals(value))}f}" for value in (one, other, *beside)]
+
+
+def _decimals(value: float) -> int:
+    return max(0, 2 - math.floor(math.log10(value))) if value > 0.0 else 2
 
 
 def frequency(hz: float) -> str:
@@ -136,15 +155,23 @@ def _mistake_sentence(diagnosis: Diagnosis, noise: str) -> str:
     return said
 
 
-def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) -> str:
+def verdict_sentence(
+    diagnosis: Diagnosis, before: FitResult, after: FitResult, moved: Sequence[str]
+) -> str:
     """Return the verdict in one sentence, with a description of what has no name.
 
-    ``before`` and ``after`` are the model without and with what was found.
+    ``before`` and ``after`` are the model without and with what was found, ``moved`` is what
+    `moved_moduli` says of them.
     """
     names = " and ".join(_named(refit) for refit in diagnosis.chosen)
     unit, factor = UNITS[before.problem.shots[0].shot.quantity]
-    had, left, floor = (three_digits(factor * v) for v in (before.rms, after.rms, before.noise_rms))
-    fall = f"the residual falls from {had} to {left} {unit} rms"
+    had, left, floor = told_apart(
+        factor * before.rms, factor * after.rms, factor * before.noise_rms
+    )
+    way = "falls" if after.rms < before.rms else "rises"
+    gain = sum(refit.gain for refit in diagnosis.chosen) / 2.0
+    rise = [f"the log-likelihood rises by {three_digits(gain)}"] if gain > 0.0 else []
+    fall = ", ".join([*moved, *rise, f"the residual {way} from {had} to {left} {unit} rms"])
     noise = f"the noise is {floor} {unit}"
     structured = diagnosis.steps[-1].score_test.structured
     if diagnosis.mistakes:
@@ -171,14 +198,14 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
         others = ", ".join(diagnosis.confusable)
         said = (
             f"Found: {names}, or another that these data cannot distinguish from it ({others}); "
-            f"{fall}."
+            f"with it {fall}."
         )
     elif diagnosis.verdict == "partial":
         ends = f", but structure remains ({noise})"
         if diagnosis.disturbed and not structured:
             ends = f" ({noise}), but in addition {background_words(diagnosis.check_noise)}"
         why = "".join(f" The records show it: {one.sentence}." for one in diagnosis.shown)
-        said = f"Found in part: {names}; {fall}{ends}.{why}"
+        said = f"Found in part: {names}; with it {fall}{ends}.{why}"
     elif diagnosis.verdict == "unknown":
         said = _unknown(diagnosis, before)
     elif after.undetermined and not after.out_of_range:
@@ -189,6 +216,42 @@ def verdict_sentence(diagnosis: Diagnosis, before: FitResult, after: FitResult) 
     else:
         said = "These data could not show whether the model is complete."
     return said
+
+
+def moved_moduli(before: Json, after: Json) -> list[str]:
+    """Return by how much what was found moves each modulus that was sought and is stated."""
+    said = []
+    for name, entry in after.items():
+        old = before.get(name, {}).get("plane_strain_modulus_Pa")
+        new = entry.get("plane_strain_modulus_Pa")
+        if entry["status"] != "fitted" or not old or not new:
+            continue
+        moved = new["value"] - old["value"]
+        said.append(
+            f"E/(1-nu^2) of {name} moves by {100.0 * moved / old['value']:+.2g} % "
+            f"({two_digits(abs(moved) / new['u'])} times its standard uncertainty)"
+        )
+    return said
+
+
+def heldout_sentences(diagnosis: Diagnosis, block: Json, problem: JointProblem) -> list[str]:
+    """Return what it means that a model leaves noise, but errs more on shots left out.
+
+    ``block`` has the figures of that model. More is what `CRITERIA` calls a surplus of squares.
+    """
+    rms, held = block.get("rms_V"), block.get("heldout_rms_V")
+    surplus = CRITERIA.structure.surplus_share
+    if not diagnosis.leaves_noise or not rms or not held or held**2 <= (1.0 + surplus) * rms**2:
+        return []
+    quantities = {item.shot.quantity for item in problem.shots}
+    unit, factor = UNITS[quantities.pop()] if len(quantities) == 1 else ("of each record", 1.0)
+    on_held, on_all = told_apart(factor * held, factor * rms)
+    return [
+        f"On held-out shots its error is {on_held} {unit} rather than {on_all} {unit}: the other "
+        f"shots do not determine the {len(problem.names)} shared numbers well enough to predict "
+        "these. The verdict is about the shots at hand; more drop heights and repetitions would "
+        "test it further."
+    ]
 
 
 def _named(found: Refit) -> str:
@@ -288,7 +351,7 @@ def beside_mean_waveform(
     does = "better" if mean.heldout_rms < after_rms else "as well"
     return [
         f"A mean of the other hits, without any model, does {does} on held-out shots: "
-        f"{factor * mean.heldout_rms:.3g} against {factor * after_rms:.3g} {unit}."
+        f"{' against '.join(told_apart(factor * mean.heldout_rms, factor * after_rms))} {unit}."
     ]
 
 
@@ -435,14 +498,20 @@ def _not_physical(refit: Refit) -> str:
 
 def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None) -> str:
     """Return why a candidate that helps and is possible was still not taken."""
-    left = f"it leaves a residual of {_left(refit)} times the noise"
     if taken is None and step is not diagnosis.steps[-1]:
         return "an effect that was added later explains it better"
     if taken is None:
+        left = f"it leaves a residual of {_left(refit)} times the noise"
         return f"{left}; what remains is still structured"
     if refit.effect_id in diagnosis.confusable and step is diagnosis.steps[0]:
         return f"these data cannot distinguish it from {taken.effect_id}"
-    return f"{left}; {taken.effect_id} leaves {_left(taken)}"
+    behind = (taken.gain - refit.gain) / 2.0
+    if behind > 0.0:
+        return f"its log-likelihood is {three_digits(behind)} below that of {taken.effect_id}"
+    return (
+        f"its log-likelihood is {three_digits(-behind)} above that of {taken.effect_id}, less than "
+        "what its further numbers cost"
+    )
 
 
 def _left(refit: Refit) -> str:

@@ -11,10 +11,12 @@ import pytest
 from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
 from analysis.diagnosis.forward_selection import Selection
 from analysis.diagnosis.localisation import locate
-from analysis.diagnosis.procedure import _judge
+from analysis.diagnosis.procedure import _judge, diagnose_campaign
 from analysis.diagnosis.progress import Watch
 from analysis.effects.library import library
 from analysis.fit.result import FitResult, outcome_of
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
+from impactd.storage.campaign_folder import read_campaign
 
 KEYS = {
     "format", "verdict", "p_value", "noise_rms_V", "effects", "slot", "before", "after",
@@ -38,6 +40,7 @@ def test_a_clean_campaign_is_adequate_before_and_after(clean):
     assert found["before"] == found["after"]
     assert found["before"]["chi2_per_dof"] == pytest.approx(1.0, abs=0.1)
     assert "moduli" in found["before"]
+    assert "held-out" not in found["sentence"]
     json.dumps(found, allow_nan=False)
 
 
@@ -58,6 +61,43 @@ def test_an_identified_effect_comes_with_numbers_and_both_blocks(leaky_json):
     assert after["heldout_rms_V"] == pytest.approx(leaky_json["noise_rms_V"], rel=0.1)
     assert leaky_json["remaining"]["structured"] is False
     json.dumps(leaky_json, allow_nan=False)
+
+
+def test_the_verdict_says_what_the_effect_moves(leaky_json):
+    """The modulus in per cent and in uncertainties, and the log-likelihood, before the residual."""
+    before, after = (
+        leaky_json[block]["moduli"]["specimen"]["plane_strain_modulus_Pa"]
+        for block in ("before", "after")
+    )
+    share = after["value"] / before["value"] - 1.0
+    sentence = leaky_json["sentence"]
+    assert f"E/(1-nu^2) of specimen moves by {100 * share:+.2g} % (" in sentence
+    places = [sentence.index(one) for one in ("moves by", "log-likelihood rises", "residual falls")]
+    assert places == sorted(places)
+    whys = [line["why_not"] or "" for line in leaky_json["candidates"]]
+    assert any("below that of coupler_highpass" in why for why in whys)
+    assert not any("leaves 1" in why for why in whys)
+
+
+def test_an_error_on_held_out_shots_above_the_noise_is_explained(tmp_path):
+    """Two shots leave noise, and neither can be predicted from the other; eight can."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
+        surfaces={"specimen": usual.surfaces["specimen"]},
+        drop_heights_m=(0.0465,),
+        repeats=1,
+    )
+    campaign = read_campaign(write_campaign_folder(tmp_path, simulate_campaign(settings, 4)))
+    found = diagnosis_json(diagnose_campaign(campaign), software="impactd test")
+    assert found["verdict"] == "adequate"
+    held, rms = (1e3 * found["after"][key] for key in ("heldout_rms_V", "rms_V"))
+    assert held > 2 * rms
+    assert (
+        f"On held-out shots its error is {held:.2f} mV rather than {rms:.2f} mV"
+        in (found["sentence"])
+    )
 
 
 def test_every_library_effect_has_a_line_and_only_the_taken_one_no_reason(leaky_json):

@@ -33,7 +33,7 @@ def leaky_after(leaky):
 
 def test_a_slow_leak_is_seen_after_the_pulse_at_low_frequency(leaky_before):
     """The undershoot of a high-pass is after the contact, slow, and grows like the pulse."""
-    found = describe(leaky_before)
+    found = describe(leaky_before, structured=True)
     ratio = {name: phase["chi2_per_sample"] for name, phase in found["phases"].items()}
     assert max(ratio["ring"], ratio["later"]) > 2
     assert ratio["before"] == pytest.approx(1.0, abs=0.3)
@@ -44,13 +44,20 @@ def test_a_slow_leak_is_seen_after_the_pulse_at_low_frequency(leaky_before):
 
 def test_noise_is_called_noise(leaky_after):
     """After the repair one sentence is left."""
-    (sentence,) = describe(leaky_after)["said"]
+    (sentence,) = describe(leaky_after, structured=False)["said"]
     assert "noise" in sentence
+
+
+def test_structure_as_small_as_noise_is_not_called_noise(leaky_after):
+    """What the tests find is not taken back by the description."""
+    said = " ".join(describe(leaky_after, structured=True)["said"])
+    assert "the residual is noise" not in said
+    assert "the tests find structure in it" in said
 
 
 def test_stacks_cover_every_pair_and_height_once(leaky_before):
     """Eight shots at two heights on four pairs make eight curves over one time axis."""
-    stacks = describe(leaky_before)["stacks"]
+    stacks = describe(leaky_before, structured=True)["stacks"]
     curves = stacks["by_pair_and_height"]
     assert len(curves) == 8
     assert sum(curve["shots"] for curve in curves) == 8

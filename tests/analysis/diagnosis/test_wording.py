@@ -22,6 +22,7 @@ from analysis.diagnosis.document.wording import (
     frequency,
     noise_sentences,
     times_noise,
+    told_apart,
     two_digits,
 )
 from analysis.diagnosis.held_out import as_fit_result
@@ -75,6 +76,14 @@ def test_squares_are_told_as_multiples_of_the_noise() -> None:
     assert times_noise(9.61) == "3.1"
     assert times_noise(9.65e6) == "3,106"
     assert times_noise(1.0) == "1"
+    assert times_noise(1.0008) == "1.0004"
+
+
+def test_a_difference_is_not_rounded_away() -> None:
+    """Two numbers that differ look different, and end at the same digit."""
+    assert told_apart(1.5068, 1.5042, 1.5) == ["1.507", "1.504", "1.500"]
+    assert told_apart(132.71, 12.92, 0.15123) == ["132.7", "12.9", "0.151"]
+    assert told_apart(1.5, 1.5) == ["1.50", "1.50"]
 
 
 def test_numbers_are_said_and_not_computed():

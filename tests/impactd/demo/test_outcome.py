@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -95,6 +97,36 @@ def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
     assert "<td>mean of the other hits</td><td>31.4</td>" in page
     assert "http" not in page.replace("HTTP", "")
     assert "$" not in page
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_the_load_cell_says_whose_interval_holds_the_truth(
+    outcome_of: Make, diagnosis_of: Make, tmp_path: Path, calibrated: bool
+) -> None:
+    """A calibration that gave no result is no column of dashes, but a reason."""
+    outcome = outcome_of(diagnosis_of("adequate"))
+    gain = {"value": 2.3, "u": 0.1, "interval95": [2.1, 2.5], "unit": "N/V"}
+    block = {**outcome.diagnosis["before"], "parameters": {"sensor.gain_N_per_V": gain}}
+    result = {"parameters": {}, "identifiable": {"gain_N_per_V": gain}} if calibrated else None
+    outcome = dataclasses.replace(
+        outcome,
+        rungs=[*outcome.rungs[:-1], dataclasses.replace(outcome.last, block=block)],
+        truth={**outcome.truth, "sensor": {"gain_N_per_V": 2.7}},
+        calibration={
+            **outcome.calibration,
+            "result": result,
+            "problem": None if calibrated else {"detail": "The fit did not converge."},
+        },
+    )
+    picture = tmp_path / "moduli.png"
+    draw_moduli(picture, outcome)
+    write_report(tmp_path / "report.html", outcome, {"moduli": picture, "trace": picture})
+    page = (tmp_path / "report.html").read_text()
+    (row,) = re.findall(r"<tr><td>gain_N_per_V</td>.*</tr>", page)
+    cells = ["2.30 ± 0.20"] * (2 if calibrated else 1)
+    assert re.findall(r"<td>(.*?)</td>", row) == ["gain_N_per_V", *cells, "2.7", "no"]
+    assert "<th>in the 95 % of all drops, closed KV?</th>" in page
+    assert ("gave no result: The fit did not converge." in page) is not calibrated
 
 
 def test_the_page_says_that_nothing_was_sealed(

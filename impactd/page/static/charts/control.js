@@ -2,9 +2,7 @@
 
 import { axis, colour, draw } from "./plotly.js";
 import { materials } from "../js/words.js";
-import { modulusUnit } from "../js/numbers.js";
-
-const K_95 = 1.96;
+import { K_95, modulusUnit } from "../js/numbers.js";
 
 /** Draw a pair's shots, oldest first; those outside the limits have another colour and shape. */
 export function drawControl(place, found, signal) {

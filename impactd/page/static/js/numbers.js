@@ -1,15 +1,37 @@
 // Numbers as people read them, each with its unit.
 
-const K_95 = 1.96;
+/** Coverage factor of 95 % of a normal distribution, where JSON tells none. */
+export const K_95 = 1.959963984540054;
+const MOST_DECIMALS = 9;
 
-/** Return "1.595 ± 0.018", with two digits of the expanded uncertainty U (95 %). */
+/** Return "1.595 ± 0.018", with two digits of the expanded uncertainty U (95 %); the rule is `analysis/written_numbers.py`. */
 export function measured(quantity, scale = 1) {
-  const value = quantity?.value;
-  if (value === null || value === undefined) return "–";
+  if (quantity?.value === null || quantity?.value === undefined) return "–";
+  const value = quantity.value * scale;
   const expanded = (quantity.expanded?.U ?? K_95 * (quantity.u ?? 0)) * scale;
-  if (!(expanded > 0)) return significant(value * scale, 5);
-  const digits = Math.min(9, Math.max(0, 1 - Math.floor(Math.log10(expanded))));
-  return `${(value * scale).toFixed(digits)} ± ${expanded.toFixed(digits)}`;
+  if (!(Number.isFinite(expanded) && expanded > 0)) return significant(value, 5);
+  const [low, high] = quantity.interval95 ?? [null, null];
+  if (low !== null && value - expanded < 0 && low * scale >= 0) {
+    return `${significant(value, 2)} (95 %: ${significant(low * scale, 2)} .. ${high === null ? "any" : significant(high * scale, 2)})`;
+  }
+  const last = Math.floor(Math.log10(expanded));
+  const largest = Math.max(Math.abs(value), expanded);
+  if (1 - last > MOST_DECIMALS || largest >= 1e7) {
+    const power = Math.floor(Math.log10(largest));
+    const places = Math.max(0, power + 1 - last);
+    const [one, other] = [value, expanded].map((number) => (number / 10 ** power).toFixed(places));
+    return `(${one} ± ${other})e${power < 0 ? "-" : "+"}${String(Math.abs(power)).padStart(2, "0")}`;
+  }
+  const digits = Math.max(0, 1 - last);
+  return `${value.toFixed(digits)} ± ${expanded.toFixed(digits)}`;
+}
+
+/** Return "3.150(87)": the digits in brackets are the standard uncertainty of the last ones (GUM 7.2.2). */
+export function concise(value, u) {
+  if (!(Number.isFinite(u) && u > 0)) return significant(value, 6);
+  const digits = Math.max(0, 1 - Math.floor(Math.log10(u)));
+  const bracket = u < 1 ? Math.round(u * 10 ** digits) : u.toFixed(digits);
+  return `${value.toFixed(digits)}(${bracket})`;
 }
 
 /** Return the scale and unit in which a modulus is easy to read. */

@@ -3,7 +3,7 @@
 import { ask, get } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
 import { on } from "../js/live.js";
-import { moment, significant } from "../js/numbers.js";
+import { concise, moment, significant } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { choice, field } from "../parts/fields.js";
 import { tell } from "../parts/notices.js";
@@ -19,7 +19,7 @@ export async function showMaterials(place, { signal }) {
   const lists = h("div", { class: "cards" });
   const changes = h("section", { class: "card", "aria-labelledby": "changes-title" });
   fill(place, h("h1", {}, "Materials"),
-    h("p", {}, "The materials that a drop can use. A change counts for later drops and fits; stored fits keep their values."),
+    h("p", {}, "The materials that a drop can use. A change counts for later drops and fits; stored fits keep their values. In brackets: the standard uncertainty u (k = 1) of the last digits."),
     editor, lists, changes);
   const load = async () => {
     try {
@@ -42,7 +42,7 @@ function list(kind, materials, edit) {
   return h("section", { class: "card", "aria-label": title },
     h("div", { class: "row spread" }, h("h2", {}, title), may("operate") && h("button", { class: "button", type: "button", on: { click: () => edit(kind, null) } }, `Add a ${one}`)),
     h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": `Table of ${title.toLowerCase()}` }, h("table", {},
-      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Name"), h("td", {}), columns.map(([, name]) => h("th", { scope: "col", class: "number" }, `${name} ± u`)), h("th", { scope: "col", class: "hide-narrow" }, "Changed"))),
+      h("thead", {}, h("tr", {}, h("th", { scope: "col" }, "Name"), h("td", {}), columns.map(([, name]) => h("th", { scope: "col", class: "number" }, name)), h("th", { scope: "col", class: "hide-narrow" }, "Changed"))),
       h("tbody", {}, materials.map((material) => h("tr", {},
         h("th", { scope: "row" }, material.name, material.entry.reference && h("div", {}, h("span", { class: "badge" }, "reference"))),
         h("td", {}, may("operate") && h("button", { class: "button", type: "button", on: { click: () => edit(kind, material) } }, "Change", h("span", { class: "unseen" }, ` ${material.name}`))),
@@ -53,7 +53,7 @@ function list(kind, materials, edit) {
 function shown(value, scale) {
   if (value === undefined || value === null) return "–";
   if (typeof value === "number") return significant(value * scale, 6);
-  return `${significant(value.value * scale, 6)} ± ${significant(value.u * scale, 2)}`;
+  return concise(value.value * scale, value.u * scale);
 }
 
 const asText = (number, scale) => (number === undefined || number === null ? "" : String(Number((number * scale).toPrecision(12))));
@@ -62,7 +62,7 @@ const asText = (number, scale) => (number === undefined || number === null ? "" 
 function quantity([key, label, scale], entry) {
   const now = entry[key];
   const value = field(label, { inputmode: "decimal", autocomplete: "off", maxlength: 24, value: asText(now?.value ?? now, scale) });
-  const u = field("± u", { inputmode: "decimal", autocomplete: "off", maxlength: 24, value: asText(now?.u, scale), "aria-label": `Standard uncertainty of ${label}` });
+  const u = field("u (k = 1)", { inputmode: "decimal", autocomplete: "off", maxlength: 24, value: asText(now?.u, scale), "aria-label": `Standard uncertainty of ${label}` });
   const element = h("div", { class: "value-u" }, value, u);
   element.read = () => {
     const number = (input, what) => {
