@@ -236,4 +236,6 @@ def contact_columns(
     found = model.with_effect(PROBE).predict_each(local, item.frame, wanted, steps=steps)
     where = "sphere" if sphere_only else "both"
     labels = [f"delta^{i:g} rate^{j} on {where}" for i, j in CONTACT_POWERS]
-    return labels, (found[1:] - found[0]).T / _SMALL
+    columns = (found[1:] - found[0]).T / _SMALL
+    # a fit may end at a shot that hardly touches: a power of no indentation is no number
+    return labels, np.where(np.isfinite(columns).all(axis=0), columns, 0.0)
