@@ -79,7 +79,8 @@ def test_another_sphere_than_the_label_says_is_heard_at_once(rig: Rig) -> None:
     assert len(found["shots"]) == GOOD
     assert found["likely"] == [{"sphere": "hdpe"}]
     assert "look at the label" in found["sentence"]
-    assert [one["sentence"] for one in events(rig, "shot.unlike")] == [found["sentence"]]
+    told = until(lambda: events(rig, "shot.unlike"), bool)  # after the shot can be read
+    assert [one["sentence"] for one in told] == [found["sentence"]]
     assert (shot["advice"], shot["because"][0]) == ("check", found["sentence"])
     assert "unlike its 4 repetitions" in advice_words(shot)
     rig.ended(shot["number"], ("analysed",))
