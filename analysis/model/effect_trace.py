@@ -181,7 +181,8 @@ def integrate_with_effects(
     states = np.zeros((len(columns), 2 * matrices[1].shape[1]))
     span = 0.0
     if before is not None:
-        states[:], span = before
+        moving, span = before
+        states[:] = moving[:, : states.shape[1]]  # a mass that only a neighbour had is at rest
     integrate_columns(
         table,
         np.array([c.row for c in columns]),

@@ -116,6 +116,20 @@ def test_sample_rate_and_gravity_follow_from_the_units(name: str) -> None:
     assert hummed.slopes_by_units(there, frame, hummed.linearise(there, frame)) == {}
 
 
+@pytest.mark.parametrize("other", ["coupon_mode", "base_compliance"])
+def test_a_mass_that_is_not_there_yet_may_come_with_a_second_contact(other: str) -> None:
+    """The structure then has fewer masses than that of its neighbours, and the derivative holds."""
+    model = model_named(f"kv+{other}+recontact:ringing")
+    share = next(e for e in model.effects if e.id == other).parameters[0]
+    at, local = model.names.index(f"{other}.{share.name}"), local_of(model)
+    local[at] = 0.0
+    found, jacobian, _ = model.linearise(local, FRAME)
+    local[at] = 1e-5
+    ahead = model.predict(local, FRAME).signal
+    error = np.abs((ahead - found.signal) / 1e-5 - jacobian[:, at]).max()
+    assert error < 1e-3 * np.abs(jacobian[:, at]).max()
+
+
 def test_an_absurd_point_has_no_trace_and_no_derivative() -> None:
     """Beyond what a float can hold nothing is clamped: the result is not a number."""
     model = model_named("kv+stress_relaxation")
