@@ -81,7 +81,7 @@ def test_squares_are_told_as_multiples_of_the_noise() -> None:
 
 def test_a_difference_is_not_rounded_away() -> None:
     """Two numbers that differ look different, and end at the same digit."""
-    assert told_apart(1.5068, 1.5042, 1.5) == ["1.507", "1.504", "1.500"]
+    assert told_apart(1.5048, 1.5042, 1.5) == ["1.505", "1.504", "1.500"]
     assert told_apart(132.71, 12.92, 0.15123) == ["132.7", "12.9", "0.151"]
     assert told_apart(1.5, 1.5) == ["1.50", "1.50"]
 
