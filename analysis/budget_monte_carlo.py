@@ -20,10 +20,11 @@ from analysis.budget import PLANE, YOUNG, Budget, budgets
 from analysis.campaign import Quantity, Uncertainty
 from analysis.fit import joint
 from analysis.fit.fit_shot import FitShot
-from analysis.fit.measurand import NORMAL95, young_from_plane_strain
+from analysis.fit.measurand import young_from_plane_strain
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult
 from analysis.noise import NoiseModel
+from analysis.written_numbers import K_95
 
 FORMAT = "impactd-monte-carlo/1"
 LEAST_DRAWS = 100
@@ -57,7 +58,7 @@ class Sampled:
         """Return both, and how far they are apart."""
         u, value = self.budget.relative_u, self.budget.value
         low, high = self.interval95
-        factor = math.exp(NORMAL95 * u)
+        factor = math.exp(K_95 * u)
         return {
             "material": self.budget.name.partition(".")[2],
             "measurand": self.budget.measurand,

@@ -13,7 +13,7 @@ from scipy.special import ndtr
 
 from analysis.aliases import Json
 from analysis.errors import AnalysisError
-from analysis.fit.measurand import NORMAL95
+from analysis.written_numbers import K_95
 
 RULES = {
     "both": "pass and fail both need the guard band; between them it is undecided",
@@ -97,7 +97,7 @@ def judge(name: str, value_pa: float, relative_u: float, limits: Limits) -> Json
     # only logarithms are compared; a limit that was not given is infinitely far
     logs = -math.inf if low == 0 else math.log(low), math.log(high)
     probability = probability_between(math.log(value_pa), relative_u, *logs)
-    band = 0.0 if limits.rule == "simple" else limits.guard_factor * NORMAL95 * relative_u
+    band = 0.0 if limits.rule == "simple" else limits.guard_factor * K_95 * relative_u
     inner = low * math.exp(band), high * math.exp(-band)
     outer = low * math.exp(-band), high * math.exp(band)
     if limits.rule == "rejection":

@@ -9,10 +9,11 @@ import math
 from typing import Any
 
 K_95 = 1.959963984540054
-"""Coverage factor of 95 % of a normal distribution (JCGM 100, G.3.4), where JSON tells none. It is
-`analysis.fit.measurand.NORMAL95`, which would load numpy before a number can be printed."""
+"""Coverage factor of 95 % of a normal distribution (JCGM 100, G.3.4). It stands here because a
+number must be printed without loading numpy."""
 MOST_DECIMALS = 9
-"""As many as the page writes; smaller and larger numbers have a power of ten."""
+"""A choice: in SI units the ninth is a nanometre, a nanosecond or a microgram. Numbers that need
+more have a power of ten."""
 
 
 def measured(quantity: Any, *, scale: float = 1.0, sign: str = "+-") -> str:

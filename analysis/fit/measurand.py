@@ -6,8 +6,7 @@ import math
 
 from analysis.aliases import Json
 from analysis.campaign import Quantity
-
-NORMAL95 = 1.959963984540054
+from analysis.written_numbers import K_95
 
 
 def measurand(
@@ -30,16 +29,16 @@ def measurand(
     if interval is not None:
         ends = interval
     elif log and value > 0:
-        factor = math.exp(min(NORMAL95 * u / value, 50.0))
+        factor = math.exp(min(K_95 * u / value, 50.0))
         ends = (value / factor, value * factor)
     else:
-        ends = (value - NORMAL95 * u, value + NORMAL95 * u)
+        ends = (value - K_95 * u, value + K_95 * u)
     return {
         "value": float(value),
         "u": float(u),
         "unit": unit,
         "interval95": [float(x) if math.isfinite(x) else None for x in ends],
-        "expanded": {"U": NORMAL95 * float(u), "k": NORMAL95, "coverage": 0.95},
+        "expanded": {"U": K_95 * float(u), "k": K_95, "coverage": 0.95},
     }
 
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from analysis.aliases import Array
 from analysis.fit import joint, steps
-from analysis.fit.measurand import NORMAL95
 from analysis.fit.problem import JointProblem
+from analysis.written_numbers import K_95
 
-LEVEL95 = NORMAL95**2
+LEVEL95 = K_95**2
 """Rise of the cost at the ends of a 95 % interval for one parameter."""
 PIN = 1e4
 """How much sharper than the fit knows it a parameter is held."""
@@ -101,7 +101,7 @@ def _end(
     best, u = float(fitted.theta[j]), math.sqrt(float(fitted.covariance[j, j]))
     # the root of the rise is nearly straight, so false position finds the level in a step or two
     inner, outer = (0.0, 0.0), None
-    distance = NORMAL95
+    distance = K_95
     for _ in range(SEARCH_STEPS + 3):
         if distance > FARTHEST_U:
             return None
@@ -113,16 +113,16 @@ def _end(
         if abs(rise / LEVEL95 - 1) < CLOSE_TO_LEVEL:
             return x
         root = math.sqrt(min(rise, 1e6))
-        if root < NORMAL95:
+        if root < K_95:
             inner = (distance, root)
         else:
             outer = (distance, root)
         if outer is None:
-            distance = max(1.5 * distance, min(distance * NORMAL95 / max(root, 1e-3), 3 * distance))
+            distance = max(1.5 * distance, min(distance * K_95 / max(root, 1e-3), 3 * distance))
         else:
-            share = (NORMAL95 - inner[1]) / (outer[1] - inner[1])
+            share = (K_95 - inner[1]) / (outer[1] - inner[1])
             distance = inner[0] + min(max(share, 0.05), 0.95) * (outer[0] - inner[0])
     if outer is None:
         return None
-    share = (NORMAL95 - inner[1]) / (outer[1] - inner[1])
+    share = (K_95 - inner[1]) / (outer[1] - inner[1])
     return best + side * u * (inner[0] + share * (outer[0] - inner[0]))

@@ -21,9 +21,10 @@ from analysis.fit.estimates import (
     through_calibration,
 )
 from analysis.fit.joint import Fitted
-from analysis.fit.measurand import NORMAL95, measurand, young_from_plane_strain
+from analysis.fit.measurand import measurand, young_from_plane_strain
 from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, modulus_prior
 from analysis.fit.problem import JointProblem
+from analysis.written_numbers import K_95
 
 WITHHOLD_ABOVE = 0.25
 """A relative standard uncertainty beyond which a modulus is withheld."""
@@ -250,7 +251,7 @@ def effect_parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
                         _value(parameter, at),
                         abs(parameter.slope(at)) * u,
                         parameter.unit,
-                        interval=parameter.interval(at, NORMAL95 * u),
+                        interval=parameter.interval(at, K_95 * u),
                     )
     return found
 

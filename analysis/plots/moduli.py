@@ -13,8 +13,8 @@ from analysis.aliases import Json
 from analysis.campaign import Campaign, Quantity
 from analysis.errors import AnalysisError
 from analysis.plots.style import AFTER, INK, SOFT, WIDE, styled
+from analysis.written_numbers import K_95
 
-_K95 = 1.959963984540054
 _MARKS = {"fitted": "o", "reference": "s", "withheld": "X"}
 
 
@@ -151,6 +151,6 @@ def _middle(entry: Json, known: Quantity | None) -> float:
 
 
 def _said(quantity: Json) -> str:
-    value, reach = quantity["value"] / 1e9, _K95 * quantity["u"] / 1e9
+    value, reach = quantity["value"] / 1e9, K_95 * quantity["u"] / 1e9
     digits = int(np.clip(1 - np.floor(np.log10(reach)), 0, 6)) if reach > 0 else 3
     return f"{value:.{digits}f} ± {reach:.{digits}f}"

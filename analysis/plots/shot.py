@@ -25,12 +25,12 @@ from analysis.plots.style import (
     shown,
     styled,
 )
+from analysis.written_numbers import K_95
 
 BEFORE_SHARE, AFTER_SHARE = 0.7, 7.0
 """What is drawn before and after touch-down, in contact times."""
 ROOM = 0.22
 """Free height above a residual, where its rms is written. [1]"""
-_K95 = 1.959963984540054
 
 
 def plot_shot(*fits: FitResult, shot: int | str = 0) -> Figure:
@@ -138,7 +138,7 @@ def _modulus(fit: FitResult, one: ShotFit) -> str:
     if found is None:
         return ""
     value = math.exp(found[0]) / 1e9
-    reach = _K95 * value * found[1]
+    reach = K_95 * value * found[1]
     if not (math.isfinite(reach) and reach > 0):
         return ""
     digits = int(np.clip(1 - math.floor(math.log10(reach)), 0, 6))

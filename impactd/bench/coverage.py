@@ -33,8 +33,8 @@ import numpy as np
 
 from analysis import adjust_moduli, calibrate, fit_campaign, observations_from_fit
 from analysis.campaign import Campaign
-from analysis.fit.measurand import NORMAL95
 from analysis.pair_observation import PairObservation
+from analysis.written_numbers import K_95
 from drivers.simulated.campaign import (
     CampaignSettings,
     simulate_campaign,
@@ -53,7 +53,7 @@ from impactd.storage.campaign_folder import read_campaign
 CAMPAIGNS = 300
 SEED = 1
 QUICK_CAMPAIGNS = 24
-LEVELS = {"68": 1.0, "95": NORMAL95}
+LEVELS = {"68": 1.0, "95": K_95}
 ALLOWED = {"68": (0.63, 0.73), "95": (0.92, 0.98)}
 
 POLYMERS = ("acetal", "acetal_small", "polypropylene", "hdpe", "ptfe")

@@ -15,6 +15,7 @@ LANGUAGE = "en"
 COVERAGE_FACTOR = 2.0
 """k of every expanded uncertainty, as calibration laboratories state it (EA-4/02)."""
 COVERAGE_PROBABILITY = 0.95
+"""Of that k in round figures, as the same guide states it; 0.9545 of a normal distribution."""
 NAMESPACES = {"dcc": DCC, "si": SI}
 
 for _prefix, _address in NAMESPACES.items():

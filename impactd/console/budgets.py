@@ -7,13 +7,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from analysis.written_numbers import measured
 from impactd.aliases import Json
 from impactd.console.client import connect
 from impactd.console.decisions import Asked
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json, table
-from impactd.reports.numbers import measured
 
 SHOWN_SHARE = 1e-3
 """Share of the variance below which a row is only in the JSON."""

@@ -7,10 +7,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from analysis.written_numbers import measured
 from impactd.console.client import connect
 from impactd.console.failure import Failure
 from impactd.console.tables import print_json, table
-from impactd.reports.numbers import measured
 
 QUANTITIES = ("natural_frequency_Hz", "damping_ratio", "gain_N_per_V")
 _MOST = 200

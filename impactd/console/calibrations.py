@@ -6,6 +6,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
+from analysis.written_numbers import measured
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
@@ -13,7 +14,6 @@ from impactd.console.drops import hang_words
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress, tell
 from impactd.console.tables import print_json
-from impactd.reports.numbers import measured
 
 
 def run(*, slot: str | None, unattended: bool, wait: bool, url: str | None, as_json: bool) -> None:

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from analysis.written_numbers import measured
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
@@ -20,7 +21,6 @@ from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import print_json, table
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import likely_words, set_aside, shot_words
-from impactd.reports.numbers import measured
 from impactd.reports.rejected import rejected_words
 
 MOST_SHOTS = 500

@@ -7,6 +7,7 @@ from typing import Any
 
 import typer
 
+from analysis.written_numbers import measured
 from impactd.client.connection import Connection
 from impactd.client.talk import compared_shot, fresh_key, watch_drop
 from impactd.console.client import connect
@@ -14,7 +15,6 @@ from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress, tell
 from impactd.console.shots import advice_words
 from impactd.console.tables import print_json
-from impactd.reports.numbers import measured
 
 
 def environment_members(

@@ -9,6 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from analysis.written_numbers import measured
 from impactd.advice import in_words
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
@@ -16,7 +17,6 @@ from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.spreadsheet import write_csv
 from impactd.console.tables import print_json, table
-from impactd.reports.numbers import measured
 from impactd.reports.rejected import rejected_words
 
 if TYPE_CHECKING:

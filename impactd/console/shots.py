@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from analysis.written_numbers import measured
 from impactd.advice import in_words
 from impactd.console.client import connect
 from impactd.console.tables import LIGHTS, paint, print_json, table
-from impactd.reports.numbers import measured
 
 
 def list_shots(filters: dict[str, Any], *, limit: int, url: str | None, as_json: bool) -> None:

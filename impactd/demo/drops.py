@@ -8,11 +8,11 @@ from collections.abc import Iterator
 from rich.console import Console
 
 from analysis.base_models import DEFAULT_BASE
+from analysis.written_numbers import measured
 from impactd.aliases import Json
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
 from impactd.console.failure import Failure
-from impactd.reports.numbers import measured
 
 SPHERES = ("acetal", "acetal_small", "hdpe")
 """Two radii of one material, and a softer one."""

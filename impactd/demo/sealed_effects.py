@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis.effects.library import library
+from analysis.written_numbers import measured
 from impactd.aliases import Json
-from impactd.reports.numbers import measured
 
 _LIBRARY_NAMES = {
     ("clipping", "limit_v"): "ceiling_v",

@@ -5,12 +5,12 @@ from __future__ import annotations
 from rich.console import Console
 from rich.table import Table
 
+from analysis.written_numbers import measured
 from impactd.aliases import Json
 from impactd.demo.judgement import truth_line
 from impactd.demo.outcome import CLOSED, Outcome
 from impactd.demo.words import gigapascals, inside, off_by, true_gigapascals
 from impactd.diagnosis.repair import MEAN_WAVEFORM
-from impactd.reports.numbers import measured
 
 
 def say_what_runs(console: Console, seed: int, effect: str) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from analysis.written_numbers import K_95, decimals, measured
 from impactd.demo.outcome import Estimate, Row
-from impactd.reports.numbers import K_95, decimals, measured
 
 
 def gigapascals(estimate: Estimate | None) -> str:

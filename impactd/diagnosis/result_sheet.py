@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 
 from analysis.plots.residuals import draw_largest_residual
 from analysis.plots.style import INK, SOFT, styled
+from analysis.written_numbers import K_95, measured
 from impactd.aliases import Json
 from impactd.diagnosis.report import campaign
-from impactd.reports.numbers import K_95, measured
 from impactd.reports.templating import MODULI
 from impactd.storage.campaign_digest import digest_of
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 
-from impactd.reports import numbers
+from analysis import written_numbers
 
 MODULI = {"youngs_modulus_Pa": "E", "plane_strain_modulus_Pa": "E/(1-ν²)"}
 """Symbol of each modulus, by its key in the JSON; in the order of a report."""
@@ -56,7 +56,7 @@ def p_value(value: float) -> str:
 
 def measured(quantity: Any, scale: float = 1.0) -> str:
     """Return a quantity of the JSON with its expanded uncertainty."""
-    return numbers.measured(quantity, scale=scale, sign="±")
+    return written_numbers.measured(quantity, scale=scale, sign="±")
 
 
 def gigapascals(quantity: Any) -> str:

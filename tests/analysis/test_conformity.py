@@ -9,7 +9,7 @@ import pytest
 
 from analysis.conformity import RULES, Limits, judge, probability_between
 from analysis.errors import AnalysisError
-from analysis.fit.measurand import NORMAL95
+from analysis.written_numbers import K_95
 
 
 def test_probabilities_are_those_of_jcgm_106() -> None:
@@ -58,16 +58,14 @@ def test_the_guard_band_keeps_wrong_passes_below_its_risk(truth: float) -> None:
 )
 def test_each_rule_decides_as_it_says(value: float, expected: tuple[str, ...]) -> None:
     """At least 2.2 GPa was asked, U is 2 %: the rules differ only within the guard band."""
-    found = [
-        judge("E", value, 0.02 / NORMAL95, Limits(2.2e9, rule=rule))["decision"] for rule in RULES
-    ]
+    found = [judge("E", value, 0.02 / K_95, Limits(2.2e9, rule=rule))["decision"] for rule in RULES]
     assert tuple(found) == expected
 
 
 def test_with_r_of_one_a_pass_is_an_interval_within_the_limits() -> None:
     """The 95 % interval's end at the limit is where a pass begins, and its risk is 2.5 %."""
     u = 0.01
-    edge = 2.2e9 * math.exp(NORMAL95 * u)
+    edge = 2.2e9 * math.exp(K_95 * u)
     inside = judge("E", edge * (1 + 1e-9), u, Limits(2.2e9))
     assert inside["decision"] == "pass"
     assert inside["risk_of_wrong_decision"] == pytest.approx(0.025, rel=1e-3)

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from analysis.written_numbers import measured
 from impactd.console.tables import table
-from impactd.reports.numbers import measured
 from impactd.settings.settings import find_config
 
 CONFIG = find_config("simulated.toml")

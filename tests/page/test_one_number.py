@@ -15,11 +15,11 @@ from pathlib import Path
 
 import pypdf
 import pytest
+from scipy.stats import norm
 
-from analysis.fit.measurand import NORMAL95
+from analysis.written_numbers import K_95, measured
 from impactd.client.connection import Connection
 from impactd.client.talk import fresh_key
-from impactd.reports.numbers import K_95, measured
 from tests.page.conftest import DESKTOP, Daemon, Visitor
 
 YOUNG, PLANE = "youngs_modulus_Pa", "plane_strain_modulus_Pa"
@@ -103,7 +103,7 @@ def line_of(text: str, name: str) -> list[tuple[str, str]]:
 
 def in_gigapascals(quantity: dict) -> tuple[str, str]:
     """Return what the JSON's modulus is when both end at the second digit of U."""
-    expanded = quantity.get("expanded", {"k": NORMAL95, "U": NORMAL95 * quantity["u"]})
+    expanded = quantity.get("expanded", {"k": K_95, "U": K_95 * quantity["u"]})
     assert math.isclose(expanded["U"], expanded["k"] * quantity["u"], rel_tol=1e-12)
     places = 1 - math.floor(math.log10(expanded["U"] * 1e-9))
     return f"{quantity['value'] * 1e-9:.{places}f}", f"{expanded['U'] * 1e-9:.{places}f}"
@@ -293,5 +293,5 @@ def test_page_and_terminal_write_a_quantity_alike(results, quantity):
 
 
 def test_there_is_one_coverage_factor():
-    """What JSON, reports and terminal multiply u with is the same number."""
-    assert K_95 == NORMAL95
+    """What JSON, reports and terminal multiply u with is the normal distribution's own."""
+    assert pytest.approx(norm.ppf(0.975), rel=1e-15) == K_95

@@ -22,10 +22,11 @@ from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.score_test import check_residual
 from analysis.fit import joint
 from analysis.fit.freed_inputs import SETTLING_STEPS, inputs_freed
-from analysis.fit.measurand import NORMAL95, measurand
+from analysis.fit.measurand import measurand
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
+from analysis.written_numbers import K_95
 
 STRUCTURE_LEFT = (
     "the residual of these shots is larger than the noise, and its effect on this modulus is "
@@ -183,9 +184,9 @@ def _widen(
     values = np.array([one["value"] for one in each])
     relative_u = np.array([one["u"] for one in each]) / values
     centre = float(weights @ np.log(values))
-    reach = float(np.max(np.abs(np.log(values) - centre) + NORMAL95 * relative_u))
+    reach = float(np.max(np.abs(np.log(values) - centre) + K_95 * relative_u))
     value = math.exp(centre)
-    block[key] = measurand(value, value * reach / NORMAL95, each[0]["unit"])
+    block[key] = measurand(value, value * reach / K_95, each[0]["unit"])
     stated: Json | None = block[key]
     return stated
 

@@ -10,7 +10,7 @@ import pytest
 from analysis.diagnosis.candidate import _alike
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from impactd.reports.numbers import measured
+from analysis.written_numbers import measured
 
 from .conftest import small_campaign
 

@@ -8,8 +8,8 @@ from html.parser import HTMLParser
 
 import pytest
 
+from analysis.written_numbers import measured
 from impactd.diagnosis.report import page, write_report
-from impactd.reports.numbers import measured
 
 VOID = {"meta", "img", "br", "link"}
 

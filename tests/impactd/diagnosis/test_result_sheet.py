@@ -11,8 +11,8 @@ from datetime import UTC, datetime
 import pypdf
 import pytest
 
+from analysis.written_numbers import measured
 from impactd.diagnosis.result_sheet import Source, write_result_sheet
-from impactd.reports.numbers import measured
 from impactd.storage.campaign_digest import campaign_files, digest_of
 
 MADE = datetime(2026, 3, 4, 5, 6, tzinfo=UTC)
