@@ -19,6 +19,7 @@ from analysis.aliases import Json
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis
+from analysis.diagnosis.progress import unwatched
 from analysis.diagnosis.score_test import check_residual
 from analysis.fit import joint
 from analysis.fit.freed_inputs import SETTLING_STEPS, inputs_freed
@@ -52,7 +53,7 @@ def is_noise_without_statements(stated: JointProblem, result: FitResult) -> bool
         return False
     wide, theta, own = clear.problem, clear.fitted.theta, len(stated.names)
     moved = dataclasses.replace(
-        stated,
+        unwatched(stated),  # short, and without it nothing could be said
         shots=[wide.item_at(item, theta) for item in stated.shots],
         prior_mean=wide.prior_mean[:own],
         prior_precision=wide.prior_precision[:own, :own],

@@ -26,6 +26,7 @@ from analysis.diagnosis.document.moduli_stated import (
 from analysis.diagnosis.forward_selection import make_step
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.diagnosis.progress import TimeBudget, Watch
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.result import FitResult
 
@@ -202,6 +203,14 @@ def test_a_modulus_that_does_not_rest_on_the_culprit_is_stated(
     assert specimen["without_conflicts"]["stable"]
     low, high = specimen["youngs_modulus_Pa"]["interval95"]
     assert low <= made[0].moduli["specimen"][0] <= high
+
+
+def test_whether_statements_explain_all_is_answered_when_the_time_is_over(
+    contradicted: FitResult,
+) -> None:
+    """The budget ends a search, and never the document."""
+    spent = Watch(budget=TimeBudget(1.0, iter(range(0, 10**6, 100)).__next__))
+    assert is_noise_without_statements(spent.over(contradicted.problem), contradicted)
 
 
 def test_where_nobody_asked_on_what_a_modulus_rests_it_is_withheld(contradicted: FitResult) -> None:
