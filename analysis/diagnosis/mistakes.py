@@ -135,7 +135,9 @@ def _likeliest(step: Step) -> list[Mistake]:
     known = _Known.at(step)
     if known is None:
         return []
-    least = CRITERIA.structure.odd_part * max(step.score_test.left - known.fall_of_known, 0.0)
+    least = CRITERIA.structure.odd_part * max(
+        step.score_test.left - known.fall_within_statements, 0.0
+    )
     ways = [*_numbers(known), *_moduli(known), *_changes(known)]
     ways.sort(key=lambda way: -way[0])
     found: list[Mistake] = []
@@ -199,7 +201,7 @@ class _Known:
         return self.vector.size - len(self.doubted)
 
     @property
-    def fall_of_known(self) -> float:
+    def fall_within_statements(self) -> float:
         """Return by how much the squares fall where stated numbers move within their statements."""
         matrix, vector = self.matrix[: self.size, : self.size], self.vector[: self.size]
         return float(vector @ np.linalg.lstsq(matrix, vector, rcond=None)[0])

@@ -31,7 +31,7 @@ from analysis.plots.style import (
 
 MOST_COLUMNS = 3
 _STYLES = ("-", (0, (4, 1.4)), (0, (1.2, 1.2)), (0, (6, 1.2, 1.2, 1.2)))
-_BOTH: tuple[dict[str, Any], ...] = (
+_BEFORE_AND_AFTER: tuple[dict[str, Any], ...] = (
     {"color": BEFORE, "ls": (0, (4, 1.4)), "lw": 1.0},
     {"color": AFTER, "ls": "-", "lw": 1.0},
 )
@@ -145,13 +145,13 @@ def plot_diagnosis(document: Json) -> Figure:
             axes.set_title(named_pair(pair), loc="left", fontsize=7.5)
             axes.annotate(height_words(height), (0.98, 0.04), xycoords="axes fraction", ha="right",
                           fontsize=7)  # fmt: skip
-            for seen, look in zip((before, after), _BOTH, strict=True):
+            for seen, look in zip((before, after), _BEFORE_AND_AFTER, strict=True):
                 for curve in _curves(seen.get("stacks"), pair, height):
                     axes.plot(*_line(seen["stacks"], curve, unit, span), **look)
         _finish(panels, len(pairs), unit)
         handles = [
             Line2D([], [], label=f"{name} leaves", **look)
-            for name, look in zip(names, _BOTH, strict=False)
+            for name, look in zip(names, _BEFORE_AND_AFTER, strict=False)
         ]
         upper.legend(handles=handles, loc="outside upper right", ncols=2)
         upper.suptitle(
@@ -173,7 +173,9 @@ def draw_largest_residual(axes: Axes, document: Json) -> None:
     worst = max(before["stacks"]["by_pair_and_height"], key=_mean_square)
     pair, height = worst["pair"], worst["drop_height_m"]
     _frame(axes, before["stacks"], document["noise_rms_V"], unit, span)
-    for side, found, look in zip(("before", "after"), (before, after), _BOTH, strict=True):
+    for side, found, look in zip(
+        ("before", "after"), (before, after), _BEFORE_AND_AFTER, strict=True
+    ):
         for curve in _curves(found.get("stacks"), pair, height):
             label = f"{document[side]['model']} leaves"
             axes.plot(*_line(found["stacks"], curve, unit, span), label=label, **look)

@@ -62,10 +62,10 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     located = diagnosis.located
     explained = False
     if not diagnosis.leaves_noise:
-        explained = of_base = is_noise_without_statements(last.problem, free_after)
+        explained = explained_before = is_noise_without_statements(last.problem, free_after)
         if after is not before:
-            of_base = is_noise_without_statements(first.problem, free_before)
-        withhold_sought(base, free_before, explained=of_base)
+            explained_before = is_noise_without_statements(first.problem, free_before)
+        withhold_sought(base, free_before, explained=explained_before)
         withhold_sought(stated, free_after, explained=explained)
     elif diagnosis.rivals:
         widen_over_family(stated, family_members(diagnosis, free_after))
