@@ -438,7 +438,7 @@ def _linearised_shot(
         vector -= value * wide
     keep = s + signal.shape[1]
     right = np.column_stack([matrix[keep:, :keep], vector[keep:]])
-    inner = np.asarray(np.linalg.solve(matrix[keep:, keep:], right), dtype=np.float64)
+    inner = _solved(matrix[keep:, keep:], right)
     cross = matrix[:keep, keep:]
     moving = [*range(chain.shape[0]), *range(keep, matrix.shape[0])]
     way = plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]]

@@ -16,9 +16,10 @@ Hum. The mean waveform of all hits, of free size, shift, stretch and offset, hol
 causes. Hum has another phase in every record and is left over; of all frequencies a multiple of
 none but the mains' own explains most.
 
-Low-pass. What cuts the band cuts the noise with it (`roll_off`). Noise may have that colour of
-itself; so this is asked only where the mean waveform of all hits leaves less of them than the
-model. A model that follows the records better shows a low-pass itself.
+Low-pass. What cuts the band cuts the noise with it (`roll_off`), a digital one down to nothing at
+half the sampling rate. Noise may have the colour of an analogue one of itself; so this is asked
+only where the mean waveform of all hits leaves less of them than the model. A model that follows
+the records better shows a low-pass itself.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ from analysis.aliases import Array
 from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.mean_waveform import Hit, aligned_mean
-from analysis.diagnosis.roll_off import roll_off
+from analysis.diagnosis.roll_off import HIGHEST, roll_off
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named
 from analysis.fit import joint
@@ -82,6 +83,7 @@ class Shown:
     values: dict[str, float]  # its numbers, as the records say; empty for a free signal
     sentence: str  # what was seen
     in_noise: bool = False  # whether it was seen there, where no model of an impact has a part
+    measured: bool = True  # whether the records say its numbers; else it is where it changes least
 
     def on_top_of(self, problem: JointProblem, fitted: joint.Fitted, usual: joint.Fitted) -> Refit:
         """Return a model with this effect, held at what the records say of it.
@@ -182,6 +184,18 @@ def _lowpass(shots: Sequence[FitShot]) -> Shown | None:
     found = roll_off([item.shot for item in shots])
     if found is None:
         return None
+    if found.cutoff_hz is None:
+        highest = HIGHEST * shots[0].frame.sample_rate_hz
+        return Shown(
+            "amplifier_lowpass",
+            found.form,
+            {"cutoff_hz": highest},
+            f"the noise {found.stretch} vanishes at half the sampling rate as it does behind a "
+            "digital low-pass and behind no other; it does not say where this cuts, so the model "
+            f"has it at {highest:.2g} Hz, where it changes least",
+            in_noise=True,
+            measured=False,
+        )
     return Shown(
         "amplifier_lowpass",
         found.form,

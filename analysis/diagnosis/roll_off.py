@@ -8,6 +8,14 @@ spectrum S is that of white noise behind a filter of one number, where Whittle's
 of K averaged periodograms P says so: the filter explains what any smooth spectrum explains beyond a
 flat one. Noise that is coloured as a mounting moves, or falls at one end of the band alone, is no
 such filter's.
+
+Noise of any colour shows a digital filter of n poles by what is left at half the sampling rate.
+There the bilinear transform has n zeros,
+
+.. math:: \ln S = \text{smooth} + n \ln \cos^2 (\pi f / f_s),
+
+while what passes an analogue filter is folded back and filled up by the converter's steps. Where
+such a filter cuts, the zeros do not say.
 """
 
 from __future__ import annotations
@@ -18,7 +26,8 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize, minimize_scalar
-from scipy.signal import butter, freqz, welch
+from scipy.signal import butter, freqz, get_window, welch
+from scipy.special import binom
 
 from analysis.aliases import Array
 from analysis.campaign import Shot
@@ -43,6 +52,8 @@ FORMS = {
     "second": "amplifier_lowpass:second_order",
 }
 """A resistor and a capacitor before the converter; digital filters of one and two poles."""
+BY_ZEROS = {0.0: None, 0.5: None, 1.0: FORMS["first"], 2.0: FORMS["second"]}
+"""Forms by their zeros at half the rate. Half a zero is a spectrum that merely falls there."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +62,8 @@ class RollOff:
 
     form: str
     """Id of the effect's form."""
-    cutoff_hz: float
+    cutoff_hz: float | None
+    """None where the noise does not say."""
     stretch: str
     """Where the noise is."""
 
@@ -70,13 +82,14 @@ class _Floor:
         at_best = spectrum * np.mean(self.power / spectrum)
         return float(2.0 * self.count * np.sum(self.power / at_best + np.log(at_best)))
 
-    def smooth_squares(self) -> float:
-        """Return the same of the best smooth spectrum."""
+    def smooth_squares(self, zeros: float = 0.0) -> float:
+        """Return the same of the best smooth spectrum with so many zeros at half the rate."""
+        falling = _ln_fall(zeros)
         cosines = np.cos(2.0 * np.pi * np.outer(OVER_RATE, np.arange(SMOOTH_NUMBERS + 1)))
-        start = np.linalg.lstsq(cosines, np.log(self.power), rcond=None)[0]
+        start = np.linalg.lstsq(cosines, np.log(self.power) - falling, rcond=None)[0]
 
         def squares(coefficients: Array) -> float:
-            ln = cosines @ coefficients
+            ln = cosines @ coefficients + falling
             return float(2.0 * self.count * np.sum(self.power * np.exp(-ln) + ln))
 
         return float(minimize(squares, start).fun)
@@ -89,17 +102,30 @@ def roll_off(shots: Sequence[Shot]) -> RollOff | None:
     floor = _quietest(shots)
     if floor is None:
         return None
+    of_white = _of_white_noise(floor)
+    if of_white is not None:
+        form, cutoff = of_white
+        return RollOff(form, cutoff * shots[0].sample_rate_hz, floor.stretch)
+    squares = {zeros: floor.smooth_squares(zeros) for zeros in BY_ZEROS}
+    best = min(squares, key=lambda zeros: squares[zeros])
+    found_form = BY_ZEROS[best]
+    if found_form is None or squares[0.0] - squares[best] < CRITERIA.comparison.least_lead:
+        return None
+    return RollOff(found_form, None, floor.stretch)
+
+
+def _of_white_noise(floor: _Floor) -> tuple[str, float] | None:
+    """Return the form that white noise passed, and its cut-off over the sampling rate."""
     flat = floor.squares(np.ones_like(OVER_RATE))
-    beyond_flat = flat - floor.smooth_squares()
-    fits = [(*_best_cutoff(floor, form), form) for form in FORMS]
-    squares, cutoff, form = min(fits)
+    squares, cutoff, form = min((*_best_cutoff(floor, form), form) for form in FORMS)
     gain = flat - squares
-    least = CRITERIA.comparison.least_lead + CRITERIA.comparison.price_of_number
     if not 1.01 * OVER_RATE[0] < cutoff < 0.99 * HIGHEST:
         return None  # on a bound it is no cut-off
-    if gain < least or gain < (1.0 - CRITERIA.model_free.unexplained_share) * beyond_flat:
+    share = 1.0 - CRITERIA.model_free.unexplained_share
+    least = CRITERIA.comparison.least_lead + CRITERIA.comparison.price_of_number
+    if gain < least or gain < share * (flat - floor.smooth_squares()):
         return None
-    return RollOff(FORMS[form], cutoff * shots[0].sample_rate_hz, floor.stretch)
+    return FORMS[form], cutoff
 
 
 def _quietest(shots: Sequence[Shot]) -> _Floor | None:
@@ -130,6 +156,24 @@ def _best_cutoff(floor: _Floor, form: str) -> tuple[float, float]:
         method="bounded",
     )
     return float(found.fun), math.exp(float(found.x))
+
+
+def _ln_fall(zeros: float) -> Array:
+    """Return the logarithm of white noise's mean periodogram behind zeros at half the rate.
+
+    A window that ends lets the neighbours of a zero leak into it: the noise's autocorrelation is
+    weighted with the window's own. Of half a zero more it is the mean of both.
+    """
+    fewer, more = math.floor(zeros), math.ceil(zeros)
+    if fewer != more:
+        return 0.5 * (_ln_fall(fewer) + _ln_fall(more))
+    window = get_window("hann", SEGMENT)
+    weight = np.correlate(window, window, "full")[SEGMENT - 1 :][: fewer + 1]
+    taps = binom(fewer, np.arange(fewer + 1))
+    products = weight * np.correlate(taps, taps, "full")[fewer:]
+    lags = np.arange(1, fewer + 1)
+    angles = 2.0 * np.pi * np.outer(OVER_RATE, lags)
+    return np.asarray(np.log(products[0] + 2.0 * np.cos(angles) @ products[1:]))
 
 
 def _spectrum(form: str, cutoff: float) -> Array:

@@ -309,7 +309,11 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
     shown = next((one for one in diagnosis.shown if one.form == refit.effect.id), None)
     if shown is not None:  # nobody knows how far what is missing moves what the records say
         parameters = {
-            one.name: {"value": float(f"{shown.values[one.name]:.2g}"), "u": None, "unit": one.unit}
+            one.name: {
+                "value": float(f"{shown.values[one.name]:.2g}") if shown.measured else None,
+                "u": None,
+                "unit": one.unit,
+            }
             for one in refit.effect.parameters
         }
     return {

@@ -33,3 +33,13 @@ def test_columns_that_a_lost_fit_has_blown_up_are_one_column(leaky):
     lost = _copied(linearised, "cell", 1e21).explain("cell", "rig", heldout=False)
     assert lost.dof == one.dof == 1
     np.testing.assert_allclose(lost.gain, one.gain, rtol=1e-6)
+
+
+def test_a_pulse_outside_its_window_says_nothing(leaky):
+    """A lost fit may put a touch-down behind the last sample: no own number has an effect there."""
+    first = leaky.steps[0]
+    nuisances = first.fitted.nuisances.copy()
+    nuisances[0, first.problem.model.nuisances.index("t0_us")] = 1e5
+    lost = dataclasses.replace(first.fitted, nuisances=nuisances)
+    linearised = linearise(first.problem, lost, wanted=["cell"])
+    assert np.isfinite(linearised.explain("cell", "rig", heldout=False).gain)

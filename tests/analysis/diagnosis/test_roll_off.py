@@ -58,6 +58,36 @@ def test_noise_of_another_colour_shows_none(seed: int) -> None:
     assert roll_off(campaign(seed, [1.0], [1.0, -1.0, 0.9]).shots) is None
 
 
+def coloured(seed: int) -> Campaign:
+    """Return records of an analogue amplifier: noise of two poles, sampled, and rounded."""
+    rng = np.random.default_rng([seed, 7])
+    finer, step = 16, 3e-5
+    cutoff = float(rng.uniform(0.03, 0.6))
+    b, a = butter(2, cutoff, fs=finer)
+    shots = []
+    for number in range(9):
+        noise = lfilter(b, a, rng.normal(0.0, 1e-2, finer * SAMPLES))[::finer]
+        pulse = np.exp(-(((np.arange(SAMPLES) - TRIGGER) / 10.0) ** 2))
+        signal = step * np.round((pulse + noise + rng.normal(0.0, 3e-5, SAMPLES)) / step)
+        shots.append(Shot(f"hit {number}", signal, RATE_HZ, TRIGGER, quantity="force_N"))
+    return Campaign(tuple(shots))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_of_any_colour_shows_the_zeros_of_a_digital_filter(seed: int) -> None:
+    """Of one pole or two; and none where the noise has its own colour alone."""
+    own = coloured(seed).shots
+    alone = roll_off(own)
+    assert alone is None or alone.cutoff_hz is not None
+    for order, form in ((1, "amplifier_lowpass"), (2, "amplifier_lowpass:second_order")):
+        cutoff = float(np.random.default_rng(seed).uniform(1 / 10, 1 / 3))
+        b, a = butter(order, cutoff, fs=1.0)
+        behind = [dataclasses.replace(s, signal=np.asarray(lfilter(b, a, s.signal))) for s in own]
+        found = roll_off([dataclasses.replace(s, signal=s.signal[50:]) for s in behind])
+        assert found is not None
+        assert found.cutoff_hz is not None or found.form == form
+
+
 def test_it_is_told_only_where_the_model_is_far_from_the_records() -> None:
     """A model that follows the records better than their mean shows a low-pass by itself."""
     shots = build(campaign(1, *butter(1, 0.2, fs=1.0)), model_named("hsd")).shots
