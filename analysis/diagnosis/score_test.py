@@ -126,7 +126,10 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
         return linearised, found
     again = linearise(*free, inexact=discrepancy(*free))
     freed = run_score_test(again)
-    return (linearised, found) if freed.structured else (again, freed)
+    if not freed.structured:
+        return again, freed
+    # statements of the fit are exact, and so are its columns; the chance is that of the free ones
+    return linearised, dataclasses.replace(found, p_value=freed.p_value)
 
 
 def run_score_test(linearised: Linearised) -> ScoreTest:

@@ -237,5 +237,7 @@ def contact_columns(
     where = "sphere" if sphere_only else "both"
     labels = [f"delta^{i:g} rate^{j} on {where}" for i, j in CONTACT_POWERS]
     columns = (found[1:] - found[0]).T / _SMALL
-    # a fit may end at a shot that hardly touches: a power of no indentation is no number
-    return labels, np.where(np.isfinite(columns).all(axis=0), columns, 0.0)
+    # a fit may end at a shot that hardly touches; there a step that moves the signal by more than
+    # the signal itself, or to no number, is not small and its difference no derivative
+    small = np.abs(columns).max(axis=0) * _SMALL <= np.abs(found[0]).max()
+    return labels, np.where(small, columns, 0.0)

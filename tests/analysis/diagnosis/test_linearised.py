@@ -43,3 +43,17 @@ def test_a_pulse_outside_its_window_says_nothing(leaky):
     lost = dataclasses.replace(first.fitted, nuisances=nuisances)
     linearised = linearise(first.problem, lost, wanted=["cell"])
     assert np.isfinite(linearised.explain("cell", "rig", heldout=False).gain)
+
+
+def test_a_power_of_a_contact_that_hardly_is_one_says_nothing(leaky):
+    """A lost fit may leave most shots without speed: what is small there is huge in the others."""
+    first = leaky.steps[0]
+    nuisances = first.fitted.nuisances.copy()
+    nuisances[1:, first.problem.model.nuisances.index("ln_v0")] = -16.0
+    lost = dataclasses.replace(first.fitted, nuisances=nuisances)
+    linearised = linearise(first.problem, lost, wanted=["contact"])
+    own = (
+        linearised.shots[0].item.window.signal.max() ** 2 / linearised.shots[0].item.noise.rms ** 2
+    )
+    at, _ = linearised.families["contact"]
+    assert np.diag(linearised.shots[0].matrix)[at].max() < 1e6 * own

@@ -144,6 +144,8 @@ def test_what_is_shown_is_told_although_the_time_is_over() -> None:
     found = _judge(selection, selection, usual_place(problem, fitted.nuisances), watch)
     assert found.verdict == "partial"
     assert found.effect_ids == ["clipping"]
+    with pytest.raises(BudgetSpentError):  # what is learned on top of it ends with the time
+        found.steps[-1].problem.checkpoint()
 
 
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the shared recordings are not here")
