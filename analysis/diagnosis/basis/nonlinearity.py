@@ -236,8 +236,8 @@ def contact_columns(
     found = model.with_effect(PROBE).predict_each(local, item.frame, wanted, steps=steps)
     where = "sphere" if sphere_only else "both"
     labels = [f"delta^{i:g} rate^{j} on {where}" for i, j in CONTACT_POWERS]
-    columns = (found[1:] - found[0]).T / _SMALL
+    moved = (found[1:] - found[0]).T
     # a fit may end at a shot that hardly touches; there a step that moves the signal by more than
     # the signal itself, or to no number, is not small and its difference no derivative
-    small = np.abs(columns).max(axis=0) * _SMALL <= np.abs(found[0]).max()
-    return labels, np.where(small, columns, 0.0)
+    small = np.abs(moved).max(axis=0) <= np.abs(found[0]).max()
+    return labels, np.where(small, moved / _SMALL, 0.0)
