@@ -40,6 +40,7 @@ from scipy.signal import butter, lfilter, lfilter_zi  # noqa: E402 - see above
 from analysis.campaign import Campaign, Shot  # noqa: E402 - see above
 from analysis.diagnosis.procedure import diagnose_campaign  # noqa: E402 - see above
 from analysis.diagnosis.progress import TimeBudget  # noqa: E402 - see above
+from analysis.working_time import working_time  # noqa: E402 - see above
 from impactd.bench.blind.interval import wilson95  # noqa: E402 - see above
 from impactd.storage.campaign_folder import load_campaign  # noqa: E402 - see above
 
@@ -144,7 +145,7 @@ def _filtered(x: Array, b: Array, a: Array) -> Array:
 def judge(case: Case, budget_s: float | None) -> Said:
     """Diagnose a case."""
     begin = time.perf_counter()
-    budget = None if budget_s is None else TimeBudget(budget_s, time.monotonic)
+    budget = None if budget_s is None else TimeBudget(budget_s, working_time)
     found = diagnose_campaign(injected(load_campaign(case.folder), case), budget=budget)
     names = {*found.effect_ids, *found.confusable, *(one.id for one in found.mistakes)}
     took_s = time.perf_counter() - begin

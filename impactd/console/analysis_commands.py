@@ -174,7 +174,8 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
             metavar="SECONDS",
             help=(
                 "Search no longer than this, then give the best verdict so far and say that it is "
-                "one. The base fit is always made."
+                "one. The base fit is always made; compiling, once on each machine, does not "
+                "count."
             ),
             callback=_positive,
         ),

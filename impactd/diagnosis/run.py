@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 from analysis import diagnosing
 from analysis.campaign import Campaign
 from analysis.diagnosis.progress import TimeBudget
+from analysis.working_time import working_time
 from impactd.aliases import Json
 from impactd.storage.version import software
 
@@ -28,7 +28,7 @@ def diagnose(
     base : str, optional
         ``kv2``, ``kv`` or ``hsd``; by default ``kv2``, or ``kv`` where the records obey that.
     budget_s : float, optional
-        How long it may search, from now on; more than 0. [s]
+        How long it may search, from now on; more than 0. Compiling does not count. [s]
     progress : callable, optional
         Told what is being done and a share between 0 and 1.
 
@@ -42,7 +42,7 @@ def diagnose(
     AnalysisError
         If no shot can be used at all, or the budget is no positive number.
     """
-    budget = None if budget_s is None else TimeBudget(budget_s, time.monotonic)
+    budget = None if budget_s is None else TimeBudget(budget_s, working_time)
     return diagnosing.diagnose(
         campaign, base, software=software(), progress=progress, budget=budget
     )
