@@ -6,8 +6,8 @@ import time
 
 from numba.core.event import TimingListener, register
 
-_compiling = TimingListener()
-register("numba:compile", _compiling)
+_compiling = TimingListener()  # type: ignore[no-untyped-call]
+register("numba:compile", _compiling)  # type: ignore[no-untyped-call]
 
 
 def working_time() -> float:

@@ -107,13 +107,27 @@ def _eliminate(blocks: Sequence[ShotBlock], damping: float) -> list[_Schur]:
         own_size = range(inner.shape[1])
         inner[:, own_size, own_size] *= 1 + damping
         cross = matrix[:, :s, s:]
-        solved = np.linalg.solve(inner, np.concatenate([vector[:, s:], matrix[:, s:, :s]], axis=2))
+        solved = _solved(inner, np.concatenate([vector[:, s:], matrix[:, s:, :s]], axis=2))
         own, back = solved[:, :, :1], solved[:, :, 1:]
         left = across @ (matrix[:, :s, :s] - cross @ back) @ chain
         load = across @ (vector[:, :s] - cross @ own)
         parts = zip(left, load[:, :, 0], back @ chain, own[:, :, 0], strict=True)
         found.update(zip(rows, (_Schur(*part) for part in parts), strict=True))
     return [found[row] for row in range(len(blocks))]
+
+
+def _solved(inner: Array, right: Array) -> Array:
+    """Return solutions, shape (shots, n, m); of a shot that says nothing of a number, this stays.
+
+    So it is with a pulse that has left its window: the other shots are fitted all the same.
+    """
+    try:
+        return np.linalg.solve(inner, right)
+    except np.linalg.LinAlgError:
+        size = np.sqrt(np.diagonal(inner, axis1=1, axis2=2))[:, :, None]
+        size = np.where(size > 0.0, size, 1.0)
+        scaled = inner / (size * size.transpose(0, 2, 1))
+        return np.asarray(np.linalg.pinv(scaled, hermitian=True) @ (right / size) / size)
 
 
 def _gather(
@@ -354,10 +368,13 @@ def _descend(
 def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:
     """Return the covariance of one shot's nuisances, globals' uncertainty included.
 
-    Shape (4, 4), in the order of ``NUISANCE``.
+    Shape (4, 4), in the order of ``NUISANCE``; without limit where the shot does not determine them.
     """
     block = fitted.blocks[row]
     s = block.chain.shape[0]
-    inner = np.linalg.inv(block.matrix[s:, s:])
+    try:
+        inner = np.linalg.inv(block.matrix[s:, s:])
+    except np.linalg.LinAlgError:
+        return np.diag(np.full(block.matrix.shape[0] - s, math.inf))
     back = inner @ block.matrix[s:, :s] @ block.chain
     return np.asarray(inner + back @ fitted.covariance @ back.T)

@@ -13,6 +13,7 @@ import pytest
 from analysis import fit_campaign
 from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.errors import AnalysisError, UnknownModelError
+from analysis.fit import joint
 from analysis.fit.campaign_fit import solve
 from analysis.fit.estimates import HSD_FIELDS
 from analysis.fit.joint import normal_equations, total_cost
@@ -286,3 +287,17 @@ def test_a_modulus_that_no_float_holds_has_no_cost(made: Any, far: float) -> Non
     theta = problem.start.copy()
     theta[[n.startswith(("sphere.", "surface.")) for n in problem.names]] = far
     assert not np.isfinite(total_cost(problem, theta, nuisances))
+
+
+def test_a_pulse_that_has_left_its_window_stops_no_fit(made: tuple[Any, Campaign]) -> None:
+    """One shot begins behind its last sample: nothing moves it, and the others are fitted."""
+    problem = build(made[1], model_named("kv"))
+    nuisances = prepare(problem)
+    whole = joint.fit(problem, nuisances)
+    nuisances[0, problem.model.nuisances.index("t0_us")] = 1e5
+    lost = joint.fit(problem, nuisances)
+    assert not lost.failed
+    u = np.sqrt(np.diag(lost.covariance))
+    assert np.all(np.abs(lost.theta - whole.theta) < 2.0 * u)
+    assert np.all(np.isinf(np.diag(joint.nuisance_covariance(problem, lost, 0))))
+    assert np.all(np.isfinite(joint.nuisance_covariance(problem, lost, 1)))
