@@ -122,7 +122,7 @@ def _solved(inner: Array, right: Array) -> Array:
     So it is with a pulse that has left its window: the other shots are fitted all the same.
     """
     try:
-        return np.linalg.solve(inner, right)
+        return np.asarray(np.linalg.solve(inner, right), dtype=np.float64)
     except np.linalg.LinAlgError:
         size = np.sqrt(np.diagonal(inner, axis1=1, axis2=2))[:, :, None]
         size = np.where(size > 0.0, size, 1.0)
@@ -368,7 +368,7 @@ def _descend(
 def nuisance_covariance(problem: JointProblem, fitted: Fitted, row: int) -> Array:
     """Return the covariance of one shot's nuisances, globals' uncertainty included.
 
-    Shape (4, 4), in the order of ``NUISANCE``; without limit where the shot does not determine them.
+    Shape (4, 4), in the order of ``NUISANCE``; infinite where the shot determines none.
     """
     block = fitted.blocks[row]
     s = block.chain.shape[0]
