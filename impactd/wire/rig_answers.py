@@ -20,7 +20,7 @@ class SessionAnswer(Answer):
 
 
 class StatusAnswer(Answer):
-    """The one honest light."""
+    """Whether the rig is ready to drop, and why not where it is not."""
 
     model_config = ConfigDict(
         json_schema_extra={

@@ -1,4 +1,4 @@
-// The one honest light, in the same words as `impactd status`.
+// The state of the rig, in the same words as `impactd status`.
 
 import { byId, say } from "../js/dom.js";
 import { live, on } from "../js/live.js";
