@@ -7,8 +7,10 @@ from analysis.campaign import Campaign
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.progress import MethodStep, Progress, TimeBudget
+from analysis.one_thread import on_one_thread
 
 
+@on_one_thread
 def diagnose(
     campaign: Campaign,
     base: str | None = None,

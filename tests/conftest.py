@@ -12,7 +12,11 @@ from typing import Any
 
 import pytest
 
-from impactd.storage.lasting import why_not_lasting
+from impactd import blas_threads
+
+blas_threads.keep_to_one()  # as in every process of the program; before anything imports numpy
+
+from impactd.storage.lasting import why_not_lasting  # noqa: E402 - see above
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

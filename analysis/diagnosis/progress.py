@@ -86,7 +86,7 @@ class TimeBudget:
     seconds : float
         More than 0, finite. [s]
     clock : callable
-        Tells the time, e.g. ``analysis.working_time.working_time``. [s]
+        Tells the time, e.g. ``impactd.diagnosis.working_time.working_time``. [s]
 
     Raises
     ------

@@ -18,6 +18,7 @@ from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import MISFIT_ABOVE, FitResult, collect, outcome_of
 from analysis.fit.start import prepare
 from analysis.model.impact_model import model_named
+from analysis.one_thread import on_one_thread
 
 MISFIT_ROUNDS = 4
 HELDOUT_STEPS = 3
@@ -149,6 +150,7 @@ def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array
     return np.asarray(item.window.signal - found.signal)
 
 
+@on_one_thread
 def fit_campaign(
     campaign: Campaign,
     model: str = DEFAULT_BASE,

@@ -29,7 +29,6 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from analysis.aliases import Array
 from impactd import blas_threads
 
 blas_threads.keep_to_one()  # before anything imports numpy
@@ -37,11 +36,12 @@ blas_threads.keep_to_one()  # before anything imports numpy
 import numpy as np  # noqa: E402 - see above
 from scipy.signal import butter, lfilter, lfilter_zi  # noqa: E402 - see above
 
+from analysis.aliases import Array  # noqa: E402 - see above
 from analysis.campaign import Campaign, Shot  # noqa: E402 - see above
 from analysis.diagnosis.procedure import diagnose_campaign  # noqa: E402 - see above
 from analysis.diagnosis.progress import TimeBudget  # noqa: E402 - see above
-from analysis.working_time import working_time  # noqa: E402 - see above
 from impactd.bench.blind.interval import wilson95  # noqa: E402 - see above
+from impactd.diagnosis.working_time import working_time  # noqa: E402 - see above
 from impactd.storage.campaign_folder import load_campaign  # noqa: E402 - see above
 
 Change = Callable[[Array, float, np.random.Generator], Array]

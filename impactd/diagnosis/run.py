@@ -7,8 +7,8 @@ from collections.abc import Callable
 from analysis import diagnosing
 from analysis.campaign import Campaign
 from analysis.diagnosis.progress import TimeBudget
-from analysis.working_time import working_time
 from impactd.aliases import Json
+from impactd.diagnosis.working_time import working_time
 from impactd.storage.version import software
 
 

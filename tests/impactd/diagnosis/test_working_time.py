@@ -6,7 +6,7 @@ import time
 
 from numba import njit
 
-from analysis.working_time import working_time
+from impactd.diagnosis.working_time import working_time
 
 
 def test_compiling_takes_no_working_time() -> None:
