@@ -20,8 +20,9 @@ T = TypeVar("T")
 def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
     """Return a function during which BLAS uses no threads of its own; then it may again."""
 
-    @functools.wraps(function)
+    @functools.wraps(function)  # its own name and docstring
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        """Call it on one thread."""
         with threadpool_limits(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
