@@ -15,7 +15,7 @@ def test_a_first_visit_ends_with_a_modulus(visitor):
     visitor.choose("acetal", "specimen", 30)
     visitor.arm_and_drop()
     page.locator(".modulus").get_by_text("±").wait_for()
-    assert page.locator("[data-advice=use]").is_visible()
+    page.locator("[data-advice=use]").wait_for()
     page.get_by_text("Young's modulus of specimen").wait_for()
     # A shot is drawn anew when its fit is done: until then its charts are empty for a moment.
     expect(page.locator(".legendtext")).to_have_text(["measured", "HSD", "KV", "closed KV"])
