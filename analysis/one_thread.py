@@ -11,10 +11,16 @@ import functools
 from collections.abc import Callable
 from typing import ParamSpec, TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+
+@functools.cache
+def _libraries() -> ThreadpoolController:
+    """Return the libraries that a fit has loaded; looking for them takes as long as a small fit."""
+    return ThreadpoolController()
 
 
 def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
@@ -23,7 +29,7 @@ def on_one_thread(function: Callable[P, T]) -> Callable[P, T]:
     @functools.wraps(function)  # its own name and docstring
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
         """Call it on one thread."""
-        with threadpool_limits(limits=1, user_api="blas"):
+        with _libraries().limit(limits=1, user_api="blas"):
             return function(*args, **kwargs)
 
     return call
