@@ -37,7 +37,7 @@ from analysis.diagnosis.marginal_likelihood import log_det
 from analysis.effects.acts_on import KINDS
 from analysis.fit.blocks import prior_rows
 from analysis.fit.inputs import LAW, STATED
-from analysis.fit.joint import Fitted
+from analysis.fit.joint import Fitted, solve_normal
 from analysis.fit.problem import FitShot, JointProblem
 
 Families = dict[str, tuple[list[int], list[str]]]
@@ -171,7 +171,7 @@ class Linearised:
         found = Projection(system.whole, system.globals_)
         gain, dof = float(found.gain(system.load)), found.rank
         score = found.score(system.load)
-        coefficients = _solved(found.schur + np.eye(score.size) / RIDGE**2, score)
+        coefficients = solve_normal(found.schur + np.eye(score.size) / RIDGE**2, score)
         held = _heldout_gain(self._folds(), system) if heldout else math.nan
         named = dict(zip(system.labels, map(float, coefficients), strict=True))
         sizes = None
@@ -233,17 +233,6 @@ class Linearised:
         return sum(float(s.white @ s.white) for s in self.shots)
 
 
-def _solved(matrix: Array, right: Array) -> Array:
-    """Return a solution, the shortest where there are many.
-
-    A fit that has gone astray has columns of 1e20, beside which no ridge is left.
-    """
-    try:
-        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
-    except np.linalg.LinAlgError:
-        return np.asarray(np.linalg.lstsq(matrix, right, rcond=None)[0], dtype=np.float64)
-
-
 def _whitener(matrix: Array, scale: Array, tolerance: float) -> Array:
     """Return R with R'R the inverse of a matrix in the directions that are seen. Shape (rank, w)"""
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
@@ -268,7 +257,9 @@ class Projection:
         self._globals = globals_
         self._cross = whole[globals_:, :globals_]
         self._inner = whole[:globals_, :globals_]
-        self.schur = whole[globals_:, globals_:] - self._cross @ _solved(self._inner, self._cross.T)
+        self.schur = whole[globals_:, globals_:] - self._cross @ solve_normal(
+            self._inner, self._cross.T
+        )
         scale = np.sqrt(np.maximum(np.diag(whole)[globals_:], 1e-300))
         self._white = _whitener(self.schur, scale, RANK_TOLERANCE)
         self.rank = self._white.shape[0]
@@ -276,7 +267,7 @@ class Projection:
     def score(self, load: Array) -> Array:
         """Return the columns' score with the globals fitted again. Shape (w,) or (w, draws)."""
         at = self._globals
-        return np.asarray(load[at:] - self._cross @ _solved(self._inner, load[:at]))
+        return np.asarray(load[at:] - self._cross @ solve_normal(self._inner, load[:at]))
 
     def gain(self, load: Array) -> Array:
         """Return the fall of the squares, for each draw."""
@@ -300,12 +291,12 @@ def _heldout_gain(folds: list[list[int]], system: System) -> float:
         rest, pull = whole - inside, system.load - own
         here, there = np.diag(inside)[:globals_], np.diag(rest)[:globals_]
         alone = np.flatnonzero((here > 0) & (there < least[:globals_]))
-        x = _solved(rest + np.diag(ridge), pull)
+        x = solve_normal(rest + np.diag(ridge), pull)
         base = np.zeros_like(x)
-        base[:globals_] = _solved(rest[:globals_, :globals_], pull[:globals_])
+        base[:globals_] = solve_normal(rest[:globals_, :globals_], pull[:globals_])
         falls = []
         for y in (x, base):
-            y[alone] += _solved(inside[np.ix_(alone, alone)], (own - inside @ y)[alone])
+            y[alone] += solve_normal(inside[np.ix_(alone, alone)], (own - inside @ y)[alone])
             falls.append(float(2 * y @ own - y @ inside @ y))
         total += falls[0] - falls[1]
         covered += len(fold)
@@ -358,7 +349,7 @@ def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linea
     with what the other parameters take up projected out of :math:`\Phi`.
     """
     system, exact = found.system([]), len(found.problem.names)
-    step = _solved(system.whole, system.load)
+    step = solve_normal(system.whole, system.load)
     shots = []
     for shot, (signal, white, own, back) in zip(found.shots, ways, strict=True):
         local = shot.chain @ step
@@ -367,7 +358,7 @@ def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linea
         left, left_white = shot.residual - signal @ moved, shot.white - white @ moved
         shots.append(replace(shot, vector=vector, residual=left, white=left_white))
     inner, load = system.whole[:exact, :exact], system.load
-    fall = float(load @ step - load[:exact] @ _solved(inner, load[:exact]))
+    fall = float(load @ step - load[:exact] @ solve_normal(inner, load[:exact]))
     width = 2.0 * len(inexact.names) * math.log(inexact.u)
     return replace(
         found,
@@ -438,7 +429,7 @@ def _linearised_shot(
         vector -= value * wide
     keep = s + signal.shape[1]
     right = np.column_stack([matrix[keep:, :keep], vector[keep:]])
-    inner = _solved(matrix[keep:, keep:], right)
+    inner = solve_normal(matrix[keep:, keep:], right)
     cross = matrix[:keep, keep:]
     moving = [*range(chain.shape[0]), *range(keep, matrix.shape[0])]
     way = plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]]

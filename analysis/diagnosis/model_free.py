@@ -184,25 +184,27 @@ def _lowpass(shots: Sequence[FitShot]) -> Shown | None:
     found = roll_off([item.shot for item in shots])
     if found is None:
         return None
-    if found.cutoff_hz is None:
-        highest = HIGHEST * shots[0].frame.sample_rate_hz
-        return Shown(
-            "amplifier_lowpass",
-            found.form,
-            {"cutoff_hz": highest},
-            f"the noise {found.stretch} vanishes at half the sampling rate as it does behind a "
-            "digital low-pass and behind no other; it does not say where this cuts, so the model "
-            f"has it at {highest:.2g} Hz, where it changes least",
-            in_noise=True,
-            measured=False,
+    cutoff_hz = found.cutoff_hz
+    measured = cutoff_hz is not None
+    if cutoff_hz is None:
+        cutoff_hz = HIGHEST * shots[0].frame.sample_rate_hz
+        seen = (
+            "vanishes at half the sampling rate, as it does behind a digital low-pass and behind "
+            "no analogue one; it does not say where this cuts, so the model has it at "
+            f"{cutoff_hz:.2g} Hz, where it changes least"
+        )
+    else:
+        seen = (
+            f"falls off as white noise does behind a low-pass of about {cutoff_hz:.2g} Hz, and "
+            "what cuts the noise cuts the signal"
         )
     return Shown(
         "amplifier_lowpass",
         found.form,
-        {"cutoff_hz": found.cutoff_hz},
-        f"the noise {found.stretch} falls off as white noise does behind a low-pass of about "
-        f"{found.cutoff_hz:.2g} Hz, and what cuts the noise cuts the signal",
+        {"cutoff_hz": cutoff_hz},
+        f"the noise {found.stretch} {seen}",
         in_noise=True,
+        measured=measured,
     )
 
 

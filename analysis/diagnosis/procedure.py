@@ -450,10 +450,9 @@ def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[S
     left = left_by_model(last.problem, last.fitted)
     for one in shown_by_records(last.problem.shots, left):
         # to its end, whatever the time: it is all that can be said where a search found nothing
-        present = selection.last
-        found = one.on_top_of(unwatched(present.problem), present.fitted, usual)
-        checkpoint = present.problem.checkpoint  # what follows it ends with the time
-        watched = dataclasses.replace(found.problem, checkpoint=checkpoint)
+        found = one.on_top_of(unwatched(selection.last.problem), selection.last.fitted, usual)
+        # what is learned beside it ends with the time
+        watched = dataclasses.replace(found.problem, checkpoint=last.problem.checkpoint)
         found = dataclasses.replace(found, problem=watched)
         if not found.fitted.failed and (found.gain > 0.0 or one.in_noise):
             step = make_step(found.problem, found.fitted)

@@ -128,7 +128,7 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
     freed = run_score_test(again)
     if not freed.structured:
         return again, freed
-    # statements of the fit are exact, and so are its columns; the chance is that of the free ones
+    # the columns are those of the fit, which takes statements as exact; the chance allows for them
     return linearised, dataclasses.replace(found, p_value=freed.p_value)
 
 

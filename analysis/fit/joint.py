@@ -107,7 +107,7 @@ def _eliminate(blocks: Sequence[ShotBlock], damping: float) -> list[_Schur]:
         own_size = range(inner.shape[1])
         inner[:, own_size, own_size] *= 1 + damping
         cross = matrix[:, :s, s:]
-        solved = _solved(inner, np.concatenate([vector[:, s:], matrix[:, s:, :s]], axis=2))
+        solved = solve_normal(inner, np.concatenate([vector[:, s:], matrix[:, s:, :s]], axis=2))
         own, back = solved[:, :, :1], solved[:, :, 1:]
         left = across @ (matrix[:, :s, :s] - cross @ back) @ chain
         load = across @ (vector[:, :s] - cross @ own)
@@ -116,18 +116,18 @@ def _eliminate(blocks: Sequence[ShotBlock], damping: float) -> list[_Schur]:
     return [found[row] for row in range(len(blocks))]
 
 
-def _solved(inner: Array, right: Array) -> Array:
-    """Return solutions, shape (shots, n, m); of a shot that says nothing of a number, this stays.
+def solve_normal(matrix: Array, right: Array) -> Array:
+    """Return the solutions of normal equations; 0 of a number that nothing fixes.
 
-    So it is with a pulse that has left its window: the other shots are fitted all the same.
+    So it is with the numbers of a pulse that has left its window: the rest is solved all the same.
     """
     try:
-        return np.asarray(np.linalg.solve(inner, right), dtype=np.float64)
+        return np.asarray(np.linalg.solve(matrix, right), dtype=np.float64)
     except np.linalg.LinAlgError:
-        size = np.sqrt(np.diagonal(inner, axis1=1, axis2=2))[:, :, None]
+        size = np.sqrt(np.diagonal(matrix, axis1=-2, axis2=-1))[..., None]
         size = np.where(size > 0.0, size, 1.0)
-        scaled = inner / (size * size.transpose(0, 2, 1))
-        return np.asarray(np.linalg.pinv(scaled, hermitian=True) @ (right / size) / size)
+        units = size * size.swapaxes(-1, -2)
+        return np.asarray(np.linalg.pinv(matrix / units, hermitian=True) / units @ right)
 
 
 def _gather(
@@ -329,7 +329,7 @@ def _descend(
             damped[np.diag_indices_from(damped)] *= 1 + damping
             step = np.asarray(np.linalg.solve(damped, vector), dtype=np.float64)
         except np.linalg.LinAlgError:
-            return _nowhere(theta, nuisances)  # a shot that says nothing of its own parameters
+            return _nowhere(theta, nuisances)  # a shared number that no shot fixes
         own = np.array([p.own - p.back @ step for p in parts])
         promised = _promised_fall(problem, blocks, theta, step, own)
         enough = (steps.tolerance * max(1.0, cost / samples)) ** 2
@@ -361,7 +361,7 @@ def _descend(
         matrix, _, _ = _gather(problem, blocks, theta, 0.0)
         covariance = np.asarray(np.linalg.inv(matrix))
     except np.linalg.LinAlgError:
-        return _nowhere(theta, nuisances)  # only damping kept such a shot in place
+        return _nowhere(theta, nuisances)  # only damping kept it in place
     return Fitted(theta, nuisances, blocks, covariance, cost, iteration, converged)
 
 
