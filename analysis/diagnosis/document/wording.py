@@ -498,9 +498,10 @@ def _not_physical(refit: Refit) -> str:
 
 def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None) -> str:
     """Return why a candidate that helps and is possible was still not taken."""
+    seen_without_model = taken is not None and taken.effect.id in {o.form for o in diagnosis.shown}
     if taken is None and step is not diagnosis.steps[-1]:
         return "an effect that was added later explains it better"
-    if taken is None:
+    if taken is None or seen_without_model:  # no fit was compared with what records show alone
         left = f"it leaves a residual of {_left(refit)} times the noise"
         return f"{left}; what remains is still structured"
     if refit.effect_id in diagnosis.confusable and step is diagnosis.steps[0]:

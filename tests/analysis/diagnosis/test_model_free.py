@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from analysis.campaign import Campaign, Shot
+from analysis.diagnosis.document.wording import why_not
 from analysis.diagnosis.forward_selection import Selection, make_step
 from analysis.diagnosis.model_free import Shown, shown_by_records
 from analysis.diagnosis.multistart import usual_place
-from analysis.diagnosis.procedure import _judge, _shown
+from analysis.diagnosis.procedure import Diagnosis, _judge, _shown
 from analysis.diagnosis.progress import BudgetSpentError, TimeBudget, Watch
+from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import prepare
@@ -130,6 +132,22 @@ def test_what_is_shown_is_held_where_the_model_is_wrong() -> None:
     tau_s = found.effect.parameters[0].value(float(found.fitted.theta[at]))
     assert tau_s == pytest.approx(shown[0].values["time_constant_s"], rel=1e-2)
     assert tau_s == pytest.approx(1e-3, rel=0.25)
+
+
+def test_no_candidate_is_said_to_fall_short_of_what_records_show_alone() -> None:
+    """No fit was compared with it: one that follows the records better has another reason."""
+    problem = build(_campaign(5, high_passed(1e-3)), model_named("hsd"))
+    fitted = joint.fit(problem, prepare(problem))
+    first = make_step(problem, fitted)
+    selection, shown = _shown(Selection([first], []), usual_place(problem, fitted.nuisances))
+    taken = selection.chosen[0]
+    closer = {"effect_id": "echo", "effect": effect_named("echo"), "gain": 10.0 * taken.gain}
+    rival = dataclasses.replace(taken, at_bound=False, **closer)
+    first.refits = [rival]
+    diagnosis = Diagnosis("partial", selection.steps, selection.chosen, shown=tuple(shown))
+    told = why_not(diagnosis, first, rival)
+    assert told is not None
+    assert told.endswith("what remains is still structured")
 
 
 def test_what_is_shown_is_told_although_the_time_is_over() -> None:
