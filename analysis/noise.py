@@ -88,6 +88,11 @@ class NoiseModel:
     """Of the quiet stretches, from their beginning: what follows is a precursor, no noise."""
 
     @property
+    def is_measured(self) -> bool:
+        """Whether the level is that of quiet stretches, no guess."""
+        return self.source == "pre-trigger"
+
+    @property
     def order(self) -> int:
         """Return the autoregressive order."""
         return int(self.coefficients.size)

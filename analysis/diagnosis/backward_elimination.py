@@ -19,7 +19,6 @@ from analysis.diagnosis.forward_selection import (
     MAX_EFFECTS,
     Selection,
     Step,
-    make_step,
     select,
     useful,
 )
@@ -156,7 +155,7 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
     fitted = joint.fit(problem, nuisances, theta=problem.start, max_iterations=MOST_STEPS)
-    return None if fitted.failed else make_step(problem, fitted)
+    return None if fitted.failed else Step(problem, fitted)
 
 
 def _is_effect(name: str, model: ImpactModel) -> bool:
@@ -251,7 +250,7 @@ def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
     _, selection, further = min(ways, key=lambda way: way[0])
     if further is None:
         return selection
-    ahead = make_step(further.problem, further.fitted)
+    ahead = Step(further.problem, further.fitted)
     longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
     # as in a whole search: what is third must leave noise, or it only mimics what is missing
     return selection if len(longer.chosen) == MAX_EFFECTS and not longer.adequate else longer

@@ -26,7 +26,12 @@ from analysis.diagnosis.one_material import (
     without_each_material,
 )
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
-from analysis.diagnosis.score_test import ScoreTest, check_residual, run_score_test
+from analysis.diagnosis.score_test import (
+    ScoreTest,
+    check_residual,
+    is_far_from_noise,
+    run_score_test,
+)
 from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -45,8 +50,8 @@ class Step:
     problem: JointProblem
     fitted: joint.Fitted
     """The model of this turn, at its best."""
-    linearised: Linearised
-    score_test: ScoreTest
+    tested: tuple[Linearised, ScoreTest] | None = None
+    """The residual, linearised, and what the score test says of it; None until it is asked."""
     refits: list[Refit] = field(default_factory=list)
     """What was tried on top, best first."""
     refused: dict[str, str] = field(default_factory=dict)
@@ -57,6 +62,29 @@ class Step:
     """What can be tried was compared, as far as the time went."""
     unfinished: bool = False
     """The time was over before all that can be tried was compared."""
+
+    @property
+    def linearised(self) -> Linearised:
+        """Return the residual, linearised."""
+        return self.test()[0]
+
+    @property
+    def score_test(self) -> ScoreTest:
+        """Return what the score test says of the residual."""
+        return self.test()[1]
+
+    def test(self) -> tuple[Linearised, ScoreTest]:
+        """Return both; the first time they are made, to their end whatever the time."""
+        if self.tested is None:
+            self.tested = check_residual(unwatched(self.problem), self.fitted)
+        return self.tested
+
+    @property
+    def structured(self) -> bool:
+        """Whether the residual is more than noise. It is not tested where it is far more."""
+        if self.tested is None and is_far_from_noise(self.problem, self.fitted):
+            return True
+        return self.score_test.structured
 
     @property
     def impossible(self) -> bool:
@@ -82,7 +110,7 @@ class Selection:
 
         A model with a number that nothing can have does not count, whatever it leaves.
         """
-        return not (self.last.impossible or self.last.score_test.structured)
+        return not (self.last.impossible or self.last.structured)
 
     @property
     def settled(self) -> bool:
@@ -100,8 +128,8 @@ class Selection:
 
     def on(self, found: Refit) -> Selection:
         """Return the selection one effect further, in the form and grouping that score highest."""
-        step = make_step(found.problem, found.fitted)
-        structured = step.score_test.structured
+        step = Step(found.problem, found.fitted)
+        structured = step.structured
         if structured or promises_other_grouping(found):
             wide = found
             if structured:
@@ -109,19 +137,11 @@ class Selection:
             wide = best_grouping(self.last.problem, self.last.fitted, wide)
             lead = wide.score() - found.score()
             if lead > 0.0:
-                wider = make_step(wide.problem, wide.fitted)
+                wider = Step(wide.problem, wide.fitted)
                 # where the same effect ends in noise it needs no lead
-                if lead > CRITERIA.comparison.least_lead or not wider.score_test.structured:
+                if lead > CRITERIA.comparison.least_lead or not wider.structured:
                     found, step = wide, wider
         return Selection([*self.steps, step], [*self.chosen, found])
-
-
-def make_step(problem: JointProblem, fitted: joint.Fitted) -> Step:
-    """Return a fitted model with the answer to whether its residual is noise.
-
-    Made to its end whatever the time: what was fitted is worth nothing without it.
-    """
-    return Step(problem, fitted, *check_residual(unwatched(problem), fitted))
 
 
 def try_effects(
@@ -173,7 +193,7 @@ def _compare(present: PresentModel, step: Step, progress: Progress, found: list[
 
 
 def _ends_in_noise(found: Refit) -> bool:
-    return found.usable and not make_step(found.problem, found.fitted).score_test.structured
+    return found.usable and not Step(found.problem, found.fitted).structured
 
 
 def useful(step: Step) -> list[Refit]:
@@ -230,7 +250,7 @@ def _split_by_material(
     def alone(
         problem: JointProblem, fitted: joint.Fitted, place: joint.Fitted, told: Progress
     ) -> Refit | None:
-        some = Selection([make_step(problem, fitted)], [])
+        some = Selection([Step(problem, fitted)], [])
         if some.adequate:
             return None  # then that material makes all the difference, and was tried alone
         try_effects(some.last, place, told, start.last.refits)
@@ -246,7 +266,7 @@ def _split_by_material(
     if found is None:
         return None
     first, seconds = found
-    step = make_step(first.problem, first.fitted)
+    step = Step(first.problem, first.fitted)
     step.refits += seconds
     selection = Selection([*start.steps, step], [*start.chosen, first])
     second = useful(step)[:1]

@@ -20,7 +20,7 @@ import numpy as np
 from analysis.aliases import Array
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Step, make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.labels import likely_labels
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.fit import joint
@@ -102,10 +102,10 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     for one, problem, fitted in sorted(tried, key=lambda way: way[0].cost):
         if one.cost > enough:
             break
-        again = make_step(problem, fitted)
+        again = Step(problem, fitted)
         if again.impossible:
             continue
-        if again.score_test.structured:
+        if again.structured:
             break
         enough = min(enough, one.cost + CRITERIA.stepwise.confusable_within)
         found.append((one, again))

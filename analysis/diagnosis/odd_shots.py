@@ -21,7 +21,7 @@ from scipy.stats import chi2
 
 from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Step, make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.score_test import chance_of
 from analysis.fit import joint
@@ -80,8 +80,8 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
     """Return the present model without shots that do not belong; None where there are none.
 
     One shot after the other is left out, until none differs from the rest by more than noise. Where
-    they have drawn the fit far off, it begins where a few shots lead, with the shots' own numbers
-    as ``usual`` has them: known before any record.
+    several have drawn the fit far off, it begins where a few shots lead, with the shots' own
+    numbers as ``usual`` has them: known before any record.
     """
     progress(MethodStep.STRUCTURE.told("does a shot not belong?"), 0.07)
     whole = len(step.problem.shots)
@@ -89,25 +89,20 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
         return None
     most = max(1, int(CRITERIA.structure.odd_share * whole))
     part = _Part(list(range(whole)), step.problem, step.fitted)
-    if joint.is_hopeless(step.problem, step.fitted.cost):
-        near = _trimmed(step, usual.nuisances, most)
+    if part.is_hopeless:
+        near = _with_one_left_out(step, part) or _trimmed(step, usual.nuisances, most)
         if near is None:
             return None
         part = near
     while not part.fitted.failed and len(part.kept) >= whole - most:
-        falls, chance = _own_falls(part.problem, part.fitted)
-        worst, to_go = int(np.argmax(falls)), most - (whole - len(part.kept))
-        odd = chance[worst] * falls.size < CRITERIA.structure.false_alarm_rate
-        part_of_all = CRITERIA.structure.odd_part * falls.sum() / max(to_go, 1)
-        odd = odd and to_go > 0 and falls[worst] >= part_of_all
-        if len(part.kept) < whole and not (odd and chance[worst] == 0.0):
-            rest = make_step(part.problem, part.fitted)
-            if not rest.score_test.structured:
+        odd, certain = _odd_one(part, most - (whole - len(part.kept)))
+        if len(part.kept) < whole and not certain:
+            rest = Step(part.problem, part.fitted)
+            if not rest.structured:
                 return _set_aside(step, rest, part.kept)
-        if not odd:
+        if odd is None:
             return None
-        kept = [i for at, i in enumerate(part.kept) if at != worst]
-        part = _fitted_to(step, kept, np.delete(part.fitted.nuisances, worst, axis=0), part.fitted)
+        part = _without(step, part, odd)
     return None
 
 
@@ -132,6 +127,41 @@ class _Part:
     kept: list[int]
     problem: JointProblem
     fitted: joint.Fitted
+
+    @property
+    def is_hopeless(self) -> bool:
+        """Whether the fit is far off."""
+        return joint.is_hopeless(self.problem, self.fitted.cost)
+
+
+def _odd_one(part: _Part, to_go: int) -> tuple[int | None, bool]:
+    """Return the place of the shot that differs most from the rest, and whether beyond all chance.
+
+    None where it does not by more than noise, or is only one of more than ``to_go`` that do.
+    """
+    falls, chance = _own_falls(part.problem, part.fitted)
+    worst = int(np.argmax(falls))
+    may_be_noise = chance[worst] * falls.size >= CRITERIA.structure.false_alarm_rate
+    part_of_all = CRITERIA.structure.odd_part * falls.sum() / max(to_go, 1)
+    if may_be_noise or to_go < 1 or falls[worst] < part_of_all:
+        return None, False
+    return worst, bool(chance[worst] == 0.0)
+
+
+def _without(step: Step, part: _Part, odd: int) -> _Part:
+    """Return the fit to all shots of a part but one."""
+    kept = [i for at, i in enumerate(part.kept) if at != odd]
+    return _fitted_to(step, kept, np.delete(part.fitted.nuisances, odd, axis=0), part.fitted)
+
+
+def _with_one_left_out(step: Step, part: _Part) -> _Part | None:
+    """Return the fit without the one shot that makes nearly all the difference; None without one.
+
+    The commonest case, and ten times faster than to begin with a few shots.
+    """
+    odd = None if part.fitted.failed else _odd_one(part, 1)[0]
+    less = None if odd is None else _without(step, part, odd)
+    return None if less is None or less.is_hopeless else less
 
 
 def _fitted_to(step: Step, kept: list[int], nuisances: Array, begin: joint.Fitted) -> _Part:
@@ -257,11 +287,17 @@ class _Alone:
 
     def _at_best(self, item: FitShot) -> tuple[float, Array]:
         problem = dataclasses.replace(self.rest, shots=[item])
-        starts = [self.own]
+        return min(
+            (self._settled(problem, start) for start in (self.own, self._as_promised(item))),
+            key=_first,
+        )
+
+    def _as_promised(self, item: FitShot) -> Array:
+        """Return where to begin if the shot is as fast as its height says."""
+        own = self.own.copy()
         if item.speed_prior is not None:
-            starts.append(self.own.copy())
-            starts[1][0] = item.speed_prior.mean
-        return min((self._settled(problem, start) for start in starts), key=_first)
+            own[0] = item.speed_prior.mean
+        return own
 
     def _settled(self, problem: JointProblem, own: Array) -> tuple[float, Array]:
         squares = math.inf
@@ -339,8 +375,15 @@ class _Alone:
     def _gain(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
         if self.item.shot.quantity != "voltage":
             return
+        begin = self._as_promised(self.item)
+
+        def squares(ln: float) -> float:
+            """Return what is left if the signal is too large by a factor, as a logarithm."""
+            item = _amplified(self.item, math.exp(-ln))
+            return self._settled(dataclasses.replace(self.rest, shots=[item]), begin)[0]
+
         found = minimize_scalar(
-            lambda ln: self.squares(_amplified(self.item, math.exp(-ln))),
+            squares,
             bounds=(-GAIN_WITHIN, GAIN_WITHIN),
             method="bounded",
         )

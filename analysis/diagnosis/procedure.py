@@ -16,7 +16,7 @@ from analysis.diagnosis.backward_elimination import (
 )
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step, make_step, try_effects, useful
+from analysis.diagnosis.forward_selection import Selection, Step, try_effects, useful
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.mistakes import Mistake, named_mistake
@@ -277,7 +277,7 @@ def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.
     nuisances = prepare(problem)
     fitted = joint.fit(problem, nuisances)
     told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
-    return Selection([make_step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
+    return Selection([Step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
 
 
 def _stated(campaign: Campaign, base: str) -> JointProblem:
@@ -317,9 +317,11 @@ def _is_all(seen: Background, step: Step) -> bool:
 
     It may look like anything in the windows, and no name is worth looking for.
     """
+    if not (seen.clear and step.score_test.structured):
+        return seen.clear
     structure = max((a.gain - a.dof for a in step.score_test.answers.values()), default=0.0)
     samples = sum(shot.white.size for shot in step.linearised.shots)
-    return seen.clear and (not step.score_test.structured or structure < seen.share * samples)
+    return structure < seen.share * samples
 
 
 def _beside(seen: Background, found: Diagnosis) -> Diagnosis:
@@ -455,7 +457,7 @@ def _shown(selection: Selection, usual: joint.Fitted) -> tuple[Selection, list[S
         watched = dataclasses.replace(found.problem, checkpoint=last.problem.checkpoint)
         found = dataclasses.replace(found, problem=watched)
         if not found.fitted.failed and (found.gain > 0.0 or one.in_noise):
-            step = make_step(found.problem, found.fitted)
+            step = Step(found.problem, found.fitted)
             selection = Selection([*selection.steps, step], [*selection.chosen, found])
             shown.append(one)
     return selection, shown

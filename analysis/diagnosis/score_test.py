@@ -132,6 +132,12 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
     return linearised, dataclasses.replace(found, p_value=freed.p_value)
 
 
+def is_far_from_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
+    """Tell whether a fit leaves so much that no test is needed, by noise that was measured."""
+    measured = all(item.noise.is_measured for item in problem.shots)
+    return measured and joint.is_hopeless(problem, fitted.cost)
+
+
 def run_score_test(linearised: Linearised) -> ScoreTest:
     """Return whether a fit's residual has structure.
 
@@ -164,7 +170,7 @@ def _surplus(linearised: Linearised) -> tuple[float, float]:
     is a guess, not measured on quiet stretches.
     """
     noises = {id(shot.item.noise): shot.item.noise for shot in linearised.shots}.values()
-    if any(noise.source != "pre-trigger" for noise in noises):
+    if any(not noise.is_measured for noise in noises):
         return 0.0, 1.0
     seen = sum(shot.white.size for shot in linearised.shots)
     sigma = math.sqrt(2.0 / seen + 2.0 / sum(noise.samples for noise in noises))

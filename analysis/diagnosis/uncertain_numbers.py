@@ -11,7 +11,7 @@ import dataclasses
 
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step, make_step
+from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.progress import unwatched
 from analysis.fit import joint
 from analysis.fit.freed_inputs import SETTLING_STEPS
@@ -32,7 +32,7 @@ def with_uncertain_numbers(selection: Selection) -> Selection:
     free = fitted_with_stated_numbers(last.problem, last.fitted)
     if free is None:
         return selection
-    return Selection([*selection.steps[:-1], make_step(*free)], selection.chosen)
+    return Selection([*selection.steps[:-1], Step(*free)], selection.chosen)
 
 
 def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:
@@ -43,9 +43,11 @@ def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:
     at, last = len(start.steps) - 1, start.last
     base = found.steps[at]
     if base.problem.inputs:
-        base = dataclasses.replace(base, problem=last.problem, fitted=last.fitted)
-        if base.score_test.structured:
-            base.linearised, base.score_test = last.linearised, last.score_test
+        base = dataclasses.replace(
+            base, problem=last.problem, fitted=last.fitted, tested=base.test()
+        )
+        if base.structured:
+            base.tested = last.test()
     steps = [*found.steps[:at], base, *map(_exact_step, found.steps[at + 1 :])]
     chosen = [
         dataclasses.replace(taken, problem=step.problem, fitted=step.fitted)
@@ -56,7 +58,7 @@ def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:
 
 def _exact_step(step: Step) -> Step:
     problem, fitted = _exact(step.problem, step.fitted)
-    return dataclasses.replace(step, problem=problem, fitted=fitted)
+    return dataclasses.replace(step, problem=problem, fitted=fitted, tested=step.test())
 
 
 def exact_refit(found: Refit) -> Refit:

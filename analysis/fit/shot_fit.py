@@ -94,7 +94,7 @@ class ShotFit:
         pull = self.restitution_pull
         if pull is not None and abs(pull) > RESTITUTION_DISAGREES_ABOVE:
             found.append("restitution_disagrees")
-        if self.item.noise.source != "pre-trigger":
+        if not self.item.noise.is_measured:
             found.append("noise_not_measured")
         return found
 

@@ -15,7 +15,7 @@ from analysis.campaign import Campaign
 from analysis.diagnosis.basis.form_error import Discrepancy, discrepancy
 from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.forward_selection import Step, make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
@@ -81,7 +81,7 @@ def drawn() -> tuple[Campaign, float]:
 @pytest.fixture(scope="module")
 def taped(drawn: tuple[Campaign, float]) -> Step:
     """The layer of one damping constant, fitted to it."""
-    return make_step(*_with_effect(drawn[0], "adhesive_layer", TAPE))
+    return Step(*_with_effect(drawn[0], "adhesive_layer", TAPE))
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +123,7 @@ def test_another_published_form_of_the_law_leaves_noise(taped: Step) -> None:
 def test_another_law_is_structure(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Hunt and Crossley's loss is no form of Kuwabara and Kono's."""
     campaign, _ = _drawn("viscoelastic_damping", "", {"relaxation_s": 3e-6})
-    found = make_step(*_with_effect(campaign, "hunt_crossley_damping", {"damping_s_per_m": 0.15}))
+    found = Step(*_with_effect(campaign, "hunt_crossley_damping", {"damping_s_per_m": 0.15}))
     assert found.score_test.structured
     assert found.score_test.answers[INEXACT].p_value < 1e-20
 

@@ -18,7 +18,7 @@ from analysis.diagnosis.discrepancy.mean_waveform import (
 )
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.document.wording import FAMILIES, beside_mean_waveform
-from analysis.diagnosis.forward_selection import Step, make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.effects.effect import SLOTS
@@ -72,7 +72,7 @@ def problem_of(made: Campaign):
 def step() -> Step:
     """Return the base model's turn on hits that no model makes."""
     problem = problem_of(campaign(9))
-    return make_step(problem, joint.fit(problem, prepare(problem)))
+    return Step(problem, joint.fit(problem, prepare(problem)))
 
 
 @pytest.fixture(scope="module")

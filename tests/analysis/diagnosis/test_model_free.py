@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 
 from analysis.campaign import Campaign, Shot
 from analysis.diagnosis.document.wording import why_not
-from analysis.diagnosis.forward_selection import Selection, make_step
+from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.model_free import Shown, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.procedure import Diagnosis, _judge, _shown
@@ -122,7 +122,7 @@ def test_what_is_shown_is_held_where_the_model_is_wrong() -> None:
     problem = build(_campaign(5, high_passed(1e-3)), model_named("hsd"))
     fitted = joint.fit(problem, prepare(problem))
     selection, shown = _shown(
-        Selection([make_step(problem, fitted)], []), usual_place(problem, fitted.nuisances)
+        Selection([Step(problem, fitted)], []), usual_place(problem, fitted.nuisances)
     )
     assert [one.effect_id for one in selection.chosen] == ["coupler_highpass"]
     assert len(shown) == 1
@@ -138,7 +138,7 @@ def test_no_candidate_is_said_to_fall_short_of_what_records_show_alone() -> None
     """No fit was compared with it: one that follows the records better has another reason."""
     problem = build(_campaign(5, high_passed(1e-3)), model_named("hsd"))
     fitted = joint.fit(problem, prepare(problem))
-    first = make_step(problem, fitted)
+    first = Step(problem, fitted)
     selection, shown = _shown(Selection([first], []), usual_place(problem, fitted.nuisances))
     taken = selection.chosen[0]
     closer = {"effect_id": "echo", "effect": effect_named("echo"), "gain": 10.0 * taken.gain}
@@ -155,7 +155,7 @@ def test_what_is_shown_is_told_although_the_time_is_over() -> None:
     watch = Watch(budget=TimeBudget(1.0, iter(range(0, 10**6, 100)).__next__))
     problem = build(_campaign(5, cut(0.7)), model_named("hsd"))
     fitted = joint.fit(problem, prepare(problem))
-    selection = Selection([make_step(problem, fitted)], [])
+    selection = Selection([Step(problem, fitted)], [])
     selection.last.problem = watch.over(problem)
     with pytest.raises(BudgetSpentError):
         watch.check()

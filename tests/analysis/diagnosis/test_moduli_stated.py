@@ -23,7 +23,7 @@ from analysis.diagnosis.document.moduli_stated import (
     widen_over_family,
     withhold_sought,
 )
-from analysis.diagnosis.forward_selection import make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.progress import TimeBudget, Watch
@@ -44,7 +44,7 @@ def _second(leaky: Diagnosis) -> Refit:
 def half(leaky: Diagnosis) -> Diagnosis:
     """A diagnosis that stops at an effect which leaves structure."""
     first, second = leaky.steps[0], _second(leaky)
-    step = make_step(second.problem, second.fitted)
+    step = Step(second.problem, second.fitted)
     assert step.score_test.structured
     return Diagnosis("partial", [first, step], [second], slot=second.effect.slot)
 

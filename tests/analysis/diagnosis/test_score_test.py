@@ -11,7 +11,7 @@ from scipy.stats import kstest
 
 from analysis.campaign import Campaign
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step, make_step
+from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.score_test import (
     ASKED,
     WANDER,
@@ -57,7 +57,7 @@ def restless(tmp_path_factory: pytest.TempPathFactory) -> Step:
     """A campaign whose noise is stronger once the sphere has come."""
     campaign = _restless(small_campaign(tmp_path_factory.mktemp("restless")))
     problem = build(campaign, model_named("kv2"))
-    return make_step(problem, joint.fit(problem, prepare(problem)))
+    return Step(problem, joint.fit(problem, prepare(problem)))
 
 
 def test_a_clean_campaign_has_no_surplus(clean):
@@ -89,13 +89,13 @@ def test_a_level_that_is_a_guess_allows_no_such_verdict(restless):
         dataclasses.replace(item, noise=dataclasses.replace(item.noise, source="differences"))
         for item in restless.problem.shots
     ]
-    guessed = make_step(dataclasses.replace(restless.problem, shots=shots), restless.fitted)
+    guessed = Step(dataclasses.replace(restless.problem, shots=shots), restless.fitted)
     assert guessed.score_test.surplus == 0.0
 
 
 def _looked_at(campaign: Campaign) -> Step:
     problem = build(campaign, model_named("kv2"))
-    return make_step(problem, joint.fit(problem, prepare(problem)))
+    return Step(problem, joint.fit(problem, prepare(problem)))
 
 
 def _drawn(folder: Path, seed: int) -> Campaign:
@@ -158,7 +158,7 @@ def _asked(folder: Path, corner_hz: float, hum_v: float = 0.0) -> tuple[ScoreTes
     campaign = read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 4)))
     problem = build(campaign, model_named("kv2"))
     assert problem.shots[0].noise.corner == 0.0
-    linearised = make_step(problem, joint.fit(problem, prepare(problem)))
+    linearised = Step(problem, joint.fit(problem, prepare(problem)))
     return linearised.score_test, p_of_wander(linearised.linearised)
 
 

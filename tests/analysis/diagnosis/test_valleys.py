@@ -11,7 +11,7 @@ import pytest
 from analysis.diagnosis.basis.proposals import proposals
 from analysis.diagnosis.candidate import Refit, extended
 from analysis.diagnosis.forms import best_form
-from analysis.diagnosis.forward_selection import make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.multistart import where_it_rings
 from analysis.effects.library import effect_named
 from analysis.fit import joint
@@ -45,7 +45,7 @@ def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
     at = next(j for j, n in enumerate(best.problem.names) if n.endswith("speed_ratio"))
     assert math.exp(best.fitted.theta[at]) == pytest.approx(SPEED_RATIO, rel=0.02)
     assert best.fitted.cost < astray.cost - 100.0
-    assert not make_step(best.problem, best.fitted).score_test.structured
+    assert not Step(best.problem, best.fitted).score_test.structured
 
 
 @pytest.mark.parametrize(("frequency_hz", "damping_ratio"), [(25.1e3, 0.011), (41e3, 0.02)])

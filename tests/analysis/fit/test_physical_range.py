@@ -16,7 +16,7 @@ from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
 from analysis.diagnosis.basis.proposals import rescoped
 from analysis.diagnosis.candidate import extended
-from analysis.diagnosis.forward_selection import Selection, make_step
+from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.procedure import _crystal
 from analysis.diagnosis.progress import Watch
 from analysis.effects.library import effect_named
@@ -128,7 +128,7 @@ def test_a_rigid_cell_is_not_said_to_ring(impact: Any) -> None:
     assert observation_from_fit(found, shot="1") is None
     model = model_named("hsd")
     problem = build(campaign, model)
-    base = make_step(problem, joint.fit(problem, prepare(problem)))
+    base = Step(problem, joint.fit(problem, prepare(problem)))
     trail, _ = _crystal(campaign, Selection([base], []), base.fitted, Watch())
     (crystal,) = base.refits
     assert not trail.chosen

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.forward_selection import make_step
+from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.fit import joint
 from analysis.fit.problem import build
@@ -50,7 +50,7 @@ def test_no_draw_of_a_right_rig_has_structure(
         folder = write_campaign_folder(tmp_path / str(seed), simulate_campaign(settings, seed))
         problem = build(read_campaign(folder), model_named(base))
         nuisances = prepare(problem)
-        found.append(make_step(problem, joint.fit(problem, nuisances)).score_test.p_value)
+        found.append(Step(problem, joint.fit(problem, nuisances)).score_test.p_value)
     assert min(found) > 1e-3
     # chance leaves 2 of them, and 7 or more once in 400 times
     assert sum(p < 0.1 for p in found) < 7
