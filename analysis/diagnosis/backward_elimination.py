@@ -252,8 +252,9 @@ def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
         return selection
     ahead = Step(further.problem, further.fitted)
     longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
-    # as in a whole search: what is third must leave noise, or it only mimics what is missing
-    return selection if len(longer.chosen) == MAX_EFFECTS and not longer.adequate else longer
+    # as in a whole search: what is third must leave noise with every law as it is written, or it
+    # only names what the first two leave for their forms
+    return selection if len(longer.chosen) == MAX_EFFECTS and not longer.settled else longer
 
 
 def not_held_against(selection: Selection) -> dict[str, list[str]]:

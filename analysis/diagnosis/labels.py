@@ -19,7 +19,7 @@ from analysis.campaign import Campaign, Shot
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 
 TRIED = 2
 """That are worth a fit of all shots, those that come nearest. A choice of time: of names of
@@ -76,7 +76,7 @@ def _squares(problem: JointProblem, campaign: Campaign, places: Sequence[int]) -
     part = build(dataclasses.replace(campaign, shots=shots), problem.model)
     if not part.shots:
         return math.inf
-    nuisances = prepare(part)
+    part, nuisances = with_start(part)
     rough = joint.ROUGH_TOLERANCE
     fitted = joint.fit(part, nuisances, max_iterations=STEPS, tolerance=rough)
     return math.inf if fitted.failed else fitted.cost / sum(item.data for item in part.shots)

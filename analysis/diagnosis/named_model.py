@@ -27,7 +27,7 @@ from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import ImpactModel, model_named
 
 LEAST_U = 1e-6
@@ -115,7 +115,7 @@ def fit_named(
     known = {name: q for entry in definition["effects"] for name, q in entry["numbers"].items()}
     if priors:
         _put_priors(problem, known)
-    nuisances = prepare(problem)
+    problem, nuisances = with_start(problem)
     for name, quantity in known.items():
         j = problem.index(name)
         if j is not None:
@@ -125,13 +125,13 @@ def fit_named(
 
 
 def _put_priors(problem: JointProblem, known: Json) -> None:
-    """Add what is known to a problem that still has its priors in information form."""
+    """Add what is known to a problem as it is stated."""
     own = tuple(f"{e.id}." for e in problem.model.effects)
     for j, name in enumerate(problem.names):
         if name in known:
             precision = float(known[name]["u"]) ** -2
             problem.prior_precision[j, j] = precision
-            problem.prior_mean[j] = float(known[name]["coordinate"]) * precision
+            problem.prior_mean[j] = float(known[name]["coordinate"])
         elif name.startswith(own):
             problem.assumptions.append(
                 f"{name} was not part of the diagnosis; it was fitted from these shots alone."

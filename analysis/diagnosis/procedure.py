@@ -44,7 +44,7 @@ from analysis.fit import joint
 from analysis.fit.inputs import LAW
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model import solver
 from analysis.model.impact_model import ImpactModel, model_named
 from analysis.undetermined import tells_no_modulus
@@ -274,7 +274,7 @@ def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.
     told(MethodStep.NOISE.told("from the stretches before the trigger"), 0.0)
     problem = _stated(campaign, base)
     told(MethodStep.BASE_FIT.told(f"{base} on all shots"), 0.0)
-    nuisances = prepare(problem)
+    problem, nuisances = with_start(problem)
     fitted = joint.fit(problem, nuisances)
     told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
     return Selection([Step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
@@ -286,8 +286,8 @@ def _stated(campaign: Campaign, base: str) -> JointProblem:
 
 def _restated(campaign: Campaign, base: str, told: Watch) -> tuple[JointProblem, joint.Fitted]:
     """Return the base model fitted to a campaign that is stated otherwise."""
-    problem = _stated(campaign, base)
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(_stated(campaign, base))
+    fitted = joint.fit(problem, nuisances)
     return told.over(problem), fitted
 
 
@@ -303,8 +303,8 @@ def _obeyed_base(
     if 2 * count_as_noise(selection.last) > len(selection.last.problem.shots):
         return selection, usual
     for name in RINGING_BASES[1:]:
-        problem = _stated(campaign, name)
-        fitted = joint.fit(problem, prepare(problem), max_iterations=FIRST_LOOK)
+        problem, nuisances = with_start(_stated(campaign, name))
+        fitted = joint.fit(problem, nuisances, max_iterations=FIRST_LOOK)
         samples = sum(shot.white.size for shot in selection.last.linearised.shots)
         least = CRITERIA.comparison.least_lead * max(1.0, fitted.cost / samples)
         if not fitted.failed and selection.last.fitted.cost - fitted.cost > least:
@@ -354,8 +354,7 @@ def _crystal(
     effect, step = effect_named("crystal_dynamics"), selection.last
     ways: list[tuple[Refit, joint.Fitted]] = []
     for base in RINGING_BASES:
-        problem = told.over(_stated(campaign, base))
-        nuisances = prepare(problem)
+        problem, nuisances = with_start(told.over(_stated(campaign, base)))
         fitted = joint.fit(problem, nuisances)
         count = len(problem.names) - len(step.problem.names)
         gain = step.fitted.cost - fitted.cost

@@ -16,7 +16,7 @@ from analysis.fit.blocks import linearise_shot, shot_cost
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import MISFIT_ABOVE, FitResult, collect, outcome_of
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from analysis.one_thread import on_one_thread
 
@@ -181,8 +181,7 @@ def fit_campaign(
     AnalysisError
         If no shot can be used at all.
     """
-    problem = build(campaign, model_named(model), by_pair=by_pair)
-    nuisances = prepare(problem)
+    problem, nuisances = with_start(build(campaign, model_named(model), by_pair=by_pair))
     fitted, scale = solve(problem, nuisances, progress)
     outcome = outcome_of(problem, fitted)
     if fitted.failed:

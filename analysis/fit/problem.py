@@ -117,8 +117,9 @@ class JointProblem:
     """In order of time."""
     names: list[str]
     start: NDArray[np.float64]
-    """Filled in by ``analysis.fit.start``. Shape (g,)."""
+    """Where a fit begins, shape (g,): the prior's mean, until `analysis.fit.start` has looked."""
     prior_mean: NDArray[np.float64]
+    """Shape (g,); 0 where nothing is known."""
     prior_precision: NDArray[np.float64]
     """With ``prior_mean``: Gaussian knowledge of the globals, shape (g, g)."""
     by_pair: bool
@@ -384,7 +385,7 @@ def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prio
 
 
 def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> JointProblem:
-    """Return the joint problem of a campaign, ready for ``analysis.fit.start``.
+    """Return the joint problem of a campaign, as stated: `analysis.fit.start` begins it.
 
     An AnalysisError says that no shot can be used. ``by_pair`` gives each pair its own stiffness
     instead of each material a modulus: for single shots, whose moduli are told apart later, by the
@@ -486,6 +487,13 @@ def _closed_assumptions(problem: JointProblem) -> list[str]:
     return found
 
 
+def weighted_mean(
+    precision: NDArray[np.float64], weighted: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the mean of numbers that are known with a precision, 0 of what is not known at all."""
+    return np.asarray(np.linalg.solve(precision + 1e-12 * np.eye(weighted.size), weighted))
+
+
 def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
     size = len(problem.names)
     precision = np.zeros((size, size))
@@ -516,4 +524,5 @@ def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
             precision[j, j] = prior.u**-2
             weighted[j] = prior.mean * precision[j, j]
     problem.prior_precision = precision
-    problem.prior_mean = weighted  # information vector until the start completes it
+    problem.prior_mean = weighted_mean(precision, weighted)
+    problem.start = problem.prior_mean.copy()

@@ -127,11 +127,11 @@ def _speed(item: FitShot) -> float:
     return math.exp(item.speed_prior.mean) if item.speed_prior else 1.0
 
 
-def prepare(problem: JointProblem) -> NDArray[np.float64]:
-    """Fill in the problem's start and priors, and return the shots' nuisances to start from.
+def with_start(problem: JointProblem) -> tuple[JointProblem, NDArray[np.float64]]:
+    """Return the problem with its start, and the shots' nuisances to start from.
 
-    ``start``, ``prior_mean`` and ``prior_precision`` are completed. The nuisances, shape (shots,
-    4), are ln v0, ln e, t0 [us] and baseline.
+    What nothing is known of has a prior that says nothing. The nuisances, shape (shots, 4), are
+    ln v0, ln e, t0 [us] and baseline.
     """
     omega0, zeta = _ring_start(problem) if problem.model.kind == solver.KV else (1.0, 0.1)
     crystal = _crystal_mass(problem, omega0)
@@ -152,13 +152,14 @@ def prepare(problem: JointProblem) -> NDArray[np.float64]:
         stiffness[row] = math.log(stiffness_for(duration, item.frame.mass_kg, speed))
         t0_us = shift / item.frame.sample_rate_hz * 1e6
         nuisances[row, :4] = math.log(speed), math.log(e), t0_us, item.window.baseline
-    _complete(problem, stiffness, log_gain, omega0, zeta)
-    return _beside_known_effects(problem, choose_start(problem, stiffness, nuisances))
+    problem = _with_globals(problem, stiffness, log_gain, omega0, zeta)
+    start, nuisances = choose_start(problem, stiffness, nuisances)
+    return _beside_known_effects(replace(problem, start=start), nuisances)
 
 
 def _beside_known_effects(
     problem: JointProblem, nuisances: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> tuple[JointProblem, NDArray[np.float64]]:
     """Move the start to where all else fits effects' numbers as they are known beforehand.
 
     Far from the minimum any effect helps, even a hard coupon of a tenth of a millimetre, from which
@@ -166,15 +167,14 @@ def _beside_known_effects(
     """
     known = [j for j, name in enumerate(problem.names) if effect_prior(problem, name) is not None]
     if not known:
-        return nuisances
+        return problem, nuisances
     precision = problem.prior_precision.copy()
     precision[known, known] = HELD**-2
     held = replace(problem, prior_precision=precision)
     found = joint.fit(held, nuisances, max_iterations=STEPS_BESIDE)
     if found.failed:
-        return nuisances
-    problem.start = found.theta
-    return found.nuisances
+        return problem, nuisances
+    return replace(problem, start=found.theta), found.nuisances
 
 
 def _known_gain(problem: JointProblem) -> float | None:
@@ -189,13 +189,13 @@ def _known_gain(problem: JointProblem) -> float | None:
     return None
 
 
-def _complete(
+def _with_globals(
     problem: JointProblem,
     stiffness: NDArray[np.float64],
     log_gain: NDArray[np.float64],
     omega0: float,
     zeta: float,
-) -> None:
+) -> JointProblem:
     """Turn per-shot values into globals, then give every unknown a prior that says nothing."""
     start = np.zeros(len(problem.names))
     free_gain = [g for g, s in zip(log_gain, problem.shots, strict=True) if s.fixed_gain is None]
@@ -220,14 +220,11 @@ def _complete(
         else:
             start[j] = _effect_start(problem, name)
     start_moduli(problem, stiffness, start)
-    information = problem.prior_mean
-    weak = np.diag(problem.prior_precision) <= 0
-    problem.prior_precision[weak, weak] = UNKNOWN_LOG_U**-2
-    information = information + np.where(weak, start * UNKNOWN_LOG_U**-2, 0.0)
-    problem.prior_mean = np.asarray(
-        np.linalg.solve(problem.prior_precision + 1e-12 * np.eye(start.size), information)
-    )
-    problem.start = start
+    unknown = np.diag(problem.prior_precision) <= 0
+    precision = problem.prior_precision.copy()
+    precision[unknown, unknown] = UNKNOWN_LOG_U**-2
+    mean = np.where(unknown, start, problem.prior_mean)
+    return replace(problem, start=start, prior_mean=mean, prior_precision=precision)
 
 
 def _effect_start(problem: JointProblem, name: str) -> float:

@@ -26,15 +26,14 @@ def start_moduli(
 ) -> None:
     """Give every modulus its prior mean, or what the pairs leave for it.
 
-    A modulus stated within a factor or worse is no start: what the records say is better. The
-    problem's ``prior_mean`` is still in information form. ``stiffness`` is ln K of each shot from
-    its record; the globals ``start`` are filled in.
+    A modulus stated within a factor or worse is no start: what the records say is better.
+    ``stiffness`` is ln K of each shot from its record; the globals ``start`` are filled in.
     """
     inverse: dict[str, float] = {}
     for j, name in enumerate(problem.names):
         known = problem.prior_precision[j, j] > WEAKLY_STATED_U**-2
         if name.startswith(("sphere.", "surface.")) and known:
-            inverse[name] = math.exp(-problem.prior_mean[j] / problem.prior_precision[j, j])
+            inverse[name] = math.exp(-problem.prior_mean[j])
     unknown = [
         n for n in problem.names if n.startswith(("sphere.", "surface.")) and n not in inverse
     ]
@@ -89,20 +88,16 @@ def _moduli_by_records(
 
 def choose_start(
     problem: JointProblem, stiffness: NDArray[np.float64], nuisances: NDArray[np.float64]
-) -> NDArray[np.float64]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Take the moduli of the records where a few steps lead deeper than from the stated ones.
 
-    The problem is complete but for this; its ``start`` may be moved. ``stiffness`` is ln K of each
-    shot from its record. Return the shots' own parameters at that start, shape (shots, 4), as
-    ``nuisances``.
+    ``stiffness`` is ln K of each shot from its record. Return the globals to start from, and the
+    shots' own parameters there, shape (shots, 4), as ``nuisances``.
     """
     other = _moduli_by_records(problem, stiffness)
     if other is None:
-        return nuisances
+        return problem.start, nuisances
     stated = joint.fit(problem, nuisances, max_iterations=TRIAL_STEPS)
     seen = joint.fit(problem, nuisances, theta=other, max_iterations=TRIAL_STEPS)
     best = seen if seen.cost < stated.cost else stated
-    if not best.failed:
-        problem.start = best.theta
-        return best.nuisances
-    return nuisances
+    return (problem.start, nuisances) if best.failed else (best.theta, best.nuisances)

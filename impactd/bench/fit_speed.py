@@ -21,7 +21,7 @@ from analysis.aliases import Array
 from analysis.campaign import Campaign
 from analysis.fit.problem import FitShot, JointProblem, build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings
 from drivers.simulated.label_spread import TYPICAL
@@ -122,8 +122,7 @@ def lmfit_fit(alone: Campaign) -> tuple[float, float]:
         lmfit = importlib.import_module("lmfit")  # a development tool, only ever needed here
     except ImportError as error:
         raise RuntimeError("the reference needs lmfit: pip install lmfit") from error
-    problem = build(alone, model_named("kv"), by_pair=True)
-    own = prepare(problem)[0]
+    problem, (own,) = with_start(build(alone, model_named("kv"), by_pair=True))
     (item,) = problem.shots
     start = dict(zip(problem.names, problem.start, strict=True))
     parameters = lmfit.Parameters()

@@ -26,7 +26,7 @@ from analysis.diagnosis.localisation import (  # noqa: E402 - see above
 )
 from analysis.fit import joint  # noqa: E402 - see above
 from analysis.fit.problem import build  # noqa: E402 - see above
-from analysis.fit.start import prepare  # noqa: E402 - see above
+from analysis.fit.start import with_start  # noqa: E402 - see above
 from analysis.model.impact_model import model_named  # noqa: E402 - see above
 from drivers.simulated.rig_model import RIGS  # noqa: E402 - see above
 from impactd.bench.blind.interval import wilson95  # noqa: E402 - see above
@@ -64,7 +64,8 @@ def judge(seed: int, rig: str) -> Judged:
     """Draw a campaign with one effect that no library knows, and ask where it lives."""
     plan = draw_plan("outside", seed, rig)
     problem = build(simulated_campaign(plan.settings, plan.campaign_seed), model_named(plan.base))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(problem)
+    fitted = joint.fit(problem, nuisances)
     linearised = linearise(problem, fitted, wanted=FAMILIES)
     gains, effect = gains_by_family(linearised), plan.effects[0]
     odds = slot_probabilities(linearised, gains)

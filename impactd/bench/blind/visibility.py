@@ -20,7 +20,7 @@ from analysis.fit import joint
 from analysis.fit.fit_shot import noise_by_instrument, usable_shots
 from analysis.fit.freed_inputs import with_inputs
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.effects import Effect
 from drivers.simulated.mistakes import Mistake, make_mistake
@@ -118,7 +118,8 @@ def _cost(twin: Campaign, campaign: Campaign, model: str, *, uncertain: bool = F
         dataclasses.replace(s, noise=noise[s.shot.quantity, s.shot.sample_rate_hz])
         for s in problem.shots
     ]
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(problem)
+    fitted = joint.fit(problem, nuisances)
     if fitted.failed:
         raise AnalysisError("The base model cannot be evaluated on these records.")
     if not uncertain:

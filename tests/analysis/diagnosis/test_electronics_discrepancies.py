@@ -8,7 +8,7 @@ from analysis.diagnosis.discrepancy.fit import learn
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 from .conftest import small_campaign
@@ -39,7 +39,8 @@ from .conftest import small_campaign
 def test_what_no_library_names_is_learned_and_holds_on_other_shots(tmp_path, effect, values, part):
     """The error on held-out shots falls at least threefold."""
     problem = build(small_campaign(tmp_path, effect, **values), model_named("kv2"))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(problem)
+    fitted = joint.fit(problem, nuisances)
     before = heldout_rms(problem, fitted)
     learned = learn(problem, fitted, [part])
     assert learned.heldout_rms < before / 3

@@ -12,7 +12,7 @@ from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import starts
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 from .conftest import small_campaign
@@ -27,8 +27,8 @@ EFFECTS = {
 def test_a_start_explains_most_of_what_was_promised(tmp_path: Path, effect: str) -> None:
     """Before any step, where a size alone leaves the contact too stiff; a few steps end the fit."""
     campaign = small_campaign(tmp_path, effect, **EFFECTS[effect])
-    problem = build(campaign, model_named("kv2"))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
     tried = [p for p in proposals(problem)[0] if p.effect_id == effect]
     first = next(
         s for s in starts(linearise(problem, base, tried), tried)[effect] if s.scope == "rig"

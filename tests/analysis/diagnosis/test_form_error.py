@@ -26,7 +26,7 @@ from analysis.fit.blocks import prior_rows
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.problem import FitShot, JointProblem, build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 from drivers.simulated.effects import make_effect
@@ -66,7 +66,8 @@ def _with_effect(
     added = effect_named(effect)
     shots = tuple(dataclasses.replace(shot, restitution=None) for shot in campaign.shots)
     problem = build(dataclasses.replace(campaign, shots=shots), model_named(BASES[DEFAULT_RIG]))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(problem)
+    base = joint.fit(problem, nuisances)
     start = {f"{added.id}.{p.name}": p.coordinate(values[p.name]) for p in added.parameters}
     larger, theta, nuisances = extended(problem, base, added, start)
     return larger, joint.fit(larger, nuisances, theta=theta)

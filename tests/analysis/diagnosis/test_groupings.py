@@ -25,7 +25,7 @@ from analysis.diagnosis.successive_halving import rivals_refitted
 from analysis.effects.acts_on import ActsOn
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -56,8 +56,8 @@ def campaign(folder: Path, name: str, scope: Scope, heights: int = 2, **values: 
 def fitted(campaign: Campaign, name: str) -> tuple[Refit, Refit]:
     """Return an effect fitted to all shots with one size, and in the grouping found from there."""
     usual = CampaignSettings()
-    problem = build(campaign, model_named(BASES[usual.rig]))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named(BASES[usual.rig])))
+    base = joint.fit(problem, nuisances)
     tried = [p for p in proposals(problem)[0] if p.effect.id == name]
     found = starts(linearise(problem, base, tried), tried)[name]
     start = next(s for s in found if s.scope == "rig")
@@ -119,8 +119,8 @@ def test_a_name_is_held_against_others_on_the_same_materials(tmp_path: Path) -> 
     scope = Scope(surface=("polycarbonate", "specimen"))
     whole, found = fitted(campaign(tmp_path, name, scope), name)
     usual = CampaignSettings()
-    problem = build(whole.problem.campaign, model_named(BASES[usual.rig]))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(whole.problem.campaign, model_named(BASES[usual.rig])))
+    base = joint.fit(problem, nuisances)
     rivals = rivals_refitted(problem, base, found, {other})
     assert [r.effect_id for r in rivals] == [other]
     assert rivals[0].effect.only == found.effect.only
@@ -130,8 +130,8 @@ def test_a_name_is_held_against_others_on_the_same_materials(tmp_path: Path) -> 
 def test_a_thin_coupon_promises_something_to_first_order(tmp_path: Path) -> None:
     """Its column knows the coupon's share in the compliance, without which it would be zero."""
     thin = campaign(tmp_path, "finite_thickness", Scope(surface="specimen"), thickness_m=2e-3)
-    problem = build(thin, model_named(BASES[CampaignSettings().rig]))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(thin, model_named(BASES[CampaignSettings().rig])))
+    base = joint.fit(problem, nuisances)
     tried = [p for p in proposals(problem)[0] if p.effect.id == "finite_thickness"]
     found = starts(linearise(problem, base, tried), tried)["finite_thickness"]
     assert found[0].promised > CRITERIA.comparison.least_lead

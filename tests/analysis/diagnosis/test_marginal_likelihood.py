@@ -16,7 +16,7 @@ from analysis.diagnosis.marginal_likelihood import Price, coordinate_width, log_
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 from .conftest import small_campaign
@@ -37,8 +37,8 @@ def campaign(tmp_path_factory: pytest.TempPathFactory) -> Campaign:
 def _alone(campaign: Campaign, base: str, row: int) -> tuple[JointProblem, joint.Fitted, Array]:
     """Return the fit of one shot by itself, of its own stiffness, and what it leaves."""
     one = dataclasses.replace(campaign, shots=campaign.shots[row : row + 1])
-    problem = build(one, model_named(base), by_pair=True)
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(one, model_named(base), by_pair=True))
+    fitted = joint.fit(problem, nuisances)
     item = problem.shots[0]
     local = np.concatenate([problem.shared_local(item, fitted.theta)[0], fitted.nuisances[0]])
     return problem, fitted, item.window.signal - problem.model.predict(local, item.frame).signal
@@ -101,8 +101,8 @@ def test_laplace_agrees_with_nested_sampling(campaign: Campaign, base: str, row:
 @pytest.mark.parametrize("effect_id", ["coupler_highpass", "hunt_crossley_damping"])
 def test_the_score_is_twice_the_rise_of_the_evidence(campaign: Campaign, effect_id: str) -> None:
     """A needless number costs the logarithm of how much of its range the records exclude."""
-    problem = build(campaign, model_named("kv2"))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
     effect = effect_named(effect_id)
     begin = {
         f"{effect_id}.{p.name}": p.coordinate(p.starts[-1]) if p.form == "log" else 0.0
@@ -120,8 +120,8 @@ def test_the_score_is_twice_the_rise_of_the_evidence(campaign: Campaign, effect_
 
 def test_no_number_is_cheaper_for_being_unknown(campaign: Campaign) -> None:
     """Where the records say nothing of it, a number costs next to nothing, and earns nothing."""
-    problem = build(campaign, model_named("kv2"))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
     effect = effect_named("recontact")
     begin = {f"recontact.{p.name}": p.coordinate(p.high) for p in effect.parameters}
     larger, theta, nuisances = extended(problem, base, effect, begin)
@@ -134,8 +134,8 @@ def test_no_number_is_cheaper_for_being_unknown(campaign: Campaign) -> None:
 
 def test_a_fit_that_ran_off_its_base_has_no_price(campaign: Campaign) -> None:
     """Its normal matrix, huge and no longer positive, is not asked for a volume."""
-    problem = build(campaign, model_named("kv2"))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
     effect = effect_named("recontact")
     begin = {f"recontact.{p.name}": p.coordinate(p.high) for p in effect.parameters}
     larger, theta, nuisances = extended(problem, base, effect, begin)

@@ -25,7 +25,7 @@ from analysis.effects.effect import SLOTS
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 Array = NDArray[np.float64]
@@ -71,8 +71,8 @@ def problem_of(made: Campaign):
 @pytest.fixture(scope="module")
 def step() -> Step:
     """Return the base model's turn on hits that no model makes."""
-    problem = problem_of(campaign(9))
-    return Step(problem, joint.fit(problem, prepare(problem)))
+    problem, nuisances = with_start(problem_of(campaign(9)))
+    return Step(problem, joint.fit(problem, nuisances))
 
 
 @pytest.fixture(scope="module")

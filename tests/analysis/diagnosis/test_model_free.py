@@ -21,7 +21,7 @@ from analysis.diagnosis.progress import BudgetSpentError, TimeBudget, Watch
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from impactd.storage.campaign_folder import load_campaign
 
@@ -119,8 +119,8 @@ def test_two_hits_show_nothing() -> None:
 
 def test_what_is_shown_is_held_where_the_model_is_wrong() -> None:
     """The contact's law does not fit; the coupler's time constant is the records' all the same."""
-    problem = build(_campaign(5, high_passed(1e-3)), model_named("hsd"))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(_campaign(5, high_passed(1e-3)), model_named("hsd")))
+    fitted = joint.fit(problem, nuisances)
     selection, shown = _shown(
         Selection([Step(problem, fitted)], []), usual_place(problem, fitted.nuisances)
     )
@@ -136,8 +136,8 @@ def test_what_is_shown_is_held_where_the_model_is_wrong() -> None:
 
 def test_no_candidate_is_said_to_fall_short_of_what_records_show_alone() -> None:
     """No fit was compared with it: one that follows the records better has another reason."""
-    problem = build(_campaign(5, high_passed(1e-3)), model_named("hsd"))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(_campaign(5, high_passed(1e-3)), model_named("hsd")))
+    fitted = joint.fit(problem, nuisances)
     first = Step(problem, fitted)
     selection, shown = _shown(Selection([first], []), usual_place(problem, fitted.nuisances))
     taken = selection.chosen[0]
@@ -153,8 +153,8 @@ def test_no_candidate_is_said_to_fall_short_of_what_records_show_alone() -> None
 def test_what_is_shown_is_told_although_the_time_is_over() -> None:
     """No model comes near; a search that is cut short raises nothing and takes nothing away."""
     watch = Watch(budget=TimeBudget(1.0, iter(range(0, 10**6, 100)).__next__))
-    problem = build(_campaign(5, cut(0.7)), model_named("hsd"))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(_campaign(5, cut(0.7)), model_named("hsd")))
+    fitted = joint.fit(problem, nuisances)
     selection = Selection([Step(problem, fitted)], [])
     selection.last.problem = watch.over(problem)
     with pytest.raises(BudgetSpentError):

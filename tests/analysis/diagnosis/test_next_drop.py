@@ -17,7 +17,7 @@ from analysis.diagnosis.next_drop import NextDrop, propose
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -54,8 +54,8 @@ def three_heights(folder: Path, seed: int) -> Campaign:
 def fitted(campaign: Campaign, name: str) -> Refit:
     """Return the campaign's fit with one effect, as a diagnosis holds it."""
     effect = effect_named(name)
-    problem = build(campaign, model_named("kv2").with_effect(effect))
-    found = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2").with_effect(effect)))
+    found = joint.fit(problem, nuisances)
     assert found.blocks
     return Refit(effect, name, "rig", problem, found, 0.0, 1, False, 0.0)
 

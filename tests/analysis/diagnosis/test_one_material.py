@@ -27,7 +27,7 @@ from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -78,8 +78,7 @@ def test_one_material_makes_the_difference_where_heights_are_off_their_labels(
         dataclasses.replace(s, drop_height_m=(s.drop_height_m or 0.0) + 2e-3) for s in made.shots
     )
     stated = dataclasses.replace(made, shots=shots, u_height_offset_m=Uncertainty(4e-3))
-    problem = build(stated, model_named("kv2"))
-    nuisances = prepare(problem)
+    problem, nuisances = with_start(build(stated, model_named("kv2")))
     present = PresentModel(problem, joint.fit(problem, nuisances), usual_place(problem, nuisances))
     found = list(single_materials(present, without_each_material(present)))
     assert [one.rest.only for one in found] == [ActsOn("sphere", ("acetal_small",))]

@@ -23,7 +23,7 @@ from analysis.diagnosis.score_test import (
 )
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -56,8 +56,8 @@ def _restless(campaign: Campaign) -> Campaign:
 def restless(tmp_path_factory: pytest.TempPathFactory) -> Step:
     """A campaign whose noise is stronger once the sphere has come."""
     campaign = _restless(small_campaign(tmp_path_factory.mktemp("restless")))
-    problem = build(campaign, model_named("kv2"))
-    return Step(problem, joint.fit(problem, prepare(problem)))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    return Step(problem, joint.fit(problem, nuisances))
 
 
 def test_a_clean_campaign_has_no_surplus(clean):
@@ -94,8 +94,8 @@ def test_a_level_that_is_a_guess_allows_no_such_verdict(restless):
 
 
 def _looked_at(campaign: Campaign) -> Step:
-    problem = build(campaign, model_named("kv2"))
-    return Step(problem, joint.fit(problem, prepare(problem)))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    return Step(problem, joint.fit(problem, nuisances))
 
 
 def _drawn(folder: Path, seed: int) -> Campaign:
@@ -158,7 +158,8 @@ def _asked(folder: Path, corner_hz: float, hum_v: float = 0.0) -> tuple[ScoreTes
     campaign = read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 4)))
     problem = build(campaign, model_named("kv2"))
     assert problem.shots[0].noise.corner == 0.0
-    linearised = Step(problem, joint.fit(problem, prepare(problem)))
+    problem, nuisances = with_start(problem)
+    linearised = Step(problem, joint.fit(problem, nuisances))
     return linearised.score_test, p_of_wander(linearised.linearised)
 
 

@@ -10,7 +10,7 @@ from analysis.campaign import Campaign, Uncertainty
 from analysis.diagnosis.successive_halving import leaves_noise
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 from .conftest import small_campaign
@@ -29,7 +29,7 @@ def with_mass(campaign: Campaign, *, times: float, u: float) -> Campaign:
 def test_a_mass_that_is_off_as_stated_leaves_noise(tmp_path, u, noise):
     """A mass 3 % off shows in the squares; it is no effect where 3 % is stated of it."""
     campaign = with_mass(small_campaign(tmp_path), times=1.03, u=u)
-    problem = build(campaign, model_named("kv2"))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    fitted = joint.fit(problem, nuisances)
     assert fitted.cost > 1.01 * sum(item.data for item in problem.shots)
     assert leaves_noise(problem, fitted) is noise

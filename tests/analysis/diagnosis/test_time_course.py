@@ -19,7 +19,7 @@ from analysis.diagnosis.discrepancy.fit import learn
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 from .conftest import small_campaign
@@ -100,8 +100,8 @@ def test_what_the_record_cuts_off_is_no_blow():
 def test_a_blow_at_a_time_of_its_own_in_every_shot_is_learned(tmp_path):
     """A cell that hops: the error on held-out shots falls at least threefold."""
     campaign = small_campaign(tmp_path, "x_hopping_cell", share=0.05, hop_s=5e-4)
-    problem = build(campaign, model_named("kv2"))
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    fitted = joint.fit(problem, nuisances)
     before = heldout_rms(problem, fitted)
     learned = learn(problem, fitted, [("blow", "shot")])
     assert learned.heldout_rms < before / 3

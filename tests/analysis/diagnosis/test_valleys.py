@@ -17,7 +17,7 @@ from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.settle import settle
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 from .conftest import small_campaign
@@ -31,8 +31,8 @@ def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
     effect = effect_named("recontact")
     values = {"delay_s": DELAY_S, "speed_ratio": SPEED_RATIO}
     campaign = small_campaign(tmp_path, "recontact", rig="paper", **values)
-    problem = build(campaign, model_named("kv"))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model_named("kv")))
+    base = joint.fit(problem, nuisances)
     begin = {
         "recontact.speed_ratio": math.log(times * SPEED_RATIO),
         "recontact.delay_s": math.log(DELAY_S),
@@ -51,8 +51,8 @@ def test_a_slow_second_touch_is_found_from_another_of_its_hops(tmp_path, times):
 @pytest.mark.parametrize(("frequency_hz", "damping_ratio"), [(25.1e3, 0.011), (41e3, 0.02)])
 def test_a_sharp_resonance_begins_where_the_residual_rings(tmp_path, frequency_hz, damping_ratio):
     """Its valley lies between two of the usual frequencies, 12 % apart."""
-    problem = build(small_campaign(tmp_path), model_named("kv2"))
-    base = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(small_campaign(tmp_path), model_named("kv2")))
+    base = joint.fit(problem, nuisances)
     shots = []
     for item in problem.shots:
         t = (

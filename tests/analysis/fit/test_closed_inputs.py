@@ -15,7 +15,7 @@ from analysis.fit.fit_shot import log_speed_in_air
 from analysis.fit.freed_inputs import with_inputs
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.fit.steps import along
 from analysis.model.free_fall import speed_in_air
 from analysis.model.impact_model import model_named
@@ -162,8 +162,7 @@ def _undeclared(campaign: Campaign) -> Campaign:
 @pytest.fixture(scope="module")
 def problem(made: tuple[Campaign, dict[str, float]]) -> JointProblem:
     """Return the joint problem with its inputs freed, at its start."""
-    found = build(made[0], model_named("kv2"))
-    prepare(found)
+    found, _ = with_start(build(made[0], model_named("kv2")))
     return with_inputs(found)
 
 
@@ -220,8 +219,8 @@ def one_coupon() -> Campaign:
 
 def test_drops_on_one_coupon_do_not_creep(one_coupon: Campaign) -> None:
     """What is crystal and what is coupon stays open there, and the fit settles in few steps."""
-    problem = build(one_coupon, model_named("kv2"))
-    fitted, _ = solve(problem, prepare(problem))
+    problem, nuisances = with_start(build(one_coupon, model_named("kv2")))
+    fitted, _ = solve(problem, nuisances)
     assert fitted.converged
     assert fitted.iterations <= 30
     freed = fit_campaign(one_coupon, "kv2", heldout=False)

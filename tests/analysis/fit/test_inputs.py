@@ -15,7 +15,7 @@ from analysis.campaign import Campaign, Uncertainty
 from analysis.fit.campaign_fit import solve
 from analysis.fit.problem import build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 SPECIMEN = "surface.specimen"
@@ -83,8 +83,8 @@ def test_exact_inputs_leave_the_fit_as_it_was(
     made: tuple[Any, Campaign], exact: FitResult, believed: FitResult
 ) -> None:
     """Without uncertainties no number moves, and the result says what it took as exact."""
-    problem = build(made[1], model_named("kv"))
-    fitted, _ = solve(problem, prepare(problem))
+    problem, nuisances = with_start(build(made[1], model_named("kv")))
+    fitted, _ = solve(problem, nuisances)
     assert np.array_equal(exact.fitted.theta, fitted.theta)
     assert exact.problem.inputs == ()
     (sentence,) = [s for s in exact.problem.assumptions if "exact" in s]

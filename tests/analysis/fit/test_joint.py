@@ -19,7 +19,7 @@ from analysis.fit.estimates import HSD_FIELDS
 from analysis.fit.joint import normal_equations, total_cost
 from analysis.fit.problem import SENSOR_FIELDS, build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 
@@ -88,8 +88,8 @@ def test_cell_is_recovered_where_it_is_identifiable(
 
 def test_eliminating_nuisances_equals_the_dense_normal_equations(made: Any) -> None:
     """The Schur complement gives the covariance and the step of the whole dense system."""
-    problem = build(made[1], model_named("kv"))
-    solution, _ = solve(problem, prepare(problem))
+    problem, nuisances = with_start(build(made[1], model_named("kv")))
+    solution, _ = solve(problem, nuisances)
     matrix, vector, _ = normal_equations(problem, solution)
     g, shots = len(problem.names), len(solution.blocks)
     dense = np.zeros((g + 4 * shots, g + 4 * shots))
@@ -282,8 +282,7 @@ def test_materials_known_on_neither_side_are_withheld(made: Any) -> None:
 def test_a_modulus_that_no_float_holds_has_no_cost(made: Any, far: float) -> None:
     """A search may step anywhere; such a step is refused, not an exception."""
     _, campaign = made
-    problem = build(campaign, model_named("kv"))
-    nuisances = prepare(problem)
+    problem, nuisances = with_start(build(campaign, model_named("kv")))
     theta = problem.start.copy()
     theta[[n.startswith(("sphere.", "surface.")) for n in problem.names]] = far
     assert not np.isfinite(total_cost(problem, theta, nuisances))
@@ -291,8 +290,7 @@ def test_a_modulus_that_no_float_holds_has_no_cost(made: Any, far: float) -> Non
 
 def test_a_pulse_that_has_left_its_window_stops_no_fit(made: tuple[Any, Campaign]) -> None:
     """One shot begins behind its last sample: nothing moves it, and the others are fitted."""
-    problem = build(made[1], model_named("kv"))
-    nuisances = prepare(problem)
+    problem, nuisances = with_start(build(made[1], model_named("kv")))
     whole = joint.fit(problem, nuisances)
     nuisances[0, problem.model.nuisances.index("t0_us")] = 1e5
     lost = joint.fit(problem, nuisances)

@@ -25,7 +25,7 @@ from analysis.fit.blocks import linearise_shot
 from analysis.fit.physical_range import effect_out_of_range, out_of_range
 from analysis.fit.problem import build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 
 
@@ -127,8 +127,8 @@ def test_a_rigid_cell_is_not_said_to_ring(impact: Any) -> None:
     assert "out_of_range" in found.flags()
     assert observation_from_fit(found, shot="1") is None
     model = model_named("hsd")
-    problem = build(campaign, model)
-    base = Step(problem, joint.fit(problem, prepare(problem)))
+    problem, nuisances = with_start(build(campaign, model))
+    base = Step(problem, joint.fit(problem, nuisances))
     trail, _ = _crystal(campaign, Selection([base], []), base.fitted, Watch())
     (crystal,) = base.refits
     assert not trail.chosen

@@ -17,7 +17,7 @@ from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.campaign_fit import solve
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import ImpactModel, model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -64,8 +64,8 @@ def _of_each_surface(base: str, effect: str) -> ImpactModel:
 
 
 def _fitted(campaign: Campaign, model: ImpactModel) -> tuple[JointProblem, joint.Fitted]:
-    problem = build(campaign, model)
-    found, scale = solve(problem, prepare(problem))
+    problem, nuisances = with_start(build(campaign, model))
+    found, scale = solve(problem, nuisances)
     assert found.converged
     assert scale == 1.0
     return problem, found

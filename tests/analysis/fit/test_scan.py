@@ -79,5 +79,5 @@ def test_a_cell_whose_frequency_is_known_is_not_searched_for_its_ring(
     for covariance in (loose, sharp):
         cell = dataclasses.replace(SENSOR, covariance=covariance)
         campaign = dataclasses.replace(_campaign(1.4e8), sensor=cell)
-        start.prepare(build(campaign, model_named("kv"), by_pair=True))
+        start.with_start(build(campaign, model_named("kv"), by_pair=True))
     assert len(asked) == 1

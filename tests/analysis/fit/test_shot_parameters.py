@@ -14,7 +14,7 @@ from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot, shot_cost
 from analysis.fit.nuisances import carried_over, fresh
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import ImpactModel, model_named
 from drivers.simulated.campaign import CampaignSettings
 from drivers.simulated.effects import Shot
@@ -63,8 +63,8 @@ def simulated() -> tuple[JointProblem, joint.Fitted, np.ndarray]:
     """Return problem, fit and true shares of eighteen drops."""
     mode = TellingCouponMode(TRUTH)
     settings = CampaignSettings(effects=(mode,), repeats=1)
-    problem = build(simulated_campaign(settings, 5), model_by_shot())
-    fitted = joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(build(simulated_campaign(settings, 5), model_by_shot()))
+    fitted = joint.fit(problem, nuisances)
     return problem, fitted, np.array([mode.seen[n] for n in sorted(mode.seen)])
 
 

@@ -10,7 +10,7 @@ from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.freed_inputs import with_free_inputs
 from analysis.fit.problem import JointProblem, build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.fit.stated_to_first_order import as_stated, with_stated_numbers
 from analysis.model.impact_model import model_named
 from impactd.bench.blind.plan import draw_plan
@@ -25,7 +25,8 @@ def stated() -> tuple[JointProblem, joint.Fitted]:
     """A clean rig whose labels are off by what is stated of them, taken as exact."""
     plan = draw_plan("clean", 11)
     problem = build(simulated_campaign(plan.settings, plan.campaign_seed), model_named(plan.base))
-    return problem, joint.fit(problem, prepare(problem))
+    problem, nuisances = with_start(problem)
+    return problem, joint.fit(problem, nuisances)
 
 
 def test_the_minimum_is_that_of_free_numbers(stated: tuple[JointProblem, joint.Fitted]) -> None:

@@ -15,7 +15,7 @@ from analysis.campaign import Campaign, Uncertainty
 from analysis.fit.conflicts import conflicts
 from analysis.fit.problem import build
 from analysis.fit.result import FitResult
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -117,8 +117,7 @@ def test_a_thickness_stated_wrong_is_named(thin: tuple[Campaign, float]) -> None
 def test_a_thickness_without_uncertainty_is_exact(thin: tuple[Campaign, float]) -> None:
     """It does not move, and is listed among what was taken as exact; unused, it is not."""
     campaign = stating(thin[0], THICKNESS_M, None)
-    problem = build(campaign, model_named(NAME))
-    prepare(problem)
+    problem, _ = with_start(build(campaign, model_named(NAME)))
     j = problem.names.index(THICKNESS)
     assert problem.start[j] == pytest.approx(0.5)
     assert problem.prior_precision[j, j] ** -0.5 == pytest.approx(0.5e-6)
@@ -132,8 +131,7 @@ def test_the_coupons_share_follows_the_moduli(
     thin: tuple[Campaign, float], *, by_pair: bool
 ) -> None:
     """Its value is that of the compliances, and its derivatives those of differences."""
-    problem = build(thin[0], model_named(NAME), by_pair=by_pair)
-    prepare(problem)
+    problem, _ = with_start(build(thin[0], model_named(NAME), by_pair=by_pair))
     row = problem.model.shared.index(SHARE)
     item = next(s for s in problem.shots if s.pair == "acetal/specimen")
     values, chain = problem.shared_local(item, problem.start)
@@ -159,7 +157,7 @@ def test_a_pair_of_unknown_moduli_counts_the_sphere_as_rigid(thin: tuple[Campaig
         n: dataclasses.replace(s, youngs_modulus_pa=None) for n, s in thin[0].spheres.items()
     }
     problem = build(dataclasses.replace(thin[0], spheres=spheres), model_named(NAME), by_pair=True)
-    prepare(problem)
+    problem, _ = with_start(problem)
     item = next(s for s in problem.shots if s.pair == "acetal/specimen")
     values, chain = problem.shared_local(item, problem.start)
     row = problem.model.shared.index(SHARE)
@@ -169,8 +167,7 @@ def test_a_pair_of_unknown_moduli_counts_the_sphere_as_rigid(thin: tuple[Campaig
 
 def test_a_thickness_that_nobody_states_is_free(thin: tuple[Campaign, float]) -> None:
     """It starts as thick; coupons are a millimetre or thicker as a rule."""
-    problem = build(stating(thin[0], None, None), model_named(NAME))
-    prepare(problem)
+    problem, _ = with_start(build(stating(thin[0], None, None), model_named(NAME)))
     j = problem.names.index(THICKNESS)
     assert problem.start[j] == pytest.approx(0.0, abs=1e-6)
     assert problem.prior_mean[j] == pytest.approx(0.0)

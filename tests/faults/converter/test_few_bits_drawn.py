@@ -11,7 +11,7 @@ from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.fit import joint
 from analysis.fit.problem import build
-from analysis.fit.start import prepare
+from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -48,8 +48,7 @@ def test_no_draw_of_a_right_rig_has_structure(
     found = []
     for seed in SEEDS:
         folder = write_campaign_folder(tmp_path / str(seed), simulate_campaign(settings, seed))
-        problem = build(read_campaign(folder), model_named(base))
-        nuisances = prepare(problem)
+        problem, nuisances = with_start(build(read_campaign(folder), model_named(base)))
         found.append(Step(problem, joint.fit(problem, nuisances)).score_test.p_value)
     assert min(found) > 1e-3
     # chance leaves 2 of them, and 7 or more once in 400 times
