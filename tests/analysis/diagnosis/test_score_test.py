@@ -60,6 +60,22 @@ def restless(tmp_path_factory: pytest.TempPathFactory) -> Step:
     return Step(problem, joint.fit(problem, nuisances))
 
 
+def test_what_is_far_from_noise_needs_no_test_unless_the_noise_is_a_guess(restless):
+    """The test would say the same; by noise that is a guess it alone can tell."""
+    theta = restless.fitted.theta.copy()
+    theta[0] += 1.0
+    far = joint.fit(restless.problem, restless.fitted.nuisances, theta=theta, max_iterations=0)
+    step = Step(restless.problem, far)
+    assert step.structured
+    assert step.tested is None
+    assert step.score_test.structured
+    noise = dataclasses.replace(restless.problem.shots[0].noise, source="differences")
+    shots = [dataclasses.replace(item, noise=noise) for item in restless.problem.shots]
+    guessed = Step(dataclasses.replace(restless.problem, shots=shots), far)
+    assert guessed.structured
+    assert guessed.tested is not None
+
+
 def test_a_clean_campaign_has_no_surplus(clean):
     """And what is left of it is what chance leaves."""
     score_test = clean.steps[0].score_test

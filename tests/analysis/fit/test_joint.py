@@ -86,6 +86,21 @@ def test_cell_is_recovered_where_it_is_identifiable(
         assert entry["u"] < relative * true, name
 
 
+def test_a_start_leaves_the_problem_as_it_was_and_is_the_same_from_itself(made: Any) -> None:
+    """A prior's mean is a mean before and after; what nothing is known of has a wide prior."""
+    stated = build(made[1], model_named("kv"))
+    before = stated.prior_mean.copy(), stated.prior_precision.copy()
+    first, nuisances = with_start(stated)
+    assert np.array_equal(stated.prior_mean, before[0])
+    assert np.array_equal(stated.prior_precision, before[1])
+    known = np.diag(before[1]) > 0.0
+    assert first.prior_mean[known] == pytest.approx(before[0][known], abs=1e-9)
+    assert np.all(np.diag(first.prior_precision) > 0.0)
+    again, same = with_start(first)
+    assert again.start == pytest.approx(first.start, abs=1e-9)
+    assert same == pytest.approx(nuisances)
+
+
 def test_eliminating_nuisances_equals_the_dense_normal_equations(made: Any) -> None:
     """The Schur complement gives the covariance and the step of the whole dense system."""
     problem, nuisances = with_start(build(made[1], model_named("kv")))
