@@ -107,8 +107,14 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
 
 
 def count_as_noise(step: Step) -> int:
-    """Return the number of shots of which the model leaves no more than noise."""
-    left = zip(step.problem.shots, step.fitted.blocks, strict=False)  # no blocks: nothing fitted
+    """Return the number of shots of which the model leaves no more than noise.
+
+    Without the one that draws it far off, where one does.
+    """
+    part = _Part(list(range(len(step.problem.shots))), step.problem, step.fitted)
+    if part.is_hopeless and len(part.kept) >= FEWEST:
+        part = _with_one_left_out(step, part) or part
+    left = zip(part.problem.shots, part.fitted.blocks, strict=False)  # no blocks: nothing fitted
     return sum(block.cost <= _most_noise(item) for item, block in left)
 
 
@@ -375,12 +381,14 @@ class _Alone:
     def _gain(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
         if self.item.shot.quantity != "voltage":
             return
-        begin = self._as_promised(self.item)
+        own = self._as_promised(self.item)
 
         def squares(ln: float) -> float:
             """Return what is left if the signal is too large by a factor, as a logarithm."""
+            nonlocal own  # the next factor is not far from this one
             item = _amplified(self.item, math.exp(-ln))
-            return self._settled(dataclasses.replace(self.rest, shots=[item]), begin)[0]
+            least, own = self._settled(dataclasses.replace(self.rest, shots=[item]), own)
+            return least
 
         found = minimize_scalar(
             squares,

@@ -144,8 +144,14 @@ def _floor(stretches: list[Array], where: str) -> _Floor | None:
     if not kept:
         return None
     counts = [2 * (one.size // SEGMENT) - 1 for one in kept]
-    powers = [welch(one - one.mean(), nperseg=SEGMENT)[1] for one in kept]
-    power = np.average(powers, axis=0, weights=counts)[4:-1]
+    by_length: dict[int, list[Array]] = {}
+    for one in kept:
+        by_length.setdefault(one.size, []).append(one - one.mean())
+    powers = sum(
+        (2 * (size // SEGMENT) - 1) * welch(np.array(alike), nperseg=SEGMENT)[1].sum(axis=0)
+        for size, alike in by_length.items()
+    )
+    power = np.asarray(powers)[4:-1] / sum(counts)
     return _Floor(power, sum(counts) / ALIKE, where) if np.all(power > 0.0) else None
 
 

@@ -75,7 +75,11 @@ def _moduli_by_records(
         return off, np.array([f[1][0, at] for f in found])
 
     off, _ = linear(theta)
-    if float(np.abs(off).max()) < CLOSE_STIFFNESS:
+    by_pair: dict[str, list[float]] = {}
+    for i, one in zip(rows, off, strict=True):
+        by_pair.setdefault(problem.shots[i].pair, []).append(float(one))
+    # of one shot among several of its pair the label may be wrong, or it hit off-centre
+    if max(abs(float(np.median(own))) for own in by_pair.values()) < CLOSE_STIFFNESS:
         return None
     for _ in range(MODULUS_STEPS):
         off, slope = linear(theta)
