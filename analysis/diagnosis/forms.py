@@ -158,7 +158,9 @@ def _cheapest(
                     theta[j] = 0.0 if group in neutral and parameter.form != "log" else value
         ways.append((joint.total_cost(larger, theta, nuisances), len(ways), theta))
     fits = [
-        joint.fit(larger, nuisances, theta=theta, max_iterations=STEPS)
+        joint.fit(
+            larger, nuisances, theta=theta, max_iterations=STEPS, tolerance=joint.SEARCH_TOLERANCE
+        )
         for cost, _, theta in sorted(ways)[:STARTS_FITTED]
         if math.isfinite(cost)
     ]

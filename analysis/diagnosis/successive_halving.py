@@ -9,6 +9,7 @@ the residual is many times the noise the usual sizes of every effect are tried b
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -44,6 +45,8 @@ INTO_SECOND, INTO_LAST = 7, 3
 """Effects that are carried on to more shots, and to all."""
 AFAR_KEPT, AFAR_STEPS = 4, 14
 """Starts of a form, and steps of each, where the way from afar is long."""
+STEPS_ON_PART = 25
+"""Of the present model's fit to a part of the shots: it begins at its best on all."""
 ALWAYS_TRIED = 6
 """Effects that are fitted even where the first has left nothing for others to explain."""
 
@@ -308,8 +311,9 @@ def _later_rounds(
     lead = max((_merit(r, factor) for r in second), default=0.0)
     everything = list(range(whole))
     for at, one in enumerate(second):
-        worth = at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
-        if not worth:
+        merit = _merit(one, factor)
+        worth = at < INTO_LAST and merit >= CRITERIA.search.contender_share * lead
+        if not worth or lead - merit > _reach(last):
             behind.append(_scaled(one, factor))
             continue
         progress(f"refining {one.effect_id} on all shots", 0.8 + 0.2 * at / INTO_LAST)
@@ -324,6 +328,18 @@ def _later_rounds(
             )  # fmt: skip
         last.append(moved if moved.fitted.converged else continued(fitted, moved))
     return one_form_each([*sorted(last, key=rank), *sorted(behind, key=rank)])
+
+
+def _reach(last: list[Refit]) -> float:
+    """Return by how many squares another may be behind and still be worth a fit to all shots.
+
+    Who leaves this much more than the leader does is certainly not what acts: as a name stands
+    beside structure that is far ahead of all others by the same measure.
+    """
+    left = (r.fitted.cost - sum(i.data for i in r.problem.shots) for r in last if r.usable)
+    least = max(0.0, min(left, default=math.inf))
+    ahead = max(CRITERIA.partial.ahead_squares, CRITERIA.partial.ahead_of_left_ratio * least)
+    return max(ahead, CRITERIA.stepwise.unfinished_within)
 
 
 def one_form_each(refits: list[Refit]) -> list[Refit]:
@@ -375,7 +391,11 @@ def part_of(
     if len(places) == len(problem.shots):
         return problem, fitted
     few = dataclasses.replace(problem, shots=[problem.shots[i] for i in places])
-    return few, joint.fit(few, fitted.nuisances[places], theta=fitted.theta)
+    begin = fitted.nuisances[places]
+    return few, joint.fit(
+        few, begin, theta=fitted.theta, max_iterations=STEPS_ON_PART,
+        tolerance=joint.SEARCH_TOLERANCE,
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -29,10 +29,12 @@ def with_uncertain_numbers(selection: Selection) -> Selection:
     samples = sum(shot.white.size for shot in last.linearised.shots)
     if last.linearised.chi2 > CRITERIA.search.far_squares_per_sample * samples:
         return selection
-    free = fitted_with_stated_numbers(last.problem, last.fitted)
+    # to its end, whatever the time: it is part of the base fit
+    free = fitted_with_stated_numbers(unwatched(last.problem), last.fitted)
     if free is None:
         return selection
-    return Selection([*selection.steps[:-1], Step(*free)], selection.chosen)
+    watched = dataclasses.replace(free[0], checkpoint=last.problem.checkpoint)
+    return Selection([*selection.steps[:-1], Step(watched, free[1])], selection.chosen)
 
 
 def with_numbers_as_stated(found: Selection, start: Selection) -> Selection:
@@ -68,9 +70,12 @@ def exact_refit(found: Refit) -> Refit:
 
 
 def _exact(problem: JointProblem, fitted: joint.Fitted) -> tuple[JointProblem, joint.Fitted]:
-    if not problem.inputs or fitted.failed:
+    if fitted.failed:
         return problem, fitted
-    exact, theta = as_stated(problem, fitted.theta)
+    if problem.inputs:
+        exact, theta = as_stated(problem, fitted.theta)
+    else:
+        exact, theta = problem, fitted.theta
     # a document fits it once more, to its end
     found = joint.fit(
         unwatched(exact),

@@ -15,6 +15,7 @@ import numpy as np
 
 from analysis.aliases import Array
 from analysis.fit.blocks import ShotBlock, linearise_shot, shot_cost
+from analysis.fit.over_shots import for_each_shot
 from analysis.fit.problem import JointProblem
 from analysis.fit.steps import along
 
@@ -28,6 +29,9 @@ so is the share: the minimum of a model that is wrong means less."""
 ROUGH_TOLERANCE = 0.1
 """The same for uncertainties that come from a misfit: these are good to tens of per cent, so that a
 tenth of one moves no digit that they carry."""
+SEARCH_TOLERANCE = 0.3
+"""The same where models are only compared. Derived: what a step then still promises, 0.09 squares,
+is a hundredth of what two effects must differ by to be told apart."""
 COST_TOLERANCE = 1e-9
 GOOD_STEP, POOR_STEP = 0.7, 0.25
 """Shares of the promised fall above which damping falls, below which it grows."""
@@ -156,14 +160,23 @@ def _prior_cost(problem: JointProblem, theta: Array) -> float:
     return float(d @ problem.prior_precision @ d)
 
 
+class _NoTraceError(Exception):
+    """A shot has no trace here; it ends a round over the shots."""
+
+
 def _linearise_all(problem: JointProblem, theta: Array, nuisances: Array) -> list[ShotBlock] | None:
-    blocks: list[ShotBlock] = []
-    for item, nuisance in zip(problem.shots, nuisances, strict=True):
-        block = linearise_shot(problem, item, theta, nuisance)
-        if block is None:
-            return None
-        blocks.append(block)
-    return blocks
+    def block(row: int) -> ShotBlock:
+        """Return one shot's normal equations."""
+        found = linearise_shot(problem, problem.shots[row], theta, nuisances[row])
+        if found is None:
+            raise _NoTraceError
+        return found
+
+    compiled = any(e.in_solver for e in problem.model.effects)
+    try:
+        return for_each_shot(block, len(problem.shots), on_all_cores=compiled)
+    except _NoTraceError:
+        return None
 
 
 def _total_cost(problem: JointProblem, theta: Array, nuisances: Array, stop_above: float) -> float:
