@@ -40,6 +40,8 @@ export function showSignIn(place, { why, code, enter }) {
       : [h("p", {}, "This page moves a rig, so you must sign in. Run this in a terminal that has a token, and type the code that it prints:"),
         h("p", {}, h("code", {}, "impactd sign-in-code"))],
     secret, wrong, button,
-    h("p", { class: "soft" }, "A code works once and for five minutes. You can paste a token instead; it is not kept in this browser. You stay signed in for twelve hours.")));
+    h("p", { class: "soft" }, "A code works once and for five minutes. You stay signed in for twelve hours."),
+    !code && [h("p", { class: "soft" }, "A token works too. It is not kept in this browser. On the rig's computer this makes one:"),
+      h("p", {}, h("code", {}, "impactd token create --scope operate --name YOU"))]));
   (code ? button : secret.input).focus();
 }
