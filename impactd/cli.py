@@ -29,6 +29,7 @@ from impactd.console import (
     posterior_command,
     rig_commands,
     schema_command,
+    sign_in_command,
     token_commands,
 )
 
@@ -61,6 +62,7 @@ def _root(
 
 daemon_commands.add_to(app)
 rig_commands.add_to(app)
+sign_in_command.add_to(app)
 material_commands.add_to(app)
 new_command.add_to(app)
 analysis_commands.add_to(app)

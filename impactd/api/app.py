@@ -18,6 +18,7 @@ from impactd.api.conditional import Conditional
 from impactd.api.failed_logins import FailedLogins
 from impactd.api.finite import without_nan
 from impactd.api.gate import MAX_BODY_BYTES, Gate
+from impactd.api.guess_limit import GuessLimit
 from impactd.api.known_query import refuse_unknown_query
 from impactd.api.links import add_links, mark_open_routes, mark_required_keys
 from impactd.api.metrics import Metrics
@@ -43,10 +44,12 @@ from impactd.api.routes import (
     series,
     session,
     shots,
+    sign_in_codes,
     status,
 )
 from impactd.api.security import Limits, authorize, methods_of
 from impactd.api.sessions import SESSIONS_NAME, Sessions
+from impactd.api.sign_in_codes import SignInCodes
 from impactd.api.token_memory import TokenMemory
 from impactd.api.translation import TRANSLATIONS, as_problem
 from impactd.daemon import Daemon
@@ -69,6 +72,7 @@ _ROUTERS = (
     log.router,
     events.router,
     session.router,
+    sign_in_codes.router,
     health.router,
     page.router,
     guides.router,
@@ -102,6 +106,8 @@ def create_app(daemon: Daemon) -> FastAPI:
     app.state.daemon = daemon
     app.state.limits = Limits()
     app.state.sessions = Sessions(daemon.archive.directory / SESSIONS_NAME)
+    app.state.sign_in_codes = SignInCodes()
+    app.state.guess_limit = GuessLimit()
     app.state.token_memory = TokenMemory(daemon.archive.tokens)
     app.state.failed_logins = FailedLogins()
     app.state.read_limit = ReadLimit()

@@ -43,7 +43,7 @@ class FailedLogins:
         self._sleepers = 0
 
     def note(self, address: str, what: str, path: str) -> float:
-        """Log a failure with a ``token`` or ``session``; return how long its answer waits. [s]"""
+        """Log a failure with a token, session or code; return how long its answer waits. [s]"""
         now_s = self._now_s()
         self._begin_minute(now_s)
         address = _printable(address)

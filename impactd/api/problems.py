@@ -63,6 +63,12 @@ _TYPES = (
         "Make a new token with `impactd token create`; `impactd token list` shows which expired.",
     ),
     ProblemType(
+        "code-invalid",
+        401,
+        "The sign-in code is not valid",
+        "Run `impactd sign-in-code` and type the new code, or sign in with a token.",
+    ),
+    ProblemType(
         "scope-too-small",
         403,
         "The token does not allow this",
@@ -143,6 +149,12 @@ _TYPES = (
         "Use a name that `impactd materials` lists, or add this one.",
     ),
     ProblemType(
+        "too-many-guesses",
+        429,
+        "Too many wrong sign-in codes",
+        "Wait for the seconds in the `Retry-After` header, or sign in with a token.",
+    ),
+    ProblemType(
         "internal",
         500,
         "The daemon failed",
@@ -194,6 +206,7 @@ _BY_STATUS = {
     416: "range-not-satisfiable",
     421: "host-not-allowed",
     422: "invalid",
+    429: "too-many-guesses",
 }
 
 

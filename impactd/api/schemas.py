@@ -58,6 +58,15 @@ class Request(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
 
 
+class SignInBody(Request):
+    """A sign-in code, as somebody typed it."""
+
+    model_config = ConfigDict(json_schema_extra={"example": {"code": "K7QW-9M2D"}})
+    code: str = Field(
+        min_length=1, max_length=64, description="Case, spaces and hyphens do not count."
+    )
+
+
 class DropBody(Request):
     """A drop somebody asks for."""
 

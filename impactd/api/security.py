@@ -97,6 +97,8 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("POST", "/v1/session"): Scope.READ,
     ("GET", "/v1/session"): Scope.READ,
     ("DELETE", "/v1/session"): Scope.READ,
+    ("POST", "/v1/session/by-code"): PUBLIC,  # the code is the proof, and its route reads it
+    ("POST", "/v1/sign-in-codes"): Scope.READ,
     ("GET", "/healthz"): PUBLIC,
     ("GET", "/readyz"): PUBLIC,
     ("GET", "/metrics"): LOOPBACK,
@@ -223,7 +225,7 @@ async def _caller(
         request, memory.check if urgent else memory.ask, credentials.credentials, urgent=urgent
     )
     if token is None:
-        await _note_failure(request, "token", urgent=urgent)
+        await note_failure(request, "token", urgent=urgent)
         raise ProblemError(
             "token-invalid",
             "The token is unknown, expired or revoked.",
@@ -243,7 +245,7 @@ async def _caller_of_cookie(request: Request, cookie: str, *, urgent: bool) -> C
         valid = memory.valid if urgent else daemon.archive.tokens.valid
         token = await _look_up(request, valid, session.token_id, urgent=urgent)
     if session is None or token is None:
-        await _note_failure(request, "session", urgent=urgent)
+        await note_failure(request, "session", urgent=urgent)
         raise ProblemError(
             "token-invalid",
             "The session is unknown or over, or its token was revoked.",
@@ -266,13 +268,17 @@ async def _look_up(
     return await anyio.to_thread.run_sync(look_up, asked, limiter=limiter)
 
 
-async def _note_failure(request: Request, what: str, *, urgent: bool) -> None:
+async def note_failure(request: Request, what: str, *, urgent: bool = False) -> None:
     """Log a refusal, and let it wait where there were many; an abort's never waits."""
     failed: FailedLogins = request.app.state.failed_logins
-    address = request.client.host if request.client else "unknown"
-    delay_s = failed.note(address, what, request.url.path)
+    delay_s = failed.note(address_of(request), what, request.url.path)
     if not urgent:
         await failed.slow_down(delay_s)
+
+
+def address_of(request: Request) -> str:
+    """Return where a request comes from, ``"unknown"`` where nobody can say."""
+    return request.client.host if request.client else "unknown"
 
 
 def _is_local(request: Request) -> bool:

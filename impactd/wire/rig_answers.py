@@ -19,6 +19,20 @@ class SessionAnswer(Answer):
     )
 
 
+class SignInCodeAnswer(Answer):
+    """A code that signs one browser in, once."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "example": {"code": "K7QW-9M2D", "life_s": 300, "name": "ada", "scope": "operate"}
+        }
+    )
+    code: str = Field(description="Two groups of four; only its hash is kept.")
+    life_s: float = Field(description="How long it is valid from now. [s]")
+    name: str = Field(description="Of the token that made it, and that its session acts for.")
+    scope: str = Field(description="Of that token: `read`, `operate` or `admin`.")
+
+
 class StatusAnswer(Answer):
     """Whether the rig is ready to drop, and why not where it is not."""
 

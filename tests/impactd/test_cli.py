@@ -17,7 +17,7 @@ from impactd.settings.settings import find_config
 CONFIG = find_config("simulated.toml")
 COMMANDS = """
 serve make-safe demo bench doctor status drop abort calibrate shots moduli fit diagnose effects
-new import export verify reindex refit token
+new import export verify reindex refit token sign-in-code
 """.strip().split()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import signal
@@ -73,6 +74,17 @@ class Daemon:
             check=True,
         )
         return made.stdout.strip()
+
+    def sign_in_code(self, scope: str = "operate") -> dict[str, str]:
+        """Return a sign-in code with its link, made as a person makes it."""
+        made = subprocess.run(
+            [sys.executable, "-m", "impactd", "sign-in-code", "--json", "--url", self.url],
+            env={**os.environ, "IMPACTD_TOKEN": self.token(scope)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        return json.loads(made.stdout)
 
     def kill(self) -> None:
         """End it as a power cut does."""

@@ -1,12 +1,27 @@
-"""Sessions of the web page: a token shown once becomes a cookie that no script can read."""
+"""Sessions of the web page: a token or a code becomes a cookie that no script can read."""
 
 from __future__ import annotations
 
+import math
+
+import anyio
 from fastapi import APIRouter, Request, Response
 
+from impactd.api.guess_limit import GuessLimit
 from impactd.api.problems import ProblemError
-from impactd.api.security import Caller, TheCaller, TheDaemon
+from impactd.api.schemas import SignInBody
+from impactd.api.security import (
+    Caller,
+    Limits,
+    TheCaller,
+    TheDaemon,
+    address_of,
+    note_failure,
+)
 from impactd.api.sessions import COOKIE, LIFE_S, Session, Sessions
+from impactd.api.sign_in_codes import LIFE_S as CODE_LIFE_S
+from impactd.api.sign_in_codes import SignInCodes
+from impactd.storage.tokens import Token
 from impactd.wire.rig_answers import SessionAnswer
 
 router = APIRouter(prefix="/v1/session", tags=["session"])
@@ -27,19 +42,32 @@ def log_in(
             "A session begins with a bearer token, not with a cookie.",
             headers={"WWW-Authenticate": 'Bearer realm="impactd"'},
         )
-    sessions: Sessions = request.app.state.sessions
-    session, secret = sessions.begin(token)
-    response.set_cookie(
-        COOKIE,
-        secret,
-        max_age=int(LIFE_S),
-        path="/",
-        httponly=True,
-        samesite="strict",
-        # Loopback speaks plain HTTP, where a browser would drop a Secure cookie.
-        secure=request.url.scheme == "https",
+    return _begin(request, response, token)
+
+
+@router.post("/by-code", status_code=201)
+async def log_in_by_code(
+    request: Request, response: Response, daemon: TheDaemon, body: SignInBody
+) -> SessionAnswer:
+    """Turn a code of `POST /v1/sign-in-codes` into a session cookie; a code works once.
+
+    The answer is that of `POST /v1/session`. After too many wrong codes it is 429 for the rest of
+    a minute, whatever the code.
+    """
+    limits: Limits = request.app.state.limits
+    number = await _token_of_code(request, body.code)
+    token = await anyio.to_thread.run_sync(
+        daemon.archive.tokens.valid, number, limiter=limits.token
     )
-    return _answer(caller, session)
+    if token is None:
+        await note_failure(request, "code")
+        raise ProblemError(
+            "code-invalid",
+            "The token behind the code has expired or was revoked.",
+            headers={"WWW-Authenticate": 'Bearer error="invalid_token"'},
+        )
+    request.state.caller_name = token.name  # for the log of who asked for what
+    return await anyio.to_thread.run_sync(_begin, request, response, token)
 
 
 @router.get("")
@@ -55,6 +83,50 @@ def log_out(request: Request, response: Response, caller: TheCaller) -> None:
     if caller.session is not None:
         sessions.end(request.cookies.get(COOKIE, ""))
     response.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+
+
+async def _token_of_code(request: Request, code: str) -> int:
+    """Use up a code and return its token's number; refuse a wrong one, and one too many."""
+    codes: SignInCodes = request.app.state.sign_in_codes
+    guesses: GuessLimit = request.app.state.guess_limit
+    address = address_of(request)
+    wait_s = guesses.wait_s(address)
+    number = codes.take(code) if wait_s <= 0 else None
+    if number is not None:
+        return number
+    if wait_s > 0:
+        await note_failure(request, "code")
+        raise ProblemError(
+            "too-many-guesses",
+            f"Too many wrong sign-in codes arrived; none is read for {math.ceil(wait_s)} s.",
+            remedy=f"Wait {math.ceil(wait_s)} s, or sign in with a token.",
+            headers={"Retry-After": str(math.ceil(wait_s))},
+        )
+    guesses.note(address)
+    await note_failure(request, "code")
+    raise ProblemError(
+        "code-invalid",
+        "The code is mistyped, used, replaced by a newer one, or older than "
+        f"{CODE_LIFE_S / 60:.0f} minutes.",
+        headers={"WWW-Authenticate": 'Bearer error="invalid_token"'},
+    )
+
+
+def _begin(request: Request, response: Response, token: Token) -> SessionAnswer:
+    """Begin a session of a token and hand its cookie over."""
+    sessions: Sessions = request.app.state.sessions
+    session, secret = sessions.begin(token)
+    response.set_cookie(
+        COOKIE,
+        secret,
+        max_age=int(LIFE_S),
+        path="/",
+        httponly=True,
+        samesite="strict",
+        # Loopback speaks plain HTTP, where a browser would drop a Secure cookie.
+        secure=request.url.scheme == "https",
+    )
+    return SessionAnswer(name=token.name, scope=token.scope, csrf=session.csrf)
 
 
 def _answer(caller: Caller, session: Session | None) -> SessionAnswer:

@@ -115,7 +115,7 @@ def test_a_larger_scope_holds_the_smaller_ones(rig):
 def test_public_and_loopback_routes_answer_without_a_token(rig):
     """Health, metrics and status can be watched from the same machine without a secret."""
     for (method, path), needed in ROUTE_SCOPES.items():
-        if needed in (PUBLIC, LOOPBACK):
+        if needed in (PUBLIC, LOOPBACK) and method == "GET":
             # the manual may not be built; tests/impactd/api/test_guides.py has one
             usual = {307, 404} if path.startswith("/guides") else {200}
             assert rig.anybody.request(method, _path(path)).status_code in usual, path

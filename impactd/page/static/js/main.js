@@ -4,11 +4,11 @@ import { whenSignedOut } from "./api.js";
 import { byId } from "./dom.js";
 import { live } from "./live.js";
 import { addView, endView, showView } from "./router.js";
-import { forget, resume } from "./session.js";
+import { codeOfAddress, forget, resume, session } from "./session.js";
 import { startAbort } from "../parts/abort.js";
 import { startLight } from "../parts/light.js";
 import { showNav } from "../parts/nav.js";
-import { showNotices, startNotices } from "../parts/notices.js";
+import { showNotices, startNotices, tell } from "../parts/notices.js";
 import { showRig } from "../views/rig.js";
 import { showShots } from "../views/shots.js";
 import { showShot } from "../views/shot.js";
@@ -45,15 +45,30 @@ function enter() {
   showView();
 }
 
-function leave(why) {
+function leave(why, code) {
   const first = !signedIn && byId("main").querySelector("form");
-  if (first && !why) return;
+  if (first && !why && !code) return;
   signedIn = false;
   forget();
   endView();
   byId("nav").hidden = true;
   live.start({ withEvents: false });
-  showSignIn(byId("main"), { why, enter });
+  showSignIn(byId("main"), { why, code, enter });
+}
+
+/** Keep whoever is signed in: a link must not make somebody act under another name. */
+function stay() {
+  tell("info", `You are signed in already, with the token ${session.name}. The link's code was not used. To use it, sign out under Log and open the link again.`);
+}
+
+function follow() {
+  const code = codeOfAddress();
+  if (!signedIn) {
+    if (code) leave("", code);
+    return;
+  }
+  if (code) stay();
+  showView();
 }
 
 async function begin() {
@@ -62,14 +77,19 @@ async function begin() {
   startAbort(() => signedIn);
   whenSignedOut(() => { if (signedIn) leave("You were signed out: your twelve hours or your token have ended. Nothing is lost."); });
   live.addEventListener("found", async () => { if (!signedIn && await resume().catch(() => false)) enter(); });
-  window.addEventListener("hashchange", () => { if (signedIn) showView(); });
+  window.addEventListener("hashchange", follow);
   window.addEventListener("signed-out", () => leave());
+  const code = codeOfAddress();
   try {
-    if (await resume()) enter();
-    else leave();
+    if (await resume()) {
+      enter();
+      if (code) stay();
+    } else {
+      leave("", code);
+    }
   } catch {
     live.start({ withEvents: false });
-    leave();
+    leave("", code);
   }
 }
 

@@ -1,4 +1,4 @@
-// Who is here: a token shown once becomes a cookie that no script reads.
+// Who is here: a token or a code shown once becomes a cookie that no script reads.
 
 import { ask, get, post, useCsrf } from "./api.js";
 import { recall, remember } from "./memory.js";
@@ -25,6 +25,19 @@ export async function resume() {
 /** Begin a session with a token. */
 export async function begin(token) {
   return take(await post("/v1/session", undefined, { token }));
+}
+
+/** Begin a session with a code of `impactd sign-in-code`. */
+export async function beginByCode(code) {
+  return take(await post("/v1/session/by-code", { code }));
+}
+
+/** Return the code of a sign-in link, and take it out of the address and the history. */
+export function codeOfAddress() {
+  const found = /^#\/sign-in\/([\w-]{1,64})$/.exec(location.hash);
+  if (!found) return null;
+  history.replaceState(null, "", location.pathname);
+  return found[1];
 }
 
 /** End the session. */

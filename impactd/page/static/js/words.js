@@ -53,6 +53,8 @@ const REQUESTS = [
   [/^PUT \/v1\/materials\/(?:sphere|surface)s\/(.+)$/, "changed the material $1"],
   [/^PUT \/v1\/models\/active$/, "chose a model"],
   [/^POST \/v1\/session$/, "signed in"],
+  [/^POST \/v1\/session\/by-code$/, "signed in with a code"],
+  [/^POST \/v1\/sign-in-codes$/, "made a sign-in code"],
   [/^DELETE \/v1\/session$/, "signed out"],
 ];
 
