@@ -88,7 +88,7 @@ def _combined(rows: list[Row]) -> float:
 def _together(rows: list[Row]) -> str:
     """Return what several rows of one kind are called."""
     label = rows[0].source.label.removeprefix("stated ")
-    if len(rows) == 1:
+    if len({row.source.name for row in rows}) == 1:  # one number may act in two ways
         return label
     what, _, first = label.partition(" of the sphere ")
     rest = [r.source.label.partition(" of the sphere ")[2] for r in rows[1:]]
