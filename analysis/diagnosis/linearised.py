@@ -400,7 +400,7 @@ def _linearised_shot(
         parts[proposal.key] = (labels, columns, shift)
     if inexact is not None:
         places = inexact.places[row]
-        labels = [inexact.names[j].partition(" [")[0] for j in places]
+        labels = [f"{inexact.names[j].owner}.{inexact.names[j].quantity}" for j in places]
         parts = {LAW: (labels, inexact.columns[row], inexact.speeds[row])} | parts
     if problem.inputs:
         parts = {STATED: _stated(problem, item)} | parts
