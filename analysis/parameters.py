@@ -13,7 +13,7 @@ key                             kind       owner                 quantity       
 ``pair.<owner>``                pair       ``sphere/surface``    ``ln_K``
 ``rebound.<quantity>``          rebound                          ``seen_ms``
 ``<owner>.<quantity>[<group>]`` effect     an effect's id        its own number       whose it is
-``input.<quantity>.<owner>``    input      what states it        ``mass``, ...
+``input.<quantity>.<owner>``    input      its sphere, surface   ``mass``, ...
 ``<owner>.<quantity> [<group>]`` law       an effect's id        a column of the law  a pair
 ==============================  =========  ====================  ===================  =============
 
@@ -36,7 +36,7 @@ _INPUT = "input."
 # no eq: two names are equal if their keys are, as any other strings
 @dataclass(frozen=True, eq=False, repr=False)
 class ParameterName(str):
-    """A parameter's name, made by the functions of this module and never from a string."""
+    """A parameter's name, as the functions below make it."""
 
     key: str
     """The string itself, as documents have it."""

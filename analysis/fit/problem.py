@@ -218,10 +218,10 @@ class JointProblem:
         """
         found = np.zeros(len(self.names))
         at = self.names.index(name)
-        known, found[at] = self.names[at], 1.0
-        if known.kind == "sensor":
+        found[at] = 1.0
+        if self.names[at].kind == "sensor":
             for j, one in enumerate(self.inputs, start=len(self.names) - len(self.inputs)):
-                found[j] = one.cell.get(known.quantity, 0.0)
+                found[j] = one.cell.get(self.names[at].quantity, 0.0)
         return found
 
     def value_of(self, name: str, theta: NDArray[np.float64]) -> float:
