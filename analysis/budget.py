@@ -18,6 +18,7 @@ from analysis.campaign import Quantity, Sphere, Surface
 from analysis.fit.joint import Fitted
 from analysis.fit.measurand import young_from_plane_strain
 from analysis.fit.problem import JointProblem
+from analysis.parameters import ParameterName, key_in_moduli
 
 FORMAT = "impactd-budget/1"
 PLANE, YOUNG = "plane_strain_modulus_Pa", "youngs_modulus_Pa"
@@ -52,8 +53,8 @@ class Row:
 class Budget:
     """What the uncertainty of one modulus is made of."""
 
-    name: str
-    """The global, ``sphere.<name>`` or ``surface.<name>``."""
+    name: ParameterName
+    """The global."""
     measurand: str
     """Which of its moduli."""
     value: float
@@ -85,7 +86,7 @@ class Budget:
         total = self.relative_u
         return {
             "format": FORMAT,
-            "material": self.name.partition(".")[2],
+            "material": self.name.owner,
             "measurand": self.measurand,
             "value": self.value,
             "u": self.value * total,
@@ -139,7 +140,7 @@ def budgets(problem: JointProblem, fitted: Fitted, degrees_of_freedom: float) ->
 
 
 def budgets_of(
-    logs: Mapping[str, float],
+    logs: Mapping[ParameterName, float],
     covariance: Array,
     found: Sequence[Source],
     spheres: Mapping[str, Sphere],
@@ -147,14 +148,14 @@ def budgets_of(
 ) -> list[Budget]:
     """Return the budgets of all moduli among some parameters, from the sources of their covariance.
 
-    ``logs`` has the parameters in the covariance's order; those of ``sphere.`` and ``surface.`` are
-    ln E'. The squares of the spreads of ``found`` add up to ``covariance``, shape (g, g).
+    ``logs`` has the parameters in the covariance's order, ln E' of every material among them. The
+    squares of the spreads of ``found`` add up to ``covariance``, shape (g, g).
     """
     made = []
     for j, (name, log) in enumerate(logs.items()):
-        side, _, short = name.partition(".")
-        if side not in ("sphere", "surface"):
+        if not name.is_modulus:
             continue
+        side, short = name.kind, name.owner
         made.append(_budget((name, PLANE), math.exp(log), found, (j, 1.0), {}))
         material = (spheres if side == "sphere" else surfaces)[short]
         young, ratio = material.youngs_modulus_pa, material.poissons_ratio
@@ -183,7 +184,7 @@ def _youngs_form(young: Quantity | None, ratio: Quantity) -> tuple[float, dict[s
 
 
 def _budget(
-    whose: tuple[str, str],
+    whose: tuple[ParameterName, str],
     value: float,
     found: Sequence[Source],
     form: tuple[int, float],
@@ -207,15 +208,12 @@ def budgets_json(problem: JointProblem, fitted: Fitted, degrees_of_freedom: floa
     return by_material(found, [b.name for b in found]) if found else None
 
 
-def by_material(found: Sequence[Budget], names: Sequence[str]) -> Json:
+def by_material(found: Sequence[Budget], names: Sequence[ParameterName]) -> Json:
     """Return budgets as JSON has them, see `budgets_json`.
 
     ``names`` are all materials that are listed beside them, also those without a budget.
     """
-    plain = [name.partition(".")[2] for name in dict.fromkeys(names)]
     moduli: Json = {}
     for one in found:
-        short = one.name.partition(".")[2]
-        key = short if plain.count(short) == 1 else one.name.replace(".", ":", 1)
-        moduli.setdefault(key, {})[one.measurand] = one.to_json()
+        moduli.setdefault(key_in_moduli(one.name, names), {})[one.measurand] = one.to_json()
     return {"format": FORMAT, "moduli": moduli}

@@ -59,10 +59,10 @@ def _measurable(rows: tuple[Row, ...]) -> list[list[Row]]:
     found: dict[str, list[Row]] = {}
     for row in rows:
         if row.source.common:
-            side, _, rest = row.source.name.partition(".")
-            key = rest.rpartition(".")[2]
-            together = side == "spheres" and key in ("radius_m", "mass_kg")
-            found.setdefault(key if together else row.source.name, []).append(row)
+            stated = row.source.stated
+            together = stated is not None and stated.quantity in ("radius", "mass")
+            key = stated.quantity if stated is not None and together else row.source.name
+            found.setdefault(key, []).append(row)
     return list(found.values())
 
 
@@ -88,8 +88,8 @@ def _combined(rows: list[Row]) -> float:
 def _together(rows: list[Row]) -> str:
     """Return what several rows of one kind are called."""
     label = rows[0].source.label.removeprefix("stated ")
-    if len(rows) == 1:
+    if len({row.source.name for row in rows}) == 1:  # one number may act in two ways
         return label
-    what, _, first = label.partition(" of the sphere ")
-    rest = [r.source.label.partition(" of the sphere ")[2] for r in rows[1:]]
-    return f"{what} of the spheres {', '.join([first, *rest[:-1]])} and {rest[-1]}"
+    stated = [row.source.stated for row in rows if row.source.stated is not None]
+    *most, last = (one.owner for one in stated)
+    return f"{stated[0].quantity} of the spheres {', '.join(most)} and {last}"

@@ -60,7 +60,7 @@ class Sampled:
         low, high = self.interval95
         factor = math.exp(K_95 * u)
         return {
-            "material": self.budget.name.partition(".")[2],
+            "material": self.budget.name.owner,
             "measurand": self.budget.measurand,
             "value": value,
             "linear": {"u": u * value, "interval95": [value / factor, value * factor]},
@@ -181,9 +181,8 @@ def _modulus(
     if budget.measurand == PLANE:
         return math.exp(log)
     assert budget.measurand == YOUNG
-    side, _, short = budget.name.partition(".")
-    known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-    material = known[short]
+    campaign, name = problem.campaign, budget.name
+    material = (campaign.spheres if name.kind == "sphere" else campaign.surfaces)[name.owner]
     ratio = material.poissons_ratio
     assert ratio is not None
     if material.youngs_modulus_pa is not None:

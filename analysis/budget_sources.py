@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sphere, Surface, Uncertainty
 from analysis.fit.blocks import ShotBlock
-from analysis.fit.estimates import CELL
+from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.inputs import LAW
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import (
@@ -29,6 +29,7 @@ from analysis.fit.priors import (
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.stated_effects import stated_effects
 from analysis.model import solver
+from analysis.parameters import CELL, GAIN, ParameterName
 
 _CELL_LABELS = {
     "crystal_mass_kg": ("sensor.crystal_mass_kg", "mass of the load cell's crystal", "kg"),
@@ -76,6 +77,8 @@ class Source:
     """What r independent standard deviations of it do to the globals. Shape (g, r)."""
     remedy: str = ""
     """What reduces it, where that is not to measure or to repeat it."""
+    stated: ParameterName | None = None
+    """The stated number that it is, where it is one of ``analysis.fit.inputs``."""
 
 
 def nu_slope(ratio: Quantity) -> float:
@@ -115,31 +118,31 @@ def _unit_precision(size: int, direction: Array, u: float) -> Array:
 
 def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
     size = covariance.shape[0]
-    laws: dict[str, list[int]] = {}
+    laws: dict[str, list[int]] = {}  # by effect id
     for j, one in enumerate(problem.inputs, start=size - len(problem.inputs)):
-        if one.kind == LAW:
-            laws.setdefault(one.path, []).append(j)
+        if isinstance(one, FirstOrderInput) and one.kind == LAW:
+            laws.setdefault(one.effect_id, []).append(j)
             continue
         column = covariance[:, [j]] / one.u
         label = INPUT_LABELS[one.kind].format(one.owner)
         relative = one.kind != "height_offset"
-        yield (
-            _unit_precision(size, np.eye(size)[j], one.u),
-            Source(one.path, label, one.value, one.uncertainty, one.unit, relative, True, column),
-        )
-    for path, at in laws.items():
-        yield _of_law(problem, covariance, path, at)
+        said, unit = one.uncertainty, one.unit
+        source = Source(one.path, label, one.value, said, unit, relative, True, column)
+        precision = _unit_precision(size, np.eye(size)[j], one.u)
+        yield precision, replace(source, stated=one.name)
+    for effect_id, at in laws.items():
+        yield _of_law(problem, covariance, effect_id, at)
 
 
 def _of_law(
-    problem: JointProblem, covariance: Array, path: str, at: list[int]
+    problem: JointProblem, covariance: Array, effect_id: str, at: list[int]
 ) -> tuple[Array, Source]:
     """Return the inexactness of one law: all coefficients of its discrepancy together."""
     known = np.diag(problem.prior_precision)[at]
     precision = np.zeros_like(covariance)
     precision[at, at] = known
     said = Uncertainty(float(known[0] ** -0.5))
-    label = INPUT_LABELS[LAW].format(path.removeprefix(f"{LAW}."))
+    path, label = f"{LAW}.{effect_id}", INPUT_LABELS[LAW].format(effect_id)
     spread = covariance[:, at] * np.sqrt(known)
     return precision, Source(path, label, None, said, "1", False, True, spread)
 
@@ -159,7 +162,7 @@ def _of_effects(problem: JointProblem, covariance: Array) -> Iterator[tuple[Arra
 
 
 def of_moduli(
-    names: Sequence[str],
+    names: Sequence[ParameterName],
     prior_precision: Array,
     covariance: Array,
     spheres: Mapping[str, Sphere],
@@ -167,15 +170,15 @@ def of_moduli(
 ) -> Iterator[tuple[Array, Source]]:
     """Yield E and nu of every material, each with the precision that it explains.
 
-    The prior on ln E' is that of their sum. ``names`` are of the first parameters; those of
-    ``sphere.`` and ``surface.`` count. The precision and the covariance, shape (g, g), are of the
+    The prior on ln E' is that of their sum. ``names`` are of the first parameters; the moduli
+    count. The precision and the covariance, shape (g, g), are of the
     parameters before and after.
     """
     size = covariance.shape[0]
     for j, name in enumerate(names):
-        side, _, short = name.partition(".")
-        if side not in ("sphere", "surface"):
+        if not name.is_modulus:
             continue
+        side, short = name.kind, name.owner
         material = (spheres if side == "sphere" else surfaces)[short]
         young, ratio = material.youngs_modulus_pa, material.poissons_ratio
         precision = float(prior_precision[j, j])
@@ -201,7 +204,7 @@ def of_moduli(
 def _of_cell(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array, Source]]:
     size, sensor = covariance.shape[0], problem.campaign.sensor
     if problem.model.kind == solver.HSD:
-        at, gain = problem.index("sensor.ln_S"), sensor.hsd_n_per_v
+        at, gain = problem.index(GAIN), sensor.hsd_n_per_v
         if at is not None and gain is not None:
             precision = float(problem.prior_precision[at, at])
             column = covariance[:, [at]] * math.sqrt(precision)

@@ -20,10 +20,11 @@ from analysis.campaign import Campaign, Quantity, Sensor, Shot
 from analysis.cell_drift import drift, drift_basis
 from analysis.errors import AnalysisError
 from analysis.fit.campaign_fit import Progress, fit_campaign
-from analysis.fit.estimates import CELL, input_parts
+from analysis.fit.estimates import input_parts
 from analysis.fit.problem import SENSOR_FIELDS, sensor_transform
 from analysis.fit.result import FitResult
 from analysis.identifiability_words import short_sentence
+from analysis.parameters import CELL, GAIN
 
 __all__ = ["CalibrationResult", "calibrate", "drift", "sensor_from_json"]
 
@@ -121,7 +122,7 @@ def _inputs_json(fit: FitResult) -> Json:
 
 def _gain_inputs_json(hsd: FitResult) -> Json:
     rows = np.zeros((1, len(hsd.problem.names)))
-    rows[0, hsd.problem.names.index("sensor.ln_S")] = 1.0
+    rows[0, hsd.problem.names.index(GAIN)] = 1.0
     parts = input_parts(hsd.problem, hsd.fitted, rows)
     return {name: (follows * u).tolist() for name, (follows, u) in parts.items()}
 

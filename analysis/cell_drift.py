@@ -19,14 +19,15 @@ from analysis.aliases import Json
 from analysis.calibration_document import IDENTIFIABLE
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import JointProblem
+from analysis.parameters import DAMPING, FREQUENCY, GAIN
 
 DRIFT_LIMIT = 3.0
 """Drift in combined standard uncertainties from which it is called one."""
 SAME_STATEMENT = 1e-9
 _GLOBALS = {
-    "gain_N_per_V": "sensor.ln_S",
-    "natural_frequency_Hz": "sensor.ln_w",
-    "damping_ratio": "sensor.ln_z",
+    "gain_N_per_V": GAIN,
+    "natural_frequency_Hz": FREQUENCY,
+    "damping_ratio": DAMPING,
 }
 
 

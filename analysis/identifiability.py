@@ -20,7 +20,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.aliases import Array, Json
-from analysis.campaign import Sphere, Surface
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import SEEN, UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
@@ -38,6 +37,7 @@ from analysis.identifiability_words import (
     short_sentence,
     split_sentence,
 )
+from analysis.parameters import CRYSTAL, FREQUENCY
 from analysis.quantities_of_fit import asked_of
 
 __all__ = ["Finding", "Identifiability", "identifiability", "short_contacts"]
@@ -196,9 +196,9 @@ def short_contacts(shots: Sequence[ShotFit], frequency_hz: float | None) -> dict
 
 def crystal_frequency_hz(problem: JointProblem, fitted: Fitted) -> float | None:
     """Return the crystal's frequency as fitted, else as stated; None if neither exists. [Hz]"""
-    j = problem.index("sensor.ln_w")
+    j = problem.index(FREQUENCY)
     if j is not None:
-        return math.exp(problem.value_of("sensor.ln_w", fitted.theta)) / (2 * math.pi)
+        return math.exp(problem.value_of(FREQUENCY, fitted.theta)) / (2 * math.pi)
     sensor = problem.campaign.sensor
     k, mass = sensor.crystal_stiffness_n_per_m, sensor.crystal_mass_kg
     return math.sqrt(k.value / mass.value) / (2 * math.pi) if k and mass else None
@@ -225,7 +225,7 @@ def identifiability(
         u = math.sqrt(max(float(asked.gradient @ fitted.covariance @ asked.gradient), 0.0))
         before = math.sqrt(float(asked.gradient @ prior @ asked.gradient))
         if asked.kind == "alone":
-            mass = problem.names.index("sensor.ln_M")
+            mass = problem.names.index(CRYSTAL)
             before = float(problem.prior_precision[mass, mass]) ** -0.5
         unseen = bool(asked.pairs) and all(pair in short for pair in asked.pairs)
         findings.append(_finding(asked, u, before, short=unseen))
@@ -272,23 +272,22 @@ def _splits(problem: JointProblem, fitted: Fitted) -> list[Split]:
             own = problem.prior_precision[at, at]
             free[at, at] += UNKNOWN_LOG_U**-2 - own
             if own > NO_PRIOR_U**-2:
-                stated.append(key.partition(".")[2])
+                stated.append(key.owner)
         covariance = np.linalg.inv(free)
         u = math.sqrt(max(covariance[i, i] + covariance[j, j] - 2 * covariance[i, j], 0.0))
         by = "network" if u < SPLIT_OPEN_ABOVE else "stated" if stated else "nothing"
-        found[item.pair] = Split(item.pair, u, by, tuple(stated))
+        found[item.pair] = Split(keys[0].owner, keys[1].owner, u, by, tuple(stated))
     return list(found.values())
 
 
 def _poisson(problem: JointProblem) -> list[tuple[str, float]]:
     found = []
+    campaign = problem.campaign
     for name in problem.names:
-        side, _, short = name.partition(".")
-        campaign = problem.campaign
-        material: Sphere | Surface | None = None
-        if side in ("sphere", "surface"):
-            material = (campaign.spheres if side == "sphere" else campaign.surfaces)[short]
-        nu = material.poissons_ratio if material is not None else None
+        if not name.is_modulus:
+            continue
+        material = (campaign.spheres if name.kind == "sphere" else campaign.surfaces)[name.owner]
+        nu = material.poissons_ratio
         if nu is not None:
-            found.append((short, 2 * nu.value * nu.u / (1 - nu.value**2)))
+            found.append((name.owner, 2 * nu.value * nu.u / (1 - nu.value**2)))
     return sorted(dict(found).items())

@@ -33,14 +33,19 @@ class Asked:
 class Split:
     """Whether the data separate the two moduli of a pair, and by which other pairs."""
 
-    pair: str
-    """``sphere/surface``."""
+    sphere: str
+    surface: str
     u_open: float
     """u of ln(E'_sphere / E'_surface) with the two's own stated moduli taken away. [1]"""
     determined_by: str
     """``network``, ``stated`` or ``nothing``."""
     stated: tuple[str, ...]
     """Which of the two had a stated modulus."""
+
+    @property
+    def pair(self) -> str:
+        """Return ``sphere/surface``."""
+        return f"{self.sphere}/{self.surface}"
 
 
 def _percent(u: float) -> str:
@@ -128,12 +133,12 @@ def short_sentence(pair: str, share: float) -> str:
 
 def split_sentence(split: Split) -> str:
     """Return what tells the two moduli of a pair apart."""
-    sphere, _, surface = split.pair.partition("/")
     if split.determined_by == "network":
         return (
             f"{split.pair}: other pairs tell the two moduli apart; neither rests on its own stated "
             "value alone."
         )
+    sphere, surface = split.sphere, split.surface
     alone = (
         f"{split.pair}: the shots give one number for the pair; how it divides between {sphere} "
         f"and {surface} "

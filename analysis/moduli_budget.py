@@ -16,10 +16,10 @@ from analysis.aliases import Array, Json
 from analysis.budget import Budget, budgets_of, by_material
 from analysis.budget_sources import INPUT_LABELS, Source, of_moduli
 from analysis.campaign import Sphere, Surface, Uncertainty
-from analysis.fit.inputs import PREFIX
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.moduli import Adjustment
 from analysis.moduli_network import linearise_rows
+from analysis.parameters import ParameterName, input_in_document
 
 CERTIFICATE = "certificate"
 """What a calibration is called that is none: the cell's certificate."""
@@ -70,7 +70,8 @@ def _sources(adjustment: Adjustment) -> list[Source]:
     for j, name in enumerate(system.inputs, start=first):
         # an input's error is counted in its own standard uncertainties
         column = covariance[:, [j]] * math.sqrt(float(system.precision[j, j]))
-        found.append(_of_input(name, adjustment.input_u.get(name), column, *known))
+        told = adjustment.input_u.get(name)
+        found.append(_of_input(input_in_document(name), told, column, *known))
     found.extend(_of_recordings(adjustment))
     return found
 
@@ -95,28 +96,29 @@ def _of_calibrations(adjustment: Adjustment) -> Source:
 
 
 def _of_input(
-    name: str,
+    name: ParameterName,
     u: float | None,
     column: Array,
     spheres: Mapping[str, Sphere],
     surfaces: Mapping[str, Surface],
 ) -> Source:
     """Return a stated input as a source; ``u`` is of the coordinate that the fits took."""
-    kind, _, owner = name.removeprefix(PREFIX).partition(".")
+    kind, owner = name.quantity, name.owner
     label = INPUT_LABELS.get(kind, kind).format(owner)
     path, unit, scale = _OF_RIG.get(kind, (name, "1", 1.0))
     value: float | None = 1.0 if kind in ("time_base", "converter_gain") else None
     said = Uncertainty(math.nan if u is None else u * scale)
     material: Sphere | Surface | None = None
+    stated: ParameterName | None = None
     if kind in _OF_SPHERE:
         material, key, side = spheres.get(owner), _OF_SPHERE[kind], "spheres"
     elif kind in _OF_SURFACE:
         material, key, side = surfaces.get(owner), _OF_SURFACE[kind], "surfaces"
     if material is not None:
-        path, unit = f"{side}.{owner}.{key}", key.rpartition("_")[2]
+        path, unit, stated = f"{side}.{owner}.{key}", key.rpartition("_")[2], name
         value, said = getattr(material, key), _as_stated(material, key, u)
     relative = kind != "height_offset"
-    return Source(path, label, value, said, unit, relative, True, column)
+    return Source(path, label, value, said, unit, relative, True, column, stated=stated)
 
 
 def _as_stated(material: Sphere | Surface, key: str, u: float | None) -> Uncertainty:

@@ -15,6 +15,7 @@ from analysis.errors import AnalysisError
 from analysis.fit.freed_inputs import without_inputs
 from analysis.fit.problem import UNKNOWN_LOG_U, Prior, modulus_prior
 from analysis.pair_observation import PairObservation
+from analysis.parameters import ParameterName, of_material
 
 SensorCovariance = Array | Mapping[str, Array]
 CalibrationInputs = Mapping[str, Array]
@@ -44,7 +45,7 @@ class Block:
 class System:
     """The adjustment's fixed part; its columns are materials, then the calibrations' errors."""
 
-    names: list[str]
+    names: list[ParameterName]
     priors: list[Prior | None]
     """Stated ln E' by material."""
     pairs: list[tuple[str, str]]
@@ -206,23 +207,22 @@ def build(
     ``covariance`` and ``calibrated_by`` are as `analysis.moduli.adjust_moduli` takes them. An
     AnalysisError says that a material is unknown or that a sensitivity does not fit the covariance.
     """
-    names = sorted({f"sphere.{o.sphere}" for o in observations})
-    names += sorted({f"surface.{o.surface}" for o in observations})
+    names = sorted({of_material("sphere", o.sphere) for o in observations})
+    names += sorted({of_material("surface", o.surface) for o in observations})
     priors: list[Prior | None] = []
     for name in names:
-        side, _, plain = name.partition(".")
-        material = (spheres if side == "sphere" else surfaces).get(plain)
+        material = (spheres if name.kind == "sphere" else surfaces).get(name.owner)
         if material is None:
             raise AnalysisError(
-                f"The {side} {plain!r} was dropped but is not among the materials; add it to the "
-                "materials file (without a modulus, if that is what is sought)."
+                f"The {name.kind} {name.owner!r} was dropped but is not among the materials; add "
+                "it to the materials file (without a modulus, if that is what is sought)."
             )
         priors.append(modulus_prior(material.youngs_modulus_pa, material.poissons_ratio))
     pairs = list(dict.fromkeys((o.sphere, o.surface) for o in observations))
     numbers = {pair: i for i, pair in enumerate(pairs)}
     pair = np.array([numbers[o.sphere, o.surface] for o in observations])
-    left = np.array([names.index(f"sphere.{sphere}") for sphere, _ in pairs])
-    right = np.array([names.index(f"surface.{surface}") for _, surface in pairs])
+    left = np.array([names.index(of_material("sphere", sphere)) for sphere, _ in pairs])
+    right = np.array([names.index(of_material("surface", surface)) for _, surface in pairs])
     known = calibrated_by or {}
     calibrations = sorted({o.calibration for o in observations})
     inputs = sorted({one for o in observations for one in o.inputs}.union(*known.values()))

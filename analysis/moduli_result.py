@@ -13,6 +13,7 @@ from scipy.stats import norm
 from analysis.aliases import Json
 from analysis.campaign import Sphere, Surface
 from analysis.fit.result import WITHHOLD_ABOVE, measurand, young_from_plane_strain
+from analysis.parameters import ParameterName, key_in_moduli
 
 FORMAT = "impactd-moduli/1"
 
@@ -77,8 +78,8 @@ class ModuliResult:
 
     Attributes
     ----------
-    names : tuple of str
-        ``sphere.<name>`` and ``surface.<name>``.
+    names : tuple of ParameterName
+        The materials' moduli.
     log_plane_strain : ndarray, shape (n,)
         ln E', E' in Pa.
     covariance : ndarray, shape (n, n)
@@ -94,7 +95,7 @@ class ModuliResult:
     """
 
     model: str
-    names: tuple[str, ...]
+    names: tuple[ParameterName, ...]
     log_plane_strain: NDArray[np.float64]
     covariance: NDArray[np.float64]
     network: Network
@@ -116,16 +117,18 @@ class ModuliResult:
         u = math.sqrt(float(self.covariance[j, j]))
         return float(self.log_plane_strain[j]), u
 
-    def _material(self, name: str) -> Sphere | Surface:
-        side, _, plain = name.partition(".")
-        return self.spheres[plain] if side == "sphere" else self.surfaces[plain]
+    def _material(self, name: ParameterName) -> Sphere | Surface:
+        return (self.spheres if name.kind == "sphere" else self.surfaces)[name.owner]
 
-    def _modulus(self, name: str) -> Json:
+    def _modulus(self, name: ParameterName) -> Json:
         """Return one material's entry."""
         material = self._material(name)
-        side = name.partition(".")[0]
         log, u = self.plane_strain(name)
-        entry: Json = {"youngs_modulus_Pa": None, "plane_strain_modulus_Pa": None, "side": side}
+        entry: Json = {
+            "youngs_modulus_Pa": None,
+            "plane_strain_modulus_Pa": None,
+            "side": name.side,
+        }
         reason = self.why_withheld(name, u)
         if reason is not None:
             return entry | {"status": "withheld", "reason": reason}
@@ -160,11 +163,7 @@ class ModuliResult:
 
     def moduli(self) -> Json:
         """Return ``moduli`` of the results' JSON: by material, withheld where not known."""
-        plain = [n.partition(".")[2] for n in self.names]
-        return {
-            short if plain.count(short) == 1 else name.replace(".", ":", 1): self._modulus(name)
-            for name, short in zip(self.names, plain, strict=True)
-        }
+        return {key_in_moduli(name, self.names): self._modulus(name) for name in self.names}
 
     def _pair_json(self, check: PairCheck) -> Json:
         observed, adjusted = math.exp(check.log_observed), math.exp(check.log_adjusted)

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from analysis.fit.estimates import CELL, pair_modulus
-from analysis.fit.inputs import PREFIX
+from analysis.fit.estimates import pair_modulus
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import SEEN, SENSOR_FIELDS
 from analysis.fit.problem import JointProblem, sensor_transform
 from analysis.identifiability_words import Asked
+from analysis.parameters import CELL, DAMPING, FREQUENCY, GAIN, of_pair
 
 _COMBINATIONS = {
-    "sensor.ln_w": ("sensor.natural_frequency_Hz", "the crystal's frequency omega0"),
-    "sensor.ln_z": ("sensor.damping_ratio", "the crystal's damping ratio zeta"),
-    "sensor.ln_S": ("sensor.gain_N_per_V", "the cell's gain S (k c of the crystal)"),
+    FREQUENCY: ("sensor.natural_frequency_Hz", "the crystal's frequency omega0"),
+    DAMPING: ("sensor.damping_ratio", "the crystal's damping ratio zeta"),
+    GAIN: ("sensor.gain_N_per_V", "the cell's gain S (k c of the crystal)"),
 }
 _ALONE = (
     "the crystal's mass M alone",
@@ -41,15 +41,14 @@ def asked_of(problem: JointProblem, fitted: Fitted) -> list[Asked]:
         for field, words, gradient in zip(SENSOR_FIELDS, _ALONE, cell, strict=True):
             found.append(Asked(f"sensor.{field}", words, gradient, kind="alone"))
     for j, name in enumerate(names):
-        if name.startswith(("sphere.", "surface.")):
-            side, _, short = name.partition(".")
-            words = f"the modulus E/(1-nu^2) of the {side} {short}"
+        if name.is_modulus:
+            words = f"the modulus E/(1-nu^2) of the {name.kind} {name.owner}"
             pairs = {i.pair for i in problem.shots if name in (problem.material_keys(i) or ())}
             found.append(Asked(name, words, unit[j], kind="modulus", pairs=tuple(sorted(pairs))))
         elif name == SEEN:
             words = "how long after lift-off the stated rebound speeds were seen (in ms)"
             found.append(Asked(name, words, unit[j], kind="delay", log=False))
-        elif not name.startswith(("sensor.", "pair.", PREFIX)):
+        elif name.kind == "effect":
             found.append(Asked(name, f"the effect's {name}", unit[j], kind="effect", log=False))
     return found
 
@@ -67,6 +66,6 @@ def _pairs(problem: JointProblem, fitted: Fitted) -> list[Asked]:
             gradient = modulus[2]
             words = f"the stiffness K (and E*) of {item.pair}"
         found[item.pair] = Asked(
-            f"pair.{item.pair}", words, gradient, kind="pair", pairs=(item.pair,)
+            of_pair(item.pair), words, gradient, kind="pair", pairs=(item.pair,)
         )
     return list(found.values())

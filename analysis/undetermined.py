@@ -16,8 +16,9 @@ from analysis.fit.fit_shot import FitShot, gain_is_observable
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import modulus_prior
 from analysis.fit.problem import JointProblem
-from analysis.fit.statements import WITHHOLD_ABOVE, key_of
+from analysis.fit.statements import WITHHOLD_ABOVE
 from analysis.model import solver
+from analysis.parameters import ParameterName, Side, key_in_moduli, of_material
 
 EXACT_U = 1e-3
 """Of ln E*, with no noise: hundreds of times less than what a modulus is withheld for. Any u as
@@ -32,8 +33,7 @@ class Undetermined:
 
     key: str
     """As under ``moduli`` of a result."""
-    side: str
-    """``sphere`` or ``surface``."""
+    side: Side
     material: str
     missing: str
     """``reference`` (a stated modulus), ``gain`` (newtons per volt) or ``sphere`` (radius,
@@ -66,14 +66,13 @@ def undetermined(problem: JointProblem, fitted: Fitted) -> list[Undetermined]:
 def tells_no_modulus(problem: JointProblem, fitted: Fitted) -> bool:
     """Tell whether moduli were sought, and not one of them can be told."""
     found = undetermined(problem, fitted)
-    names = [n for n in problem.names if n.startswith(("sphere.", "surface."))]
+    names = [n for n in problem.names if n.is_modulus]
     sought = {n for n in names if _material(problem.campaign, n).youngs_modulus_pa is None}
-    return bool(found) and sought <= {f"{one.side}.{one.material}" for one in found}
+    return bool(found) and sought <= {of_material(one.side, one.material) for one in found}
 
 
-def _material(campaign: Campaign, name: str) -> Sphere | Surface:
-    side, _, short = name.partition(".")
-    return campaign.spheres[short] if side == "sphere" else campaign.surfaces[short]
+def _material(campaign: Campaign, name: ParameterName) -> Sphere | Surface:
+    return (campaign.spheres if name.kind == "sphere" else campaign.surfaces)[name.owner]
 
 
 def _without_reference(problem: JointProblem, fitted: Fitted) -> list[Undetermined]:
@@ -81,9 +80,9 @@ def _without_reference(problem: JointProblem, fitted: Fitted) -> list[Undetermin
 
     They rest on the stated moduli alone then, and a modulus that is not stated is known to nothing.
     """
-    names = [n for n in problem.names if n.startswith(("sphere.", "surface."))]
+    names = [n for n in problem.names if n.is_modulus]
     at = [problem.names.index(n) for n in names]
-    pairs: dict[str, tuple[str, str]] = {}
+    pairs: dict[str, tuple[ParameterName, ParameterName]] = {}
     slopes = []
     for item in problem.shots:
         keys = problem.material_keys(item)
@@ -104,17 +103,21 @@ def _without_reference(problem: JointProblem, fitted: Fitted) -> list[Undetermin
     return [_open(problem, name, pairs) for name in open_names]
 
 
-def _stated_precision(campaign: Campaign, name: str) -> float:
+def _stated_precision(campaign: Campaign, name: ParameterName) -> float:
     """Return what a campaign states of ln E', as an inverse variance."""
     material = _material(campaign, name)
     known = modulus_prior(material.youngs_modulus_pa, material.poissons_ratio)
     return NOTHING_U**-2 if known is None else max(known.u, EXACT_U) ** -2
 
 
-def _open(problem: JointProblem, name: str, pairs: dict[str, tuple[str, str]]) -> Undetermined:
-    side, _, short = name.partition(".")
+def _open(
+    problem: JointProblem,
+    name: ParameterName,
+    pairs: dict[str, tuple[ParameterName, ParameterName]],
+) -> Undetermined:
+    side, short = name.side, name.owner
     partners = {k[1] if name == k[0] else k[0] for k in pairs.values() if name in k}
-    met = " and ".join(sorted(one.partition(".")[2] for one in partners))
+    met = " and ".join(sorted(one.owner for one in partners))
     add = (
         f"a sphere of stated modulus on {short}, or {met} on a surface of stated modulus"
         if side == "surface"
@@ -125,7 +128,7 @@ def _open(problem: JointProblem, name: str, pairs: dict[str, tuple[str, str]]) -
         f"show what {short} and {met} yield together, and no stated modulus divides it. State the "
         f"modulus of {met}, or drop {add}."
     )
-    return Undetermined(key_of(name, problem.names), side, short, "reference", sentence)
+    return Undetermined(key_in_moduli(name, problem.names), side, short, "reference", sentence)
 
 
 def _in_reduced_units(problem: JointProblem) -> list[Undetermined]:
@@ -133,34 +136,34 @@ def _in_reduced_units(problem: JointProblem) -> list[Undetermined]:
     campaign = problem.campaign
     found: dict[str, Undetermined] = {}
     items = [item for item in problem.shots if problem.material_keys(item) is None]
-    sides = {
-        f"{s}.{n}"
-        for i in items
-        for s, n in (("sphere", i.shot.sphere), ("surface", i.shot.surface))
-    }
+    sides = {name for item in items for name in _materials_of(item)}
     for item in items:
-        for side, short in (("sphere", item.shot.sphere), ("surface", item.shot.surface)):
-            name = f"{side}.{short}"
-            if name in found or name in problem.names or not _is_sought(campaign, side, short):
+        for name in _materials_of(item):
+            short = name.owner
+            if name in found or name in problem.names or not _is_sought(campaign, name):
                 continue
             missing, why = _what_is_missing(problem, item)
             sentence = (
                 f"The modulus of {short} cannot be told, however quiet the records are: {why}"
             )
-            key = key_of(name, [*problem.names, *sides])
-            found[name] = Undetermined(key, side, str(short), missing, sentence)
+            key = key_in_moduli(name, [*problem.names, *sides])
+            found[name] = Undetermined(key, name.side, short, missing, sentence)
     return list(found.values())
 
 
-def _is_sought(campaign: Campaign, side: str, short: str | None) -> bool:
+def _materials_of(item: FitShot) -> tuple[ParameterName, ParameterName]:
+    return of_material("sphere", item.shot.sphere), of_material("surface", item.shot.surface)
+
+
+def _is_sought(campaign: Campaign, name: ParameterName) -> bool:
     """Tell whether somebody wants the modulus of a material without one.
 
     Poisson's ratio and references serve nothing else. Recordings that are in reduced units on
     purpose state neither.
     """
     listed: dict[str, Sphere] | dict[str, Surface]
-    listed = campaign.spheres if side == "sphere" else campaign.surfaces
-    own = listed.get(short or "")
+    listed = campaign.spheres if name.kind == "sphere" else campaign.surfaces
+    own = listed.get(name.owner)
     if own is None or own.youngs_modulus_pa is not None:
         return False
     references = [m.youngs_modulus_pa for m in campaign.spheres.values()]

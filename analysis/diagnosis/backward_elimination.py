@@ -31,6 +31,7 @@ from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.model.impact_model import ImpactModel
+from analysis.parameters import ParameterName
 
 
 def without_needless(selection: Selection) -> Selection:
@@ -160,8 +161,8 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
     return None if fitted.failed else Step(problem, fitted)
 
 
-def _is_effect(name: str, model: ImpactModel) -> bool:
-    return any(name.startswith(f"{e.id}.") for e in model.effects)
+def _is_effect(name: ParameterName, model: ImpactModel) -> bool:
+    return any(name.is_of(e.id) for e in model.effects)
 
 
 def behind(taken: Refit, other: Refit) -> float:

@@ -26,6 +26,7 @@ from analysis.fit.stated_effects import effect_prior, stated_effects
 from analysis.fit.steps import along
 from analysis.fit.window import quiet_part
 from analysis.model.impact_model import NUISANCE
+from analysis.parameters import ParameterName, of_effect
 
 KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
@@ -97,11 +98,10 @@ def price_of_scatter(own: int, gain: float) -> float:
 
 def fitted_coordinate(found: Refit, parameter: str) -> float | None:
     """Return the largest fitted coordinate of a number over its groups, None if there is none."""
-    name = f"{found.effect.id}.{parameter}"
     values = [
         float(v)
         for n, v in zip(found.problem.names, found.fitted.theta, strict=True)
-        if n.partition("[")[0] == name
+        if n.is_of(found.effect.id, parameter)
     ]
     return max(values, key=abs, default=None)
 
@@ -121,7 +121,7 @@ def extended(
     """
     model = problem.model.with_effect(effect)
     larger = dataclasses.replace(problem, model=model)
-    new: list[str] = []
+    new: list[ParameterName] = []
     for row in range(len(problem.model.shared), len(model.shared)):
         new.extend(larger.effect_keys(row))
     # inputs stay behind everything else
@@ -172,9 +172,9 @@ def refit(
     effect = dataclasses.replace(effect, only=only)
     start: dict[str, float] = {}
     groups = {
-        "rig": [f"[{only.label}]" if only else ""],
-        "surface": sorted({f"[{s.shot.surface}]" for s in problem.shots}),
-        "sphere": sorted({f"[{s.shot.sphere}]" for s in problem.shots}),
+        "rig": [only.label if only else ""],
+        "surface": sorted({str(s.shot.surface) for s in problem.shots}),
+        "sphere": sorted({str(s.shot.sphere) for s in problem.shots}),
     }
     for at, (parameter, coordinate) in enumerate(
         zip(effect.parameters, proposal.coordinates, strict=True)
@@ -182,22 +182,22 @@ def refit(
         for group in groups.get(parameter.scope, [""]):
             value = coordinate
             if at == proposal.amplitude:
-                found = coefficients.get(group.strip("[]"), coordinate)
+                found = coefficients.get(group, coordinate)
                 # an outlandish first-order size only says "large": start from the usual one
                 large = CRITERIA.search.outlandish_ratio * abs(coordinate)
                 value = found if abs(found) < large else coordinate
             elif (
                 parameter.threshold
-                and coefficients.get(group.strip("[]"), 1.0) < CRITERIA.search.group_present_share
+                and coefficients.get(group, 1.0) < CRITERIA.search.group_present_share
             ):
                 value = 0.0
-            start[f"{effect.id}.{parameter.name}{group}"] = value
+            start[of_effect(effect.id, parameter.name, group)] = value
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
     if begin is not None:
         nuisances = settle(larger, theta, nuisances, kept=KNOWN_BEFORE)
         theta, nuisances = _drawn_near(larger, theta, nuisances, list(start), max_iterations)
     elif coefficients and proposal.amplitude is not None:
-        size = f"{effect.id}.{effect.parameters[proposal.amplitude].name}"
+        size = of_effect(effect.id, effect.parameters[proposal.amplitude].name)
         theta, nuisances = _moved_with_size(larger, theta, nuisances, size, fitted.cost)
     result = _searched(larger, nuisances, theta, max_iterations)
     result = fitted_below_one(larger, result, max_iterations)
@@ -206,7 +206,7 @@ def refit(
 
 
 def _moved_with_size(
-    problem: JointProblem, theta: Array, nuisances: Array, size: str, cost: float
+    problem: JointProblem, theta: Array, nuisances: Array, size: ParameterName, cost: float
 ) -> tuple[Array, Array]:
     """Return a start at which everything else has followed an effect's size, to first order.
 
@@ -215,7 +215,7 @@ def _moved_with_size(
     at its best for the size. That line is straight where laws are; halved until it is no worse than
     no effect, as a slope overshoots where a law is bent, and from beyond a valley a fit runs away.
     """
-    at = [j for j, name in enumerate(problem.names) if name.partition("[")[0] == size]
+    at = [j for j, name in enumerate(problem.names) if name.is_of(size.owner, size.quantity)]
     wanted, none = theta[at], theta.copy()
     none[at] = 0.0
     base = joint.fit(problem, nuisances, theta=none, max_iterations=0)
@@ -386,7 +386,7 @@ def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) 
     a sphere falls nor when it was let go.
     """
     if effect.basis is not None:
-        first = problem.model.nuisances.index(f"{effect.id}.basis0")
+        first = problem.model.nuisances.index(of_effect(effect.id, "basis0"))
         sizes = fitted.nuisances[:, first : first + effect.basis_size]
         heights = [shot.shot.drop_height_m for shot in problem.shots]
         locked = _alike(sizes, [None] * len(sizes)) or _alike(sizes, heights)

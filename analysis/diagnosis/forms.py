@@ -153,9 +153,8 @@ def _cheapest(
         theta = rest.copy()
         for parameter, value in zip(form.parameters, start, strict=True):
             for j, name in enumerate(larger.names):
-                if name.partition("[")[0] == f"{form.id}.{parameter.name}":
-                    group = name.partition("[")[2]
-                    theta[j] = 0.0 if group in neutral and parameter.form != "log" else value
+                if name.is_of(form.id, parameter.name):
+                    theta[j] = 0.0 if name.group in neutral and parameter.form != "log" else value
         ways.append((joint.total_cost(larger, theta, nuisances), len(ways), theta))
     fits = [
         joint.fit(
@@ -168,13 +167,12 @@ def _cheapest(
 
 
 def _neutral_groups(found: Refit) -> set[str]:
-    """Return the groups on whom the known form hardly acts, as they stand behind a name."""
+    """Return the groups on whom the known form hardly acts."""
     parameter = found.effect.parameters[0]
-    name = f"{found.effect.id}.{parameter.name}"
     sizes = {
-        n.partition("[")[2]: abs(float(v))
+        n.group: abs(float(v))
         for n, v in zip(found.problem.names, found.fitted.theta, strict=True)
-        if n.partition("[")[0] == name
+        if n.is_of(found.effect.id, parameter.name)
     }
     most = max(sizes.values(), default=0.0)
     return {group for group, size in sizes.items() if group and size < HARDLY * most}

@@ -24,6 +24,7 @@ from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
+from analysis.parameters import of_effect
 
 SETS_FITTED = 2
 """Sets of some materials that are fitted for each kind, the most promising ones. A choice of time:
@@ -135,7 +136,10 @@ def sizes_of(found: Refit, kind: str) -> Sizes | None:
     none = np.zeros(len(names))
     apart = dataclasses.replace(
         problem,
-        names=[problem.names[j] for j in rest] + names,
+        names=[
+            *(problem.names[j] for j in rest),
+            *(of_effect(found.effect.id, found.effect.parameters[at].name, n) for n in names),
+        ],
         prior_mean=np.concatenate([problem.prior_mean[rest], none]),
         prior_precision=precision,
     )
@@ -182,7 +186,7 @@ def _in_grouping(
     old, new = found.problem.model, larger.model
     felt = np.array([found.effect.acts_on(s.shot.sphere, s.shot.surface) for s in problem.shots])
     for parameter, at in zip(effect.parameters, new.places[effect.id], strict=True):
-        before = old.names.index(f"{effect.id}.{parameter.name}")
+        before = old.names.index(of_effect(effect.id, parameter.name))
         values = _values(found, before)
         if parameter.scope == "shot":
             nuisances[:, at - len(new.shared)] = values
@@ -218,7 +222,7 @@ def _on_some(
     for place, (parameter, row) in enumerate(
         zip(effect.parameters, model.places[effect.id], strict=True)
     ):
-        before = each.problem.model.names.index(f"{effect.id}.{parameter.name}")
+        before = each.problem.model.names.index(of_effect(effect.id, parameter.name))
         mean = float(_values(each, before)[felt].mean())
         start = sizes.common(only.names)[0] if place == at and parameter.form != "log" else mean
         theta[larger.names.index(larger.effect_keys(row)[0])] = start

@@ -112,6 +112,8 @@ class Explained:
     where the columns do harm."""
     coefficients: dict[str, float]
     """By column label and group."""
+    groups: tuple[str, ...] = ()
+    """Of the coefficients, in their order; empty for the whole rig."""
     sizes: Sizes | None = None
     """Where one column has one coefficient on every material of a kind."""
 
@@ -131,6 +133,8 @@ class System:
     """From globals and coefficients to one shot's parameters and columns."""
     labels: list[str]
     """Of the w coefficients, with their groups."""
+    groups: list[str]
+    """Of the w coefficients; empty for the whole rig."""
     globals_: int
 
 
@@ -178,7 +182,8 @@ class Linearised:
         if scope in KINDS and len(at) == 1:
             names = sorted({own[0][0] for own in self.groups(scope)})
             sizes = Sizes.from_score(scope, names, score, found.schur)
-        return Explained(family, scope, gain, dof, p_of(gain, dof), held, named, sizes)
+        p, whose = p_of(gain, dof), tuple(system.groups)
+        return Explained(family, scope, gain, dof, p, held, named, whose, sizes)
 
     def of_each_shot(self, at: list[int], scores: Sequence[Array]) -> tuple[Array, int]:
         """Return what some columns explain with coefficients for each shot, for any scores.
@@ -198,6 +203,7 @@ class Linearised:
         """Return the normal equations of the globals and of some (family, scope)."""
         globals_ = self.pull.size
         labels: list[str] = []
+        groups: list[str] = []
         chains = [shot.wide_chain for shot in self.shots]
         for family, scope in parts:
             at, own_labels = self.families[family]
@@ -210,12 +216,13 @@ class Linearised:
                     wider[at, range(first, first + len(at))] = weight
                 chains[row] = np.hstack([chains[row], wider])
             labels += [f"{lab}{f' [{o}]' if o else ''}" for o in names for lab in own_labels]
+            groups += [o for o in names for _ in own_labels]
         matrices = [c.T @ s.matrix @ c for c, s in zip(chains, self.shots, strict=True)]
         vectors = [c.T @ s.vector for c, s in zip(chains, self.shots, strict=True)]
         free = len(labels)
         whole = sum(matrices) + block_diag(self.precision, np.zeros((free, free)))
         load = sum(vectors) + np.append(self.pull, np.zeros(free))
-        return System(matrices, vectors, whole, load, chains, labels, globals_)
+        return System(matrices, vectors, whole, load, chains, labels, groups, globals_)
 
     def _folds(self) -> list[list[int]]:
         """Return the shots to hold out together: each height, each sphere."""
@@ -400,7 +407,7 @@ def _linearised_shot(
         parts[proposal.key] = (labels, columns, shift)
     if inexact is not None:
         places = inexact.places[row]
-        labels = [inexact.names[j].partition(" [")[0] for j in places]
+        labels = [f"{inexact.names[j].owner}.{inexact.names[j].quantity}" for j in places]
         parts = {LAW: (labels, inexact.columns[row], inexact.speeds[row])} | parts
     if problem.inputs:
         parts = {STATED: _stated(problem, item)} | parts

@@ -23,6 +23,7 @@ from analysis.effects.effect import Effect, EffectParameter
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_effects import effect_prior
+from analysis.parameters import ParameterName
 
 UNIFORM_VARIANCE = 1.0 / 12.0
 """Variance of a uniform density of width 1: no posterior is wider than its prior."""
@@ -76,7 +77,7 @@ def price_of_effect(
     campaign states the number, it is Gaussian.
     """
     # of an effect that another has been added to, the numbers are not the last ones
-    mine = [j for j, name in enumerate(problem.names) if name.startswith(f"{effect.id}.")]
+    mine = [j for j, name in enumerate(problem.names) if name.is_of(effect.id)]
     rest = [j for j in range(len(problem.names)) if j not in mine]
     without = dataclasses.replace(
         problem,
@@ -115,7 +116,7 @@ def _places_in_shot(problem: JointProblem, effect: Effect) -> list[int]:
     return [*numbers, *range(count - effect.basis_size, count)]
 
 
-def _prior_width(problem: JointProblem, name: str, effect: Effect) -> float:
+def _prior_width(problem: JointProblem, name: ParameterName, effect: Effect) -> float:
     """Return the width in its coordinate of what is thought possible of an effect's number."""
     prior = effect_prior(problem, name)
     if prior is not None:

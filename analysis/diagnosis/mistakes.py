@@ -29,6 +29,7 @@ from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import cost_with_free_inputs, numbers_of_shots, widened_by
 from analysis.fit.inputs import Input
 from analysis.fit.problem import JointProblem
+from analysis.parameters import GAIN, Side, of_material
 
 TRIED = 4
 """Mistakes that are fitted, those that promise most. A choice of time: each is a base fit."""
@@ -40,7 +41,6 @@ FEWEST = 3
 LEAST_SEEN = 1e-6
 """Share of a number's information that must be its own. Derived: below it is the rounding of the
 differences that its slope is made of, good to 1e-6."""
-GAIN = "sensor.ln_S"
 
 
 @dataclass(frozen=True)
@@ -325,13 +325,13 @@ def _number(known: _Known, one: Input) -> Mistake | None:
 def _moduli(known: _Known) -> Iterator[Promise]:
     """Yield the stated moduli, each against all the rest, as Baarda's data snooping has it."""
     problem, campaign = known.problem, known.problem.campaign
-    sides: tuple[tuple[str, Mapping[str, Sphere | Surface]], ...] = (
+    sides: tuple[tuple[Side, Mapping[str, Sphere | Surface]], ...] = (
         ("sphere", campaign.spheres),
         ("surface", campaign.surfaces),
     )
     for side, materials in sides:
         for name, material in sorted(materials.items()):
-            j = problem.index(f"{side}.{name}")
+            j = problem.index(of_material(side, name))
             if j is None or material.youngs_modulus_pa is None:
                 continue
             prior = float(problem.prior_precision[j, j])
@@ -341,9 +341,9 @@ def _moduli(known: _Known) -> Iterator[Promise]:
             yield fall - CRITERIA.comparison.price_of_number, partial(_modulus, known, side, name)
 
 
-def _modulus(known: _Known, side: str, name: str) -> Mistake | None:
+def _modulus(known: _Known, side: Side, name: str) -> Mistake | None:
     problem, campaign = known.problem, known.problem.campaign
-    j = problem.names.index(f"{side}.{name}")
+    j = problem.names.index(of_material(side, name))
     precision = problem.prior_precision.copy()
     precision[j, j] = WIDE**-2
     found = known.refitted(widened_by(problem, known.stated, precision))
@@ -393,7 +393,7 @@ def _changes(known: _Known) -> Iterator[Promise]:
         if order.size > 2 * FEWEST:
             yield promised(gain, places) - paid, partial(_drift, known)
     for surface in sorted({i.shot.surface for i in problem.shots if i.shot.surface}):
-        j = problem.index(f"surface.{surface}")
+        j = problem.index(of_material("surface", surface))
         if j is not None:
             own = [at for at in order.tolist() if problem.shots[at].shot.surface == surface]
             columns.append((j, surface, own))

@@ -46,6 +46,7 @@ from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
 from analysis.fit.shot_fit import collect
 from analysis.fit.window import MAX_SAMPLES, quiet_part, rail
+from analysis.parameters import of_effect
 
 NARROW, WIDER = 0.005, 20.0
 """Share of a pulse's height within which its top is, at least, and how many times more tells what
@@ -140,7 +141,7 @@ class Shown:
 
     def _starts(self, effect: Effect) -> dict[str, float]:
         return {
-            f"{effect.id}.{one.name}": one.coordinate(self.values[one.name])
+            of_effect(effect.id, one.name): one.coordinate(self.values[one.name])
             for one in effect.parameters
         }
 

@@ -34,6 +34,7 @@ from analysis.effects.effect import Effect
 from analysis.fit import joint
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.settle import settle
+from analysis.parameters import of_effect
 
 STARTS_PER_EFFECT, STARTS_PER_STRUCTURE = 2, 4
 """Forms or starts that the linear look puts first; what is below the sphere has more valleys."""
@@ -79,7 +80,7 @@ def starts(
             if alone and scope in ("surface", "sphere"):
                 continue
             seen = linearised.explain(proposal.key, scope, heldout=False)
-            sizes = {_group(label): value for label, value in seen.coefficients.items()}
+            sizes = dict(zip(seen.groups, seen.coefficients.values(), strict=True))
             own = seen.dof if scope == "shot" else 0
             paid = CRITERIA.comparison.price_of_number * (seen.dof - own)
             promised = seen.gain - paid - price_of_scatter(own, seen.gain)
@@ -125,10 +126,6 @@ def _on_some(proposal: Proposal, sizes: Sizes) -> list[Start]:
         size = {only.label: sizes.common(only.names)[0]}
         found.append(Start(proposal, only.kind, size, promised, only=only))
     return found
-
-
-def _group(label: str) -> str:
-    return label.rpartition("[")[2].rstrip("]") if label.endswith("]") else ""
 
 
 def distinct(
@@ -244,7 +241,7 @@ def _mildest(
     without = joint.total_cost(few, base.theta, nuisances)
     found = []
     for at in coordinates:
-        names = (f"{own.id}.{p.name}" for p in own.parameters)
+        names = (of_effect(own.id, p.name) for p in own.parameters)
         larger, theta, start = extended(few, base, own, dict(zip(names, at, strict=True)))
         if settled:
             start = settle(larger, theta, start, kept=KNOWN_BEFORE)
@@ -273,7 +270,7 @@ def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
     known = np.diag(problem.prior_precision) > CRITERIA.search.known_prior_u**-2
     theta = np.where(known, problem.prior_mean, problem.start)
     for at, name in enumerate(problem.names):
-        if not known[at] and name.startswith(("sphere.", "surface.")):
+        if not known[at] and name.is_modulus:
             theta[at] = math.log(USUAL_MODULUS_PA)
     nuisances = nuisances.copy()
     for row, item in enumerate(problem.shots):

@@ -46,7 +46,7 @@ def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
     for effect in model.effects:
         numbers = {}
         for j, name in enumerate(problem.names):
-            if name.startswith(f"{effect.id}."):
+            if name.is_of(effect.id):
                 u = math.sqrt(max(float(fitted.covariance[j, j]), LEAST_U**2))
                 numbers[name] = {"coordinate": float(fitted.theta[j]), "u": u}
         groups = {p.name: p.scope for p in effect.parameters}
@@ -126,13 +126,12 @@ def fit_named(
 
 def _put_priors(problem: JointProblem, known: Json) -> None:
     """Add what is known to a problem as it is stated."""
-    own = tuple(f"{e.id}." for e in problem.model.effects)
     for j, name in enumerate(problem.names):
         if name in known:
             precision = float(known[name]["u"]) ** -2
             problem.prior_precision[j, j] = precision
             problem.prior_mean[j] = float(known[name]["coordinate"])
-        elif name.startswith(own):
+        elif name.kind == "effect":
             problem.assumptions.append(
                 f"{name} was not part of the diagnosis; it was fitted from these shots alone."
             )

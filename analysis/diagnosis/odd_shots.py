@@ -30,6 +30,7 @@ from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
 from analysis.model import solver
+from analysis.parameters import of_material
 
 FEWEST = 3
 """Shots from which one may be the odd one: of two nobody knows which."""
@@ -346,7 +347,8 @@ class _Alone:
         for sphere in sorted(campaign.spheres):
             for surface in sorted(campaign.surfaces):
                 same = (sphere, surface) == (shot.sphere, shot.surface)
-                if same or not {f"sphere.{sphere}", f"surface.{surface}"} <= known:
+                moduli = {of_material("sphere", sphere), of_material("surface", surface)}
+                if same or not moduli <= known:
                     continue
                 other = fit_shot(
                     dataclasses.replace(shot, sphere=sphere, surface=surface),

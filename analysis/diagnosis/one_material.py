@@ -32,6 +32,7 @@ from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
+from analysis.parameters import ParameterName, of_effect
 
 MOST_MATERIALS = 2
 """Materials that may make the difference: a sphere and a coupon that met in all odd shots."""
@@ -231,9 +232,10 @@ def _shots_own(
     return nuisances
 
 
-def _of_material(name: str, effect: Effect, group: str) -> str:
+def _of_material(name: ParameterName, effect: Effect, group: str) -> ParameterName:
     """Return the name that a number of the effect has where it belongs to one material."""
-    return f"{name}[{group}]" if name.startswith(f"{effect.id}.") and "[" not in name else name
+    ungrouped = name.is_of(effect.id) and not name.group
+    return of_effect(effect.id, name.quantity, group) if ungrouped else name
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from analysis.fit.joint import Fitted
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_effects import stated_effect, stated_effects
+from analysis.parameters import ParameterName
 
 CONFLICT_ABOVE = 3.3
 """Standard uncertainties of the difference; chance alone does it once in a thousand statements."""
@@ -34,7 +35,7 @@ end; what has not wanders, too."""
 class Conflict:
     """One statement that the shots, with all other statements, contradict."""
 
-    name: str
+    name: ParameterName
     path: str
     """Where a campaign states it."""
     stated: Quantity
@@ -79,16 +80,20 @@ def _statements(problem: JointProblem) -> list[int]:
     """Return the globals that a campaign states and that shots can contradict."""
     found = []
     for j, name in enumerate(problem.names):
-        side, _, short = name.partition(".")
-        if side in ("sphere", "surface"):
-            known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-            if known[short].youngs_modulus_pa is not None:
-                found.append(j)
+        if name.is_modulus and _stated_modulus(problem, name) is not None:
+            found.append(j)
     found.extend(j for j, _ in stated_effects(problem))
     first = len(problem.names) - len(problem.inputs)
     # that a law is exact is no statement of the campaign's
     inputs = enumerate(problem.inputs, start=first)
     return [*found, *(j for j, one in inputs if one.kind != LAW)]
+
+
+def _stated_modulus(problem: JointProblem, name: ParameterName) -> Quantity | None:
+    """Return the Young's modulus that a campaign states of a material."""
+    campaign = problem.campaign
+    known = campaign.spheres if name.kind == "sphere" else campaign.surfaces
+    return known[name.owner].youngs_modulus_pa
 
 
 def _without(
@@ -140,25 +145,23 @@ def _score(problem: JointProblem, theta: Array, covariance: Array, j: int) -> fl
 
 def _conflict(problem: JointProblem, j: int, seen: tuple[float, float], score: float) -> Conflict:
     name, (at, u) = problem.names[j], seen
-    side, _, short = name.partition(".")
     effect = stated_effect(problem, name)
     if effect is not None:
         parameter, said = effect.parameter, effect.uncertainty
         stated = Quantity(effect.value, said.u if said else 0.0)
         found = Quantity(parameter.value(at), u * abs(parameter.slope(at)))
         return Conflict(name, effect.path, stated, found, parameter.unit, score)
-    if side not in ("sphere", "surface"):
+    if not name.is_modulus:
         one = problem.inputs[j - len(problem.names) + len(problem.inputs)]
         stated = Quantity(one.value, one.uncertainty.u)
         return Conflict(
             name, one.path, stated, Quantity(one.value_at(at), u / one.scale), one.unit, score
         )
-    known = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-    young = known[short].youngs_modulus_pa
+    young = _stated_modulus(problem, name)
     assert young is not None
     # the same Poisson's ratio on both sides: its uncertainty is in the score already
     value = young.value * math.exp(at - float(problem.prior_mean[j]))
-    path = f"{side}s.{short}.youngs_modulus_Pa"
+    path = f"{name.kind}s.{name.owner}.youngs_modulus_Pa"
     return Conflict(name, path, young, Quantity(value, u * value), "Pa", score)
 
 

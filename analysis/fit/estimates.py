@@ -16,9 +16,9 @@ from analysis.fit.problem import (
     sensor_transform,
 )
 from analysis.model import solver
+from analysis.parameters import CELL
 
 HSD_FIELDS = ("hsd_n_per_v",)
-CELL = ("sensor.ln_S", "sensor.ln_w", "sensor.ln_z", "sensor.ln_M")
 
 
 def log_of(problem: JointProblem, fitted: Fitted, name: str) -> tuple[float, float]:
@@ -87,7 +87,7 @@ def calibration_part(problem: JointProblem, fitted: Fitted, item: FitShot) -> tu
     recording's own noise and independent from shot to shot.
     """
     found = pair_modulus(problem, fitted, item)
-    at = [j for j, n in enumerate(problem.names) if n.startswith("sensor.")]
+    at = [j for j, n in enumerate(problem.names) if n.kind == "sensor"]
     size = 1 if problem.model.kind == solver.HSD else len(SENSOR_FIELDS)
     if found is None or not at:
         return 0.0, np.zeros(size)
@@ -107,14 +107,14 @@ def through_calibration(problem: JointProblem, fitted: Fitted, item: FitShot) ->
     Per unit of the input's coordinate: a part of what `input_parts` returns.
     """
     found = pair_modulus(problem, fitted, item)
-    at = [j for j, n in enumerate(problem.names) if n.startswith("sensor.")]
+    at = [j for j, n in enumerate(problem.names) if n.kind == "sensor"]
     if found is None:
         return {}
     precision = problem.prior_precision[np.ix_(at, at)]
     follows = found[2] @ fitted.covariance[:, at] @ precision
-    short = [problem.names[j].partition(".")[2] for j in at]
+    known = [problem.names[j].quantity for j in at]
     return {
-        one.name: float(sum(f * one.cell.get(n, 0.0) for f, n in zip(follows, short, strict=True)))
+        one.name: float(sum(f * one.cell.get(q, 0.0) for f, q in zip(follows, known, strict=True)))
         for one in problem.inputs
     }
 
@@ -128,7 +128,7 @@ def input_parts(
     shape (k,), and the standard uncertainty of that coordinate. As in `calibration_part`, an error
     d of a stated value moves the fit by :math:`\Sigma P d`.
     """
-    found = {}
+    found: dict[str, tuple[Array, float]] = {}
     first = len(problem.names) - len(problem.inputs)
     for j, one in enumerate(problem.inputs, start=first):
         found[one.name] = (rows @ fitted.covariance[:, j] / one.u**2, one.u)

@@ -25,6 +25,8 @@ class FirstOrderInput(Input):
     campaign. [unit of the signal]"""
     faster: Mapping[float, float] = field(default_factory=dict)
     """What it adds to the promised ln v0."""
+    effect_id: str = ""
+    """Whose law is inexact by it; empty for a stated number."""
 
     @property
     def scale(self) -> float:

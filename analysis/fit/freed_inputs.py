@@ -9,12 +9,12 @@ import numpy as np
 
 from analysis.aliases import Array
 from analysis.fit import joint
-from analysis.fit.estimates import CELL
 from analysis.fit.inputs import LAW, Input, stated_numbers
 from analysis.fit.priors import sensor_prior, sensor_transform
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult, collect, outcome_of
 from analysis.model import solver
+from analysis.parameters import CELL, GAIN, ParameterName
 
 SETTLING_STEPS = 8
 """Most steps of a fit that frees inputs. From exact ones it took 3 in 8 of 8 campaigns."""
@@ -112,7 +112,7 @@ def _with_calibration(
     """
     sensor, precision = problem.campaign.sensor, problem.prior_precision
     if problem.model.kind == solver.HSD:
-        at, follows = problem.index("sensor.ln_S"), sensor.hsd_inputs
+        at, follows = problem.index(GAIN), sensor.hsd_inputs
         shared = [one for one in inputs if one.name in follows]
         if at is None or not shared or sensor.hsd_n_per_v is None:
             return inputs, precision
@@ -130,16 +130,16 @@ def _with_calibration(
     own = precision.copy()
     own[np.ix_(places, places)] += sensor_prior(rest)[0] - sensor_prior(sensor)[0]
     slopes = np.linalg.solve(sensor_transform(), by_u.T).T
-    short = [name.partition(".")[2] for name in CELL]
+    numbers = [name.quantity for name in CELL]
     known = {
-        one.name: dict(zip(short, (row / one.u).tolist(), strict=True))
+        one.name: dict(zip(numbers, (row / one.u).tolist(), strict=True))
         for one, row in zip(shared, slopes, strict=True)
     }
     return _with_slopes(inputs, known), own
 
 
 def _with_slopes(
-    inputs: tuple[Input, ...], known: Mapping[str, Mapping[str, float]]
+    inputs: tuple[Input, ...], known: Mapping[ParameterName, Mapping[str, float]]
 ) -> tuple[Input, ...]:
     return tuple(dataclasses.replace(one, cell=known.get(one.name, {})) for one in inputs)
 

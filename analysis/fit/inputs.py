@@ -30,8 +30,8 @@ from analysis.campaign import UNKNOWN_POISSONS_RATIO, Campaign, Uncertainty
 from analysis.fit.fit_shot import FitShot, log_speed_in_air
 from analysis.fit.priors import Prior
 from analysis.model.impact_model import ShotFrame
+from analysis.parameters import ParameterName, of_input
 
-PREFIX = "input."
 LAW, STATED = "law", "stated"
 """Kinds of inputs that act to first order: the error of a law, and of a stated number."""
 LOG_STEP = 1e-6
@@ -45,7 +45,7 @@ class Input:
     """One stated number with an uncertainty, and how it moves a shot."""
 
     kind: str
-    """Behind ``input.`` in the table above."""
+    """Behind ``input.`` in the table above; its name's quantity."""
     owner: str | None
     """Sphere or surface; None for what all shots share."""
     value: float
@@ -58,9 +58,9 @@ class Input:
     done to the calibration of the cell."""
 
     @property
-    def name(self) -> str:
+    def name(self) -> ParameterName:
         """Return the global's name."""
-        return PREFIX + (self.kind if self.owner is None else f"{self.kind}.{self.owner}")
+        return of_input(self.kind, self.owner)
 
     @property
     def scale(self) -> float:

@@ -34,6 +34,7 @@ from analysis.fit.estimates import sensor_logs
 from analysis.fit.joint import Fitted, nuisance_covariance
 from analysis.fit.priors import SENSOR_FIELDS
 from analysis.fit.problem import JointProblem
+from analysis.parameters import DAMPING, FREQUENCY, GAIN, of_effect
 
 SLACK_U = 2.0
 """Standard uncertainties by which chance takes an estimate beyond a limit, once in 40 times."""
@@ -130,29 +131,29 @@ def _of_cell(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]:
     fastest = 0.5 * min(f.sample_rate_hz for f in frames)
     ratio = _RING["damping_ratio"]
     for name, label, less, limits in (
-        ("ln_S", "gain_N_per_V", 0.0, (*_about(*_GAIN_N_PER_V, _stated_gain(sensor)), "N/V")),
+        (GAIN, "gain_N_per_V", 0.0, (*_about(*_GAIN_N_PER_V, _stated_gain(sensor)), "N/V")),
         (
-            "ln_w",
+            FREQUENCY,
             "natural_frequency_Hz",
             math.log(2 * math.pi),
             (*_about(slowest, fastest, stated), "Hz"),
         ),
-        ("ln_z", "damping_ratio", 0.0, (ratio.low, ratio.high, "1")),
+        (DAMPING, "damping_ratio", 0.0, (ratio.low, ratio.high, "1")),
     ):
-        j = problem.index(f"sensor.{name}")
+        j = problem.index(name)
         if j is not None:
-            width = 0.0 if name == "ln_w" else _width(fitted, j)
-            log = problem.value_of(f"sensor.{name}", fitted.theta) - less
+            width = 0.0 if name == FREQUENCY else _width(fitted, j)
+            log = problem.value_of(name, fitted.theta) - less
             yield from _of_logs(f"sensor.{label}", log, width, limits)
     cell = sensor_logs(problem, fitted)
     if cell is None:
         return
-    for at, name in enumerate(SENSOR_FIELDS):
-        low, high, unit = _CELL[name]
-        known = getattr(sensor, name)
+    for at, field in enumerate(SENSOR_FIELDS):
+        low, high, unit = _CELL[field]
+        known = getattr(sensor, field)
         low, high = _about(low, high, None if known is None else known.value)
         width = SLACK_U * math.sqrt(max(float(cell[1][at, at]), 0.0))
-        yield from _of_logs(f"sensor.{name}", float(cell[0][at]), width, (low, high, unit))
+        yield from _of_logs(f"sensor.{field}", float(cell[0][at]), width, (low, high, unit))
 
 
 def _stated_gain(sensor: Sensor) -> float | None:
@@ -172,7 +173,7 @@ def _about(low: float, high: float, stated: float | None) -> tuple[float, float]
 
 def _of_materials(problem: JointProblem, fitted: Fitted) -> Iterator[OutOfRange]:
     for j, name in enumerate(problem.names):
-        if name.startswith(("sphere.", "surface.")):
+        if name.is_modulus:
             width = _width(fitted, j)
             yield from _of_logs(name, float(fitted.theta[j]), width, _PLANE_STRAIN_PA)
 
@@ -182,11 +183,12 @@ def effect_out_of_range(
 ) -> Iterator[OutOfRange]:
     """Return an effect's numbers that are not possible; its free signals are not asked."""
     for parameter in effect.parameters:
-        name = f"{effect.id}.{parameter.name}"
         if parameter.scope == "shot":
             yield from _of_shots(problem, fitted, effect, parameter)
             continue
-        places = [j for j, n in enumerate(problem.names) if n.split("[", 1)[0] == name]
+        places = [
+            j for j, name in enumerate(problem.names) if name.is_of(effect.id, parameter.name)
+        ]
         largest = float(np.abs(fitted.theta[places]).max(initial=0.0))
         for j in places:
             at = float(fitted.theta[j])
@@ -204,7 +206,7 @@ def _of_shots(
 
     One of n is outside as often by chance as a single number is beyond `SLACK_U`.
     """
-    name = f"{effect.id}.{parameter.name}"
+    name = of_effect(effect.id, parameter.name)
     own = problem.model.nuisances.index(name)
     felt = [
         row

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sensor
 from analysis.model.hertz import plane_strain_modulus
+from analysis.parameters import of_rebound
 
-SEEN = "rebound.seen_ms"
+SEEN = of_rebound("seen_ms")
 SEEN_U_MS = 3.0
 """Nobody says when a rebound was seen; camera frames and record lengths are of this order."""
 SEEN_NEEDS_SHOTS = 6

@@ -52,7 +52,17 @@ from analysis.fit.stated_effects import effect_prior, stated_effects
 from analysis.fit.thinning import thinned
 from analysis.model import solver
 from analysis.model.free_fall import AIR_ASSUMED
-from analysis.model.impact_model import COUPON_SHARE, SHARED, ImpactModel
+from analysis.model.impact_model import SHARED, ImpactModel
+from analysis.parameters import (
+    CELL,
+    GAIN,
+    ParameterName,
+    Side,
+    of_effect,
+    of_material,
+    of_pair,
+    of_sensor,
+)
 from analysis.temperature import at_temperature_of_shots
 
 __all__ = [
@@ -115,7 +125,7 @@ class JointProblem:
     campaign: Campaign
     shots: list[FitShot]
     """In order of time."""
-    names: list[str]
+    names: Sequence[ParameterName]
     start: NDArray[np.float64]
     """Where a fit begins, shape (g,): the prior's mean, until `analysis.fit.start` has looked."""
     prior_mean: NDArray[np.float64]
@@ -207,11 +217,11 @@ class JointProblem:
         calibration, too.
         """
         found = np.zeros(len(self.names))
-        found[self.names.index(name)] = 1.0
-        side, _, short = name.partition(".")
-        for j, one in enumerate(self.inputs, start=len(self.names) - len(self.inputs)):
-            if side == "sensor":
-                found[j] = one.cell.get(short, 0.0)
+        at = self.names.index(name)
+        found[at] = 1.0
+        if self.names[at].kind == "sensor":
+            for j, one in enumerate(self.inputs, start=len(self.names) - len(self.inputs)):
+                found[j] = one.cell.get(self.names[at].quantity, 0.0)
         return found
 
     def value_of(self, name: str, theta: NDArray[np.float64]) -> float:
@@ -220,31 +230,31 @@ class JointProblem:
         away = theta - np.concatenate([np.zeros(first), [one.stated for one in self.inputs]])
         return float(self.gradient_of(name) @ away)
 
-    def material_keys(self, shot: FitShot) -> tuple[str, str] | None:
+    def material_keys(self, shot: FitShot) -> tuple[ParameterName, ParameterName] | None:
         """Return the two moduli that make this shot's stiffness, None in pair mode."""
         if self.by_pair or shot.radius_m is None:
             return None
-        return f"sphere.{shot.shot.sphere}", f"surface.{shot.shot.surface}"
+        return of_material("sphere", shot.shot.sphere), of_material("surface", shot.shot.surface)
 
-    def effect_key(self, row: int, shot: FitShot) -> str | None:
+    def effect_key(self, row: int, shot: FitShot) -> ParameterName | None:
         """Return the global's name of an effect's shared local parameter for this shot.
 
         None where the shot does not feel the effect, or the number follows from the moduli.
         """
-        name = self.model.shared[row]
-        effect, _, parameter = name.partition(".")
-        if parameter == COUPON_SHARE:
+        found = self.model.number_at.get(row)
+        if found is None:
             return None
-        found = next(e for e in self.model.effects if e.id == effect)
-        if not found.acts_on(shot.shot.sphere, shot.shot.surface):
+        effect, parameter = found
+        if not effect.acts_on(shot.shot.sphere, shot.shot.surface):
             return None
-        scope = next(p.scope for p in found.parameters if p.name == parameter)
-        owner = {"surface": shot.shot.surface, "sphere": shot.shot.sphere, "pair": shot.pair}
-        if scope == "rig":
-            return name if found.only is None else f"{name}[{found.only.label}]"
-        return f"{name}[{owner[scope] or '?'}]"
+        if parameter.scope == "rig":
+            group = "" if effect.only is None else effect.only.label
+        else:
+            owner = {"surface": shot.shot.surface, "sphere": shot.shot.sphere, "pair": shot.pair}
+            group = owner[parameter.scope] or "?"
+        return of_effect(effect.id, parameter.name, group)
 
-    def effect_keys(self, row: int) -> list[str]:
+    def effect_keys(self, row: int) -> list[ParameterName]:
         """Return the globals' names of an effect's shared local parameter, over all shots."""
         return sorted({key for s in self.shots if (key := self.effect_key(row, s)) is not None})
 
@@ -295,14 +305,14 @@ class JointProblem:
         keys = self.material_keys(shot)
         column_of: dict[int, int] = {}
         if keys is None:
-            column_of[0] = self.names.index(f"pair.{shot.pair}")
+            column_of[0] = self.names.index(of_pair(shot.pair))
         for row, name in enumerate(names[1:], start=1):
             if row >= len(SHARED[self.model.kind]):
                 key = self.effect_key(row, shot)
                 if key is not None:
                     column_of[row] = self.names.index(key)
             elif not fixed.get(name, False):
-                column_of[row] = self.names.index(SEEN if name == "seen_ms" else f"sensor.{name}")
+                column_of[row] = self.names.index(SEEN if name == "seen_ms" else of_sensor(name))
         rows, columns = list(column_of), list(column_of.values())
         slopes = np.zeros((len(names), size))
         slopes[rows, columns] = 1.0
@@ -369,10 +379,10 @@ class JointProblem:
         return 1.0, chain
 
 
-def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prior | None]:
-    found: dict[str, Prior | None] = {}
+def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[ParameterName, Prior | None]:
+    found: dict[ParameterName, Prior | None] = {}
     for item in shots:
-        sides: tuple[tuple[str, str | None, Sphere | Surface | None], ...] = (
+        sides: tuple[tuple[Side, str | None, Sphere | Surface | None], ...] = (
             ("sphere", item.shot.sphere, campaign.spheres.get(item.shot.sphere or "")),
             ("surface", item.shot.surface, campaign.surfaces.get(item.shot.surface or "")),
         )
@@ -380,7 +390,7 @@ def _material_priors(campaign: Campaign, shots: list[FitShot]) -> dict[str, Prio
             known = None
             if material is not None:
                 known = modulus_prior(material.youngs_modulus_pa, material.poissons_ratio)
-            found.setdefault(f"{side}.{name}", known)
+            found.setdefault(of_material(side, name), known)
     return found
 
 
@@ -413,20 +423,20 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
         )
         for s in usable
     ]
-    names: list[str] = []
+    names: list[ParameterName] = []
     sensor_names = ("ln_S", "ln_w", "ln_z", "ln_M") if kv else ("ln_S",)
     for name in sensor_names:
         if name == "ln_S" and all(s.fixed_gain is not None for s in shots):
             continue
         if name == "ln_M" and all(s.heavy_crystal is not None for s in shots):
             continue
-        names.append(f"sensor.{name}")
+        names.append(of_sensor(name))
     problem = JointProblem(
         model, campaign, shots, names, np.zeros(0), np.zeros(0), np.zeros((0, 0)), by_pair, rejected
     )
     priors = _material_priors(campaign, [s for s in shots if problem.material_keys(s)])
     names.extend(sorted(priors))
-    names.extend(sorted({f"pair.{s.pair}" for s in shots if problem.material_keys(s) is None}))
+    names.extend(sorted({of_pair(s.pair) for s in shots if problem.material_keys(s) is None}))
     told = sum(1 for s in shots if s.shot.restitution is not None)
     if told >= SEEN_NEEDS_SHOTS and not by_pair:
         names.append(SEEN)
@@ -494,19 +504,19 @@ def weighted_mean(
     return np.asarray(np.linalg.solve(precision + 1e-12 * np.eye(weighted.size), weighted))
 
 
-def _set_priors(problem: JointProblem, priors: dict[str, Prior | None]) -> None:
+def _set_priors(problem: JointProblem, priors: dict[ParameterName, Prior | None]) -> None:
     size = len(problem.names)
     precision = np.zeros((size, size))
     weighted = np.zeros(size)
     sensor = problem.campaign.sensor
     if problem.model.kind == solver.KV:
-        at = problem.positions([f"sensor.{n}" for n in ("ln_S", "ln_w", "ln_z", "ln_M")])
+        at = problem.positions(CELL)
         if at is not None:  # in reduced units the cell's certificate says nothing
             full, load = sensor_prior(sensor)
             precision[np.ix_(at, at)] = full
             weighted[at] = load
-    elif sensor.hsd_n_per_v is not None and "sensor.ln_S" in problem.names:
-        j = problem.names.index("sensor.ln_S")
+    elif sensor.hsd_n_per_v is not None and GAIN in problem.names:
+        j = problem.names.index(GAIN)
         relative = max(sensor.hsd_n_per_v.u / sensor.hsd_n_per_v.value, 1e-6)
         precision[j, j] = relative**-2
         weighted[j] = math.log(sensor.hsd_n_per_v.value) / relative**2

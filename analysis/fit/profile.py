@@ -68,7 +68,7 @@ def cost_held_at(
     """
     j = problem.names.index(name)
     u = math.sqrt(float(fitted.covariance[j, j]))
-    size = steps.step_towards(name, x - float(fitted.theta[j]))
+    size = steps.step_towards(problem.names[j], x - float(fitted.theta[j]))
     start = steps.along(problem, fitted.theta, fitted.covariance[:, j] / u**2 * size)
     start[j] = x
     found = joint.fit(_pinned(problem, j, x, u), fitted.nuisances, theta=start)

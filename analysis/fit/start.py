@@ -21,6 +21,7 @@ from analysis.fit.scan import best_contact_time, stiffness_for
 from analysis.fit.start_moduli import choose_start, start_moduli
 from analysis.fit.stated_effects import effect_prior
 from analysis.model import solver
+from analysis.parameters import CRYSTAL, DAMPING, FREQUENCY, GAIN, ParameterName
 
 START_RESTITUTION = 0.75
 """Where none was seen: the middle of what polymers do."""
@@ -178,7 +179,7 @@ def _beside_known_effects(
 
 
 def _known_gain(problem: JointProblem) -> float | None:
-    j = problem.index("sensor.ln_S")
+    j = problem.index(GAIN)
     if j is None or problem.prior_precision[j, j] <= 0:
         return None
     sensor = problem.campaign.sensor
@@ -202,20 +203,20 @@ def _with_globals(
     crystal = _crystal_mass(problem, omega0)
     known_gain = _known_gain(problem)
     cell = {
-        "sensor.ln_S": known_gain
+        GAIN: known_gain
         if known_gain is not None
         else float(np.median(free_gain))
         if free_gain
         else 0.0,
-        "sensor.ln_w": math.log(omega0),
-        "sensor.ln_z": math.log(zeta),
-        "sensor.ln_M": math.log(crystal),
+        FREQUENCY: math.log(omega0),
+        DAMPING: math.log(zeta),
+        CRYSTAL: math.log(crystal),
     }
     for j, name in enumerate(problem.names):
         if name in cell:
             start[j] = cell[name]
-        elif name.startswith("pair."):
-            rows = [i for i, s in enumerate(problem.shots) if f"pair.{s.pair}" == name]
+        elif name.kind == "pair":
+            rows = [i for i, s in enumerate(problem.shots) if s.pair == name.owner]
             start[j] = float(np.median(stiffness[rows]))
         else:
             start[j] = _effect_start(problem, name)
@@ -227,14 +228,13 @@ def _with_globals(
     return replace(problem, start=start, prior_mean=mean, prior_precision=precision)
 
 
-def _effect_start(problem: JointProblem, name: str) -> float:
+def _effect_start(problem: JointProblem, name: ParameterName) -> float:
     """Return the coordinate an effect's parameter starts from; 0 for anything else."""
     known = effect_prior(problem, name)
     if known is not None:
         return known.mean
-    plain = name.split("[", 1)[0]
     for effect in problem.model.effects:
         for parameter in effect.parameters:
-            if plain == f"{effect.id}.{parameter.name}":
+            if name.is_of(effect.id, parameter.name):
                 return parameter.coordinate(parameter.starts[0])
     return 0.0

@@ -32,11 +32,9 @@ def start_moduli(
     inverse: dict[str, float] = {}
     for j, name in enumerate(problem.names):
         known = problem.prior_precision[j, j] > WEAKLY_STATED_U**-2
-        if name.startswith(("sphere.", "surface.")) and known:
+        if name.is_modulus and known:
             inverse[name] = math.exp(-problem.prior_mean[j])
-    unknown = [
-        n for n in problem.names if n.startswith(("sphere.", "surface.")) and n not in inverse
-    ]
+    unknown = [n for n in problem.names if n.is_modulus and n not in inverse]
     for _ in range(2):  # the second round uses what the first one found
         for name in unknown:
             left = []
@@ -63,7 +61,7 @@ def _moduli_by_records(
     material stated wrong by a factor cannot hold the others' start.
     """
     theta = problem.start.copy()
-    at = [j for j, n in enumerate(problem.names) if n.startswith(("sphere.", "surface."))]
+    at = [j for j, n in enumerate(problem.names) if n.is_modulus]
     rows = [i for i, s in enumerate(problem.shots) if problem.material_keys(s) is not None]
     if not at or not rows:
         return None

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from analysis.campaign import Uncertainty
 from analysis.effects.effect import EffectParameter
 from analysis.fit.priors import LEAST_RELATIVE_U, Prior
+from analysis.parameters import ParameterName
 
 if TYPE_CHECKING:
     from analysis.fit.problem import JointProblem
@@ -36,17 +37,16 @@ class StatedEffect:
         return Prior(at, u / abs(self.parameter.slope(at)))
 
 
-def _parameter(problem: JointProblem, name: str) -> tuple[int, EffectParameter] | None:
+def _parameter(problem: JointProblem, name: ParameterName) -> tuple[int, EffectParameter] | None:
     """Return an effect's number by its global's name, with its row among the local parameters."""
-    plain = name.partition("[")[0]
-    for effect in problem.model.effects:
-        for p in effect.parameters:
-            if plain == f"{effect.id}.{p.name}" and (p.stated or math.isfinite(p.usual_u)):
-                return problem.model.names.index(plain), p
+    for row, (effect, p) in problem.model.number_at.items():
+        is_known = p.stated or math.isfinite(p.usual_u)
+        if is_known and name.is_of(effect.id, p.name):
+            return row, p
     return None
 
 
-def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
+def stated_effect(problem: JointProblem, name: ParameterName) -> StatedEffect | None:
     """Return what is stated of an effect's number.
 
     None if nothing is stated, or not the same of all the surfaces that share the number.
@@ -74,7 +74,7 @@ def stated_effect(problem: JointProblem, name: str) -> StatedEffect | None:
     return StatedEffect(parameter, path, label, value, uncertainty)
 
 
-def effect_prior(problem: JointProblem, name: str) -> Prior | None:
+def effect_prior(problem: JointProblem, name: ParameterName) -> Prior | None:
     """Return what is known of an effect's global beforehand: as stated, or as rigs are built.
 
     None if nothing is known, and for what is not an effect's.

@@ -16,7 +16,7 @@ from analysis.fit.blocks import input_slopes, prior_rows
 from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import numbers_of_shots, widened_by
-from analysis.fit.inputs import PREFIX, STATED
+from analysis.fit.inputs import STATED
 from analysis.fit.joint import LEAST_DAMPING, Fitted, fit
 from analysis.fit.problem import JointProblem
 
@@ -44,7 +44,7 @@ def with_stated_numbers(problem: JointProblem, fitted: Fitted) -> tuple[JointPro
     inputs = [
         FirstOrderInput(
             STATED,
-            one.name.removeprefix(PREFIX),
+            one.kind if one.owner is None else f"{one.kind}.{one.owner}",
             0.0,
             "1",
             Uncertainty(one.u),

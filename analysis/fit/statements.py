@@ -24,6 +24,7 @@ from analysis.fit.joint import Fitted
 from analysis.fit.measurand import measurand, young_from_plane_strain
 from analysis.fit.priors import SEEN, SENSOR_FIELDS, UNKNOWN_LOG_U, modulus_prior
 from analysis.fit.problem import JointProblem
+from analysis.parameters import DAMPING, FREQUENCY, GAIN, ParameterName, key_in_moduli
 from analysis.written_numbers import K_95
 
 WITHHOLD_ABOVE = 0.25
@@ -33,9 +34,9 @@ CONTRADICTED_ABOVE = 3.0
 """A reference that the fit moved by more of its stated uncertainties speaks against the model."""
 
 _CELL_FORMS = {
-    "sensor.ln_S": ("sensor.gain_N_per_V", 1.0, "N/V"),
-    "sensor.ln_w": ("sensor.natural_frequency_Hz", 1 / (2 * math.pi), "Hz"),
-    "sensor.ln_z": ("sensor.damping_ratio", 1.0, "1"),
+    GAIN: ("gain_N_per_V", 1.0, "N/V"),
+    FREQUENCY: ("natural_frequency_Hz", 1 / (2 * math.pi), "Hz"),
+    DAMPING: ("damping_ratio", 1.0, "1"),
 }
 _CELL_UNITS = ("kg", "N/m", "N s/m", "m/V")
 
@@ -47,20 +48,13 @@ def moduli_json(problem: JointProblem, fitted: Fitted) -> Json:
     """
     found: Json = {}
     for name in problem.names:
-        side, _, short = name.partition(".")
-        if side not in ("sphere", "surface"):
+        if not name.is_modulus:
             continue
-        materials = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
-        key = key_of(name, problem.names)
-        found[key] = _modulus(*log_of(problem, fitted, name), side, materials[short])
+        side, campaign = name.kind, problem.campaign
+        material = (campaign.spheres if side == "sphere" else campaign.surfaces)[name.owner]
+        key = key_in_moduli(name, problem.names)
+        found[key] = _modulus(*log_of(problem, fitted, name), side, material)
     return found
-
-
-def key_of(name: str, names: Sequence[str]) -> str:
-    """Return how a result calls the modulus ``sphere.<name>`` or ``surface.<name>``."""
-    side, _, short = name.partition(".")
-    both = {f"sphere.{short}", f"surface.{short}"} <= set(names)
-    return f"{side}:{short}" if both else short
 
 
 def withheld(side: str, reason: str) -> Json:
@@ -203,8 +197,8 @@ def pairs_json(problem: JointProblem, fitted: Fitted) -> Json:
     return found
 
 
-def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return what was fitted, identifiable combinations first, with units."""
+def cell_json(problem: JointProblem, fitted: Fitted) -> Json:
+    """Return what was fitted of the cell, identifiable combinations first, with units."""
     found: Json = {}
     for name, (label, factor, unit) in _CELL_FORMS.items():
         if name in problem.names:
@@ -217,14 +211,21 @@ def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
             SENSOR_FIELDS, cell[0], np.sqrt(np.diag(cell[1])), _CELL_UNITS, strict=True
         ):
             value = math.exp(log)
-            found[f"sensor.{field}"] = measurand(value, value * u, unit)
+            found[field] = measurand(value, value * u, unit)
+    return found
+
+
+def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
+    """Return what was fitted, identifiable combinations first, with units."""
+    cell = cell_json(problem, fitted)
+    found: Json = {f"sensor.{label}": value for label, value in cell.items()}
     for name in problem.names:
-        if name.startswith(("pair.", "sphere.", "surface.")):
+        if name.is_modulus or name.kind == "pair":
             log, u = log_of(problem, fitted, name)
             value = math.exp(log)
             unit = "Pa"
-            if name.startswith("pair."):
-                own = next(s for s in problem.shots if f"pair.{s.pair}" == name)
+            if name.kind == "pair":
+                own = next(s for s in problem.shots if s.pair == name.owner)
                 unit = _STIFFNESS if own.mass_is_stated else _STIFFNESS_OVER_MASS
             found[name] = measurand(value, value * u, unit)
         elif name == SEEN:
@@ -232,20 +233,19 @@ def parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
             found["rebound.seen_after_lift_off_s"] = measurand(
                 value * 1e-3, u * 1e-3, "s", log=False
             )
-    found.update(effect_parameters_json(problem, fitted))
-    return found
+    of_effects = effect_parameters_json(problem, fitted)
+    return found | {name.key: value for name, value in of_effects.items()}
 
 
-def effect_parameters_json(problem: JointProblem, fitted: Fitted) -> Json:
-    """Return the effects' numbers in their own units, by ``effect.parameter``.
-
-    The owner follows in brackets if there is one.
-    """
-    found: Json = {}
+def effect_parameters_json(
+    problem: JointProblem, fitted: Fitted
+) -> dict[ParameterName, Json | None]:
+    """Return the effects' numbers in their own units."""
+    found: dict[ParameterName, Json | None] = {}
     for effect in problem.model.effects:
         for parameter in effect.parameters:
             for name in problem.names:
-                if name.split("[", 1)[0] == f"{effect.id}.{parameter.name}":
+                if name.is_of(effect.id, parameter.name):
                     at, u = log_of(problem, fitted, name)
                     found[name] = measurand(
                         _value(parameter, at),

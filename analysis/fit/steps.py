@@ -8,14 +8,11 @@ import numpy as np
 
 from analysis.aliases import Array
 from analysis.fit.problem import JointProblem
+from analysis.parameters import CRYSTAL, DAMPING, FREQUENCY, ParameterName
 
 STRAIGHT_UP_TO = 0.5
 """Share by which 1/E' may fall in one straight step."""
 _BEYOND = -math.log1p(-STRAIGHT_UP_TO) - STRAIGHT_UP_TO
-
-
-def _is_modulus(name: str) -> bool:
-    return name.startswith(("sphere.", "surface."))
 
 
 def _loading(problem: JointProblem, theta: Array) -> tuple[float, Array]:
@@ -26,7 +23,7 @@ def _loading(problem: JointProblem, theta: Array) -> tuple[float, Array]:
     with the mean m of the shots' coupons. The problem has a crystal's mass among its globals.
     """
     slope = np.zeros(theta.size)
-    at = problem.names.index("sensor.ln_M")
+    at = problem.names.index(CRYSTAL)
     riding = 0.0
     for item in problem.shots:
         here = problem.item_at(item, theta).frame.coupon_on_crystal_kg / len(problem.shots)
@@ -52,12 +49,12 @@ def along(problem: JointProblem, theta: Array, step: Array) -> Array:
     """
     moved = theta + step
     for j, name in enumerate(problem.names):
-        if _is_modulus(name):
+        if name.is_modulus:
             d = float(step[j])
             # 1/E' must stay positive: beyond half way down it goes on like the logarithm
             ahead = -math.log1p(-d) if d < STRAIGHT_UP_TO else d + _BEYOND
             moved[j] = theta[j] + ahead
-    ring = problem.positions(["sensor.ln_w", "sensor.ln_z", "sensor.ln_M"])
+    ring = problem.positions([FREQUENCY, DAMPING, CRYSTAL])
     if ring is not None and problem.model.closed and problem.is_thinkable(moved):
         before, slope = _loading(problem, theta)
         after, _ = _loading(problem, moved)
@@ -65,12 +62,12 @@ def along(problem: JointProblem, theta: Array, step: Array) -> Array:
     return moved
 
 
-def step_towards(name: str, distance: float) -> float:
+def step_towards(name: ParameterName, distance: float) -> float:
     """Return the step of one global after which `along` has moved it by a distance.
 
     The distance is one of a logarithm or a coordinate.
     """
-    if not _is_modulus(name):
+    if not name.is_modulus:
         return distance
     step = -math.expm1(-distance)
     return step if step < STRAIGHT_UP_TO else distance - _BEYOND

@@ -47,6 +47,7 @@ from analysis.errors import UnknownModelError
 from analysis.model import neighbours, solver
 from analysis.model.effect_trace import Column, EffectValues
 from analysis.model.hertz import contact_time
+from analysis.parameters import of_effect
 
 SHARED = {
     solver.HSD: ("ln_K", "ln_S", "seen_ms"),
@@ -158,20 +159,31 @@ class ImpactModel:
     @cached_property
     def nuisances(self) -> tuple[str, ...]:
         """Return the names of a shot's own parameters: the four, effects' numbers, free sizes."""
-        sizes = (f"{e.id}.basis{i}" for e in self.effects for i in range(e.basis_size))
+        sizes = (of_effect(e.id, f"basis{i}") for e in self.effects for i in range(e.basis_size))
         return (*NUISANCE, *self._of_effects(shot=True), *sizes)
 
     @cached_property
     def places(self) -> dict[str, tuple[int, ...]]:
         """Return where each effect's parameters are among the local ones, by effect id."""
         at = {name: i for i, name in enumerate(self.names)}
-        return {e.id: tuple(at[f"{e.id}.{p.name}"] for p in e.parameters) for e in self.effects}
+        return {
+            e.id: tuple(at[of_effect(e.id, p.name)] for p in e.parameters) for e in self.effects
+        }
 
     @cached_property
     def coupon_share_at(self) -> int | None:
         """Return where the coupon's share in the compliance is among the local parameters."""
         asking = (e.id for e in self.effects if e.by_coupon_share)
-        return next((self.names.index(f"{i}.{COUPON_SHARE}") for i in asking), None)
+        return next((self.names.index(of_effect(i, COUPON_SHARE)) for i in asking), None)
+
+    @cached_property
+    def number_at(self) -> dict[int, tuple[Effect, EffectParameter]]:
+        """Return the effects' numbers by their places among the local parameters."""
+        return {
+            at: (e, p)
+            for e in self.effects
+            for at, p in zip(self.places[e.id], e.parameters, strict=True)
+        }
 
     @cached_property
     def of_shot(self) -> tuple[tuple[int, EffectParameter], ...]:
@@ -206,9 +218,10 @@ class ImpactModel:
     def _of_effects(self, *, shot: bool) -> tuple[str, ...]:
         names: list[str] = []
         for e in self.effects:
-            names.extend(f"{e.id}.{p.name}" for p in e.parameters if (p.scope == "shot") == shot)
+            own = (p.name for p in e.parameters if (p.scope == "shot") == shot)
+            names.extend(of_effect(e.id, name) for name in own)
             if e.by_coupon_share and not shot:
-                names.append(f"{e.id}.{COUPON_SHARE}")
+                names.append(of_effect(e.id, COUPON_SHARE))
         return tuple(names)
 
     def with_effect(self, effect: Effect) -> ImpactModel:

@@ -127,9 +127,7 @@ class _Path:
 
     def __init__(self, density: JointDensity | GlobalDensity, mode: Array) -> None:
         self._density, self._mode = density, mode
-        self.moduli = [
-            j for j, name in enumerate(density.names) if name.startswith(("sphere.", "surface."))
-        ]
+        self.moduli = [j for j, name in enumerate(density.problem.names) if name.is_modulus]
         self.signs = np.ones(mode.size)
         self.signs[self.moduli] = -1.0  # a stiffer material gives way less
 

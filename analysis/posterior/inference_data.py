@@ -13,7 +13,7 @@ from analysis.errors import AnalysisError
 from analysis.fit.estimates import pair_modulus
 from analysis.fit.priors import modulus_prior
 from analysis.fit.result import FitResult
-from analysis.fit.statements import key_of
+from analysis.parameters import key_in_moduli
 from analysis.posterior.draws import Draws
 
 if TYPE_CHECKING:
@@ -80,15 +80,15 @@ def _moduli(result: FitResult, draws: Draws, seed: int) -> dict[str, tuple[Array
     rng = np.random.default_rng(seed)
     problem, found = result.problem, {}
     for name in problem.names:
-        side, _, short = name.partition(".")
-        if side not in ("sphere", "surface"):
+        if not name.is_modulus:
             continue
-        materials = problem.campaign.spheres if side == "sphere" else problem.campaign.surfaces
+        campaign = problem.campaign
+        material = (campaign.spheres if name.kind == "sphere" else campaign.surfaces)[name.owner]
         log = draws.theta[..., problem.names.index(name)]
-        ratio = materials[short].poissons_ratio
+        ratio = material.poissons_ratio
         young = np.full_like(log, math.nan)
         if ratio is not None:
-            prior = modulus_prior(materials[short].youngs_modulus_pa, ratio)
+            prior = modulus_prior(material.youngs_modulus_pa, ratio)
             mean, u = np.full_like(log, ratio.value), ratio.u
             if prior is not None:
                 beta = 2 * ratio.value * u**2 / ((1 - ratio.value**2) * prior.u**2)
@@ -96,7 +96,7 @@ def _moduli(result: FitResult, draws: Draws, seed: int) -> dict[str, tuple[Array
                 u = math.sqrt(max(u**2 - (beta * prior.u) ** 2, 0.0))
             nu = mean + u * rng.standard_normal(log.shape)
             young = np.exp(log) * (1 - nu**2)
-        found[key_of(name, problem.names)] = (np.exp(log), young)
+        found[key_in_moduli(name, problem.names)] = (np.exp(log), young)
     return found
 
 

@@ -12,8 +12,9 @@ import pytest
 from uncertainties import correlated_values, ufloat
 
 from analysis import fit_campaign
-from analysis.budget import Budget, budgets
+from analysis.budget import Budget, Row, budgets
 from analysis.budget_monte_carlo import monte_carlo, refits
+from analysis.budget_sources import Source
 from analysis.campaign import Campaign, Quantity, Sphere, Uncertainty
 from analysis.fit.joint import normal_equations
 from analysis.fit.measurand import young_from_plane_strain
@@ -139,6 +140,16 @@ def test_the_sentence_names_what_to_measure(made: tuple[Any, Campaign]) -> None:
     assert budget.rows[0].source.label in masses
     assert budget.advice().startswith("Measure the mass of the sphere")
     assert " % (now 1 %): it is " in budget.advice()
+
+
+def test_a_number_that_acts_in_two_ways_is_named_once() -> None:
+    """A coupon's Poisson's ratio stiffens a thin one and divides E' into E: it is measured once."""
+    said, path = Uncertainty(0.02), "surfaces.pvc.poissons_ratio"
+    stiffens = Source(path, "ratio of pvc, when thin", 0.4, said, "1", True, True, np.ones((1, 1)))
+    divides = dataclasses.replace(stiffens, label="ratio of pvc", relative=False)
+    rows = Row(stiffens, np.array([0.02])), Row(divides, np.array([0.01]))
+    advice = Budget("surface.pvc", "plane_strain_modulus_Pa", 1e9, rows).advice()
+    assert advice.startswith("Measure the ratio of pvc, when thin to ")
 
 
 def _sure(ball: Sphere) -> Quantity:

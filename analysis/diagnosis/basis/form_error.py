@@ -45,6 +45,7 @@ from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.inputs import LAW
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.parameters import ParameterName, of_law
 
 HIGHEST_ORDER = 3
 """Of the polynomials: a signal's start, middle and end apart, no single sample."""
@@ -56,8 +57,8 @@ Places = NDArray[np.intp]
 class Discrepancy:
     """What the inexactness of a model's laws may add to each shot."""
 
-    names: list[str]
-    """Of the w coefficients: ``<effect>.<column> [<pair>]``."""
+    names: list[ParameterName]
+    """Of the w coefficients."""
     columns: list[Array]
     """For each shot, shape (n, q). [unit of the signal]"""
     speeds: list[Array]
@@ -82,11 +83,12 @@ class Discrepancy:
             for column, speed, j in zip(columns.T, speeds.tolist(), places, strict=True):
                 added[j][item.frame.place] = column
                 faster[j][item.frame.place] = speed
-        paths = [f"{LAW}.{name.partition('.')[0]}" for name in self.names]
         u = Uncertainty(self.u)
         return tuple(
-            FirstOrderInput(LAW, name, 0.0, "1", u, path, {}, signal, speed)
-            for name, path, signal, speed in zip(self.names, paths, added, faster, strict=True)
+            FirstOrderInput(
+                LAW, name, 0.0, "1", u, f"{LAW}.{name.owner}", {}, signal, speed, name.owner
+            )
+            for name, signal, speed in zip(self.names, added, faster, strict=True)
         )
 
 
@@ -118,15 +120,18 @@ def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
             shift[0] = one.speed
             speeds[row].append(shift)
     sizes = [f"size {k}" for k in range(HIGHEST_ORDER + 1)]
-    of_effect = [(e, [*sizes, "delay", *(p.name for p in e.parameters)]) for e in effects]
-    labels = [f"{e.id}.{label}" for e, own in of_effect for label in own]
+    laws = [
+        (e.id, column)
+        for e in effects
+        for column in (*sizes, "delay", *(p.name for p in e.parameters))
+    ]
     pairs = sorted({item.pair for item in problem.shots})
-    first = [pairs.index(item.pair) * len(labels) for item in problem.shots]
+    first = [pairs.index(item.pair) * len(laws) for item in problem.shots]
     return Discrepancy(
-        [f"{label} [{pair}]" for pair in pairs for label in labels],
+        [of_law(*law, pair) for pair in pairs for law in laws],
         [np.column_stack(c) for c in columns],
         [np.concatenate(s) for s in speeds],
-        [np.arange(at, at + len(labels), dtype=np.intp) for at in first],
+        [np.arange(at, at + len(laws), dtype=np.intp) for at in first],
     )
 
 

@@ -329,8 +329,10 @@ def learn_force(
     """
     scale = scale_of(problem, fitted)
     wide, found = problem, fitted
+    form_of = {}
     for form in forms:
         effect = contact_closure(form, scale.indentation_m, scale.speed_m_per_s, scope)
+        form_of[effect.id] = form
         wide, theta, nuisances = extended(wide, found, effect, {})
         for j in range(found.theta.size, theta.size):
             wide.prior_precision[j, j] = FORCE_WIDTH**-2
@@ -348,7 +350,7 @@ def learn_force(
         problem=wide,
         fitted=found,
         coefficients={
-            name.removeprefix("closure_"): float(value)
+            f"{form_of[name.owner]}.{name.short}": float(value)
             for name, value in list(added)[len(problem.names) :]
         },
         by_shot={},

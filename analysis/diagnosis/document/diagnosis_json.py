@@ -35,8 +35,9 @@ from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.physical_range import advice
 from analysis.fit.problem import FitShot
 from analysis.fit.result import FitResult
-from analysis.fit.statements import effect_parameters_json, parameters_json, withhold_fitted
+from analysis.fit.statements import cell_json, effect_parameters_json, withhold_fitted
 from analysis.noise import NoiseModel
+from analysis.parameters import of_effect
 
 
 def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
@@ -295,17 +296,15 @@ def _background_json(seen: Background) -> Json:
 # -- effects and candidates ----------------------------------------------------------------------
 def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
     """Return a named effect with its numbers as they stand in the last model."""
-    prefix, found = f"{refit.effect.id}.", {}
-    if after.shots:
-        found = effect_parameters_json(after.problem, after.fitted)
-        if refit.effect.replaces_base:  # its numbers are the new base's own
-            prefix, found = "sensor.", parameters_json(after.problem, after.fitted)
+    found: Json = {}
+    if after.shots and refit.effect.replaces_base:  # its numbers are the new base's own
+        found = cell_json(after.problem, after.fitted)
+    elif after.shots:
+        every = effect_parameters_json(after.problem, after.fitted)
+        found = {name.short: one for name, one in every.items() if name.is_of(refit.effect.id)}
     # a group of whom the effect asks nothing has no finite value (a stiffness without limit)
-    parameters = {
-        name.removeprefix(prefix): value or {"value": None, "u": None, "unit": ""}
-        for name, value in found.items()
-        if name.startswith(prefix)
-    }
+    nothing = {"value": None, "u": None, "unit": ""}
+    parameters = {name: value or nothing for name, value in found.items()}
     shown = next((one for one in diagnosis.shown if one.form == refit.effect.id), None)
     if shown is not None:  # nobody knows how far what is missing moves what the records say
         parameters = {
@@ -374,7 +373,7 @@ def _parameters_by_shot(effect: Effect, result: FitResult) -> Json:
     shots = [s for s, acts in zip(problem.shots, felt, strict=True) if acts]
     for parameter in own.parameters:
         if parameter.scope == "shot":
-            at = model.nuisances.index(f"{own.id}.{parameter.name}")
+            at = model.nuisances.index(of_effect(own.id, parameter.name))
             values = [parameter.value(float(x)) for x in nuisances[felt, at]]
             found[parameter.name] = _over_shots(values, parameter.unit, shots)
     if own.basis is not None:
@@ -390,7 +389,7 @@ def _rms_of_basis(effect: Effect, result: FitResult, row: int) -> float:
     shared, _ = result.problem.shared_local(item, result.fitted.theta)
     local = np.concatenate([shared, result.fitted.nuisances[row]])
     without = local.copy()
-    first = model.names.index(f"{effect.id}.basis0")
+    first = model.names.index(of_effect(effect.id, "basis0"))
     without[first : first + effect.basis_size] = 0.0
     added = model.predict(local, item.frame).signal - model.predict(without, item.frame).signal
     return float(np.sqrt(np.mean(added**2)))

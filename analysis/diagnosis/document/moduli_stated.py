@@ -27,6 +27,7 @@ from analysis.fit.measurand import measurand
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult
 from analysis.fit.statements import withheld
+from analysis.parameters import key_in_moduli
 from analysis.written_numbers import K_95
 
 STRUCTURE_LEFT = (
@@ -34,8 +35,6 @@ STRUCTURE_LEFT = (
     "unknown"
 )
 """Why a modulus is withheld."""
-MODULUS_PREFIXES = ("sphere.", "surface.")
-"""Beginnings of the parameters that are moduli."""
 KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness", "stiffness_over_mass")
 """What is known of a pair whatever its reduced modulus is."""
 
@@ -83,15 +82,16 @@ def withhold_sought(block: Json, result: FitResult, *, explained: bool) -> None:
         pair: {key: value for key, value in entry.items() if key in KNOWN_OF_PAIR}
         for pair, entry in block["pairs"].items()
     }
-    for name in [name for name in block["parameters"] if name.startswith(MODULUS_PREFIXES)]:
-        del block["parameters"][name]
+    for name in result.problem.names:
+        if name.is_modulus:
+            block["parameters"].pop(name, None)
 
 
-def _as_stated(result: FitResult, name: str, entry: Json) -> Json:
+def _as_stated(result: FitResult, key: str, entry: Json) -> Json:
     """Return a reference's modulus as the campaign states it."""
-    campaign = result.problem.campaign
-    short = name.partition(":")[2] or name
-    material = (campaign.spheres if entry["side"] == "sphere" else campaign.surfaces)[short]
+    campaign, names = result.problem.campaign, result.problem.names
+    name = next(n for n in names if n.is_modulus and key_in_moduli(n, names) == key)
+    material = (campaign.spheres if name.kind == "sphere" else campaign.surfaces)[name.owner]
     known = material.youngs_modulus_pa
     assert known is not None
     return {
@@ -170,8 +170,8 @@ def widen_over_family(block: Json, family: Sequence[Member]) -> None:
     for pair, entry in block["pairs"].items():
         of_pair = [one.result.pairs().get(pair, {}) for one in family]
         _widen(entry, "reduced_modulus_Pa", of_pair, weights)
-    for name in block["parameters"]:
-        if name.startswith(MODULUS_PREFIXES):
+    for name in family[0].result.problem.names:
+        if name.is_modulus and name in block["parameters"]:
             _widen(block["parameters"], name, [one.result.parameters() for one in family], weights)
 
 
