@@ -9,7 +9,6 @@ the residual is many times the noise the usual sizes of every effect are tried b
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -311,9 +310,8 @@ def _later_rounds(
     lead = max((_merit(r, factor) for r in second), default=0.0)
     everything = list(range(whole))
     for at, one in enumerate(second):
-        merit = _merit(one, factor)
-        worth = at < INTO_LAST and merit >= CRITERIA.search.contender_share * lead
-        if not worth or lead - merit > _reach(last):
+        worth = at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
+        if not worth:
             behind.append(_scaled(one, factor))
             continue
         progress(f"refining {one.effect_id} on all shots", 0.8 + 0.2 * at / INTO_LAST)
@@ -328,18 +326,6 @@ def _later_rounds(
             )  # fmt: skip
         last.append(moved if moved.fitted.converged else continued(fitted, moved))
     return one_form_each([*sorted(last, key=rank), *sorted(behind, key=rank)])
-
-
-def _reach(last: list[Refit]) -> float:
-    """Return by how many squares another may be behind and still be worth a fit to all shots.
-
-    Who leaves this much more than the leader does is certainly not what acts: as a name stands
-    beside structure that is far ahead of all others by the same measure.
-    """
-    left = (r.fitted.cost - sum(i.data for i in r.problem.shots) for r in last if r.usable)
-    least = max(0.0, min(left, default=math.inf))
-    ahead = max(CRITERIA.partial.ahead_squares, CRITERIA.partial.ahead_of_left_ratio * least)
-    return max(ahead, CRITERIA.stepwise.unfinished_within)
 
 
 def one_form_each(refits: list[Refit]) -> list[Refit]:

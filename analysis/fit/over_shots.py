@@ -8,26 +8,18 @@ threads would only wait for one another (0.9 times as fast), and stay on one.
 from __future__ import annotations
 
 import contextvars
-import functools
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
+from numba import config
+
 T = TypeVar("T")
 
-CORES = len(os.sched_getaffinity(0))
+CORES = int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # read from the machine
 """That this process may use."""
 LEAST_SHOTS = 4
-"""Of a thread, for it to be woken: that takes a tenth of a shot's time."""
-
-
-@functools.cache
-def _threads() -> ThreadPoolExecutor:
-    return ThreadPoolExecutor(CORES, thread_name_prefix="shots")
-
-
-os.register_at_fork(after_in_child=_threads.cache_clear)  # a child has no threads of its parent's
+"""Of a thread, for it to be started: that takes a tenth of a shot's time."""
 
 
 def for_each_shot(work: Callable[[int], T], count: int, *, on_all_cores: bool) -> list[T]:
@@ -39,19 +31,14 @@ def for_each_shot(work: Callable[[int], T], count: int, *, on_all_cores: bool) -
     cores = min(CORES, count // LEAST_SHOTS) if on_all_cores else 1
     if cores < 2:
         return [work(i) for i in range(count)]
-    tasks = [
-        # numpy's error state belongs to the context
-        _threads().submit(contextvars.copy_context().run, _each, work, range(c, count, cores))
-        for c in range(cores)
-    ]
-    errors = [error for task in tasks if (error := task.exception()) is not None]
-    if errors:
-        raise errors[0]
-    found: list[T | None] = [None] * count
-    for c, task in enumerate(tasks):
-        found[c::cores] = task.result()
-    return found  # type: ignore[return-value]
 
+    def each(first: int) -> list[T]:
+        """Return what one thread makes of its shots."""
+        return [work(i) for i in range(first, count, cores)]
 
-def _each(work: Callable[[int], T], rows: range) -> list[T]:
-    return [work(i) for i in rows]
+    # threads of its own: a process may have been forked since the last; numpy's error state
+    # belongs to the context
+    with ThreadPoolExecutor(cores) as threads:
+        tasks = [threads.submit(contextvars.copy_context().run, each, c) for c in range(cores)]
+    parts = [task.result() for task in tasks]
+    return [parts[i % cores][i // cores] for i in range(count)]
