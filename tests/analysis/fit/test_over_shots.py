@@ -1,4 +1,4 @@
-"""Shots on all cores: the same result, errors that come through, and a fit that is bit-identical."""
+"""Shots on all cores: the same result to the last bit, and errors that come through."""
 
 from __future__ import annotations
 
