@@ -59,9 +59,9 @@ def _measurable(rows: tuple[Row, ...]) -> list[list[Row]]:
     found: dict[str, list[Row]] = {}
     for row in rows:
         if row.source.common:
-            stated = row.source.stated
-            together = stated is not None and stated.quantity in ("radius", "mass")
-            key = stated.quantity if stated is not None and together else row.source.name
+            key, stated = row.source.name, row.source.stated
+            if stated is not None and stated.quantity in ("radius", "mass"):
+                key = stated.quantity
             found.setdefault(key, []).append(row)
     return list(found.values())
 

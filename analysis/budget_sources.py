@@ -171,8 +171,7 @@ def of_moduli(
     """Yield E and nu of every material, each with the precision that it explains.
 
     The prior on ln E' is that of their sum. ``names`` are of the first parameters; the moduli
-    count. The precision and the covariance, shape (g, g), are of the
-    parameters before and after.
+    count. The precision and the covariance, shape (g, g), are of the parameters before and after.
     """
     size = covariance.shape[0]
     for j, name in enumerate(names):
