@@ -294,10 +294,18 @@ class _Alone:
 
     def _at_best(self, item: FitShot) -> tuple[float, Array]:
         problem = dataclasses.replace(self.rest, shots=[item])
-        return min(
-            (self._settled(problem, start) for start in (self.own, self._as_promised(item))),
-            key=_first,
-        )
+        starts = [self.own]
+        if item.speed_prior is not None:
+            starts.append(self._as_promised(item))
+        return min((self._settled(problem, start) for start in starts), key=_first)
+
+    def squares_as_promised(self, item: FitShot) -> float:
+        """Return the same from the speed that its height promises alone.
+
+        What the shot had under another label is no guide.
+        """
+        problem = dataclasses.replace(self.rest, shots=[item])
+        return self._settled(problem, self._as_promised(item))[0]
 
     def _as_promised(self, item: FitShot) -> Array:
         """Return where to begin if the shot is as fast as its height says."""
@@ -368,7 +376,7 @@ class _Alone:
                     f"it is like {sphere} on {surface}, not {shot.sphere} on {shot.surface}: "
                     "look at the label"
                 )
-                yield self.squares(other), words, like
+                yield self.squares_as_promised(other), words, like
 
     def _height(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
         stated = self.item.shot.drop_height_m
