@@ -431,7 +431,10 @@ def _forces(learned: Learned) -> Json | None:
     forms = [f.removeprefix("force_") for f, _ in learned.parts if f.startswith("force_")]
     if not forms:
         return None
-    groups = sorted({label.rpartition("[")[2] for label in learned.coefficients if "[" in label})
+    # what was learned on top of the force has groups of its own
+    begins = tuple(f"{form}.u^" for form in forms)
+    own = [label for label in learned.coefficients if label.startswith(begins)]
+    groups = sorted({label.rpartition("[")[2] for label in own if "[" in label})
     curves = []
     for group in groups or [""]:
         share = np.zeros((len(RATES), DEPTHS.size))

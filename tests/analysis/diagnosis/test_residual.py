@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 
 import numpy as np
 import pytest
 
-from analysis.diagnosis.discrepancy.fit import learn, learn_force
+from analysis.diagnosis.discrepancy.fit import learn, learn_force, on_top
 from analysis.diagnosis.document.residual import (
     DEPTHS,
     bin_edges_us,
@@ -124,3 +125,12 @@ def test_a_contact_discrepancy_has_a_force(first):
     found = discrepancy_curves(first, learned)
     (curve,) = found["force"]["curves"]
     assert [len(share) for share in curve["share"]] == [DEPTHS.size] * 3
+
+
+def test_a_force_keeps_its_curve_beside_what_was_learned_on_top_by_surface(first):
+    """Groups are the force's own: those of the second part are no force."""
+    force = learn_force(first.problem, first.fitted, first.linearised, forms=("rate",), scope="rig")
+    alone = discrepancy_curves(first, force)["force"]
+    second = learn(force.problem, force.fitted, [("gain", "surface")])
+    both = on_top(force, dataclasses.replace(second, fitted=force.fitted))
+    assert discrepancy_curves(first, both)["force"] == alone
