@@ -155,9 +155,7 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
         prior_precision=step.problem.prior_precision[keep][:, keep],
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
-    fitted = joint.fit(
-        problem, nuisances, max_iterations=MOST_STEPS, tolerance=joint.SEARCH_TOLERANCE
-    )
+    fitted = joint.fit_to_compare(problem, nuisances, max_iterations=MOST_STEPS)
     return None if fitted.failed else Step(problem, fitted)
 
 

@@ -199,7 +199,7 @@ def refit(
     elif coefficients and proposal.amplitude is not None:
         size = of_effect(effect.id, effect.parameters[proposal.amplitude].name)
         theta, nuisances = _moved_with_size(larger, theta, nuisances, size, fitted.cost)
-    result = _searched(larger, nuisances, theta, max_iterations)
+    result = joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=max_iterations)
     result = fitted_below_one(larger, result, max_iterations)
     bare = Refit(effect, proposal.effect_id, scope, larger, result, 0.0, 0, False, linear_gain)
     return refitted(bare, problem, fitted)
@@ -252,7 +252,7 @@ def _drawn_near(
     )
     held.prior_mean[at] = theta[at]
     held.prior_precision[at, at] = HELD**-2
-    near = _searched(held, nuisances, theta, max_iterations)
+    near = joint.fit_to_compare(held, nuisances, theta=theta, max_iterations=max_iterations)
     return (theta, nuisances) if near.failed else (near.theta, near.nuisances)
 
 
@@ -326,7 +326,9 @@ def refit_elsewhere(
         if costs[1] < costs[0]:  # an anchor that leads nowhere, as where a top is cut, is none
             nuisances[row] = like
     nuisances = settle(wide, found.fitted.theta, nuisances)
-    result = _searched(wide, nuisances, found.fitted.theta, max_iterations)
+    result = joint.fit_to_compare(
+        wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations
+    )
     result = fitted_below_one(wide, result, max_iterations)
     return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)
 
@@ -354,19 +356,12 @@ def _most_alike(target: FitShot, place: int, shots: list[FitShot], places: list[
 def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> Refit:
     """Return a refit carried on from where it stopped."""
     fitted = found.fitted
-    result = _searched(found.problem, fitted.nuisances, fitted.theta, max_iterations)
+    result = joint.fit_to_compare(
+        found.problem, fitted.nuisances, theta=fitted.theta, max_iterations=max_iterations
+    )
     bad = result.failed or left_its_range(found.problem, result, found.effect)
     further = dataclasses.replace(found, fitted=result, gain=base.cost - result.cost, at_bound=bad)
     return dataclasses.replace(further, price=_price(further, base))
-
-
-def _searched(
-    problem: JointProblem, nuisances: Array, theta: Array, max_iterations: int
-) -> joint.Fitted:
-    return joint.fit(
-        problem, nuisances, theta=theta, max_iterations=max_iterations,
-        tolerance=joint.SEARCH_TOLERANCE,
-    )  # fmt: skip
 
 
 def _alike(sizes: Array, groups: Sequence[float | None]) -> bool:
@@ -465,5 +460,7 @@ def fitted_below_one(
                 least[at], nuisances[gaining[at]] = cost, own[at]
     if np.array_equal(nuisances, fitted.nuisances):
         return fitted
-    again = _searched(problem, nuisances, fitted.theta, max_iterations)
+    again = joint.fit_to_compare(
+        problem, nuisances, theta=fitted.theta, max_iterations=max_iterations
+    )
     return again if not again.failed and again.cost < fitted.cost else fitted

@@ -157,9 +157,7 @@ def _cheapest(
                     theta[j] = 0.0 if name.group in neutral and parameter.form != "log" else value
         ways.append((joint.total_cost(larger, theta, nuisances), len(ways), theta))
     fits = [
-        joint.fit(
-            larger, nuisances, theta=theta, max_iterations=STEPS, tolerance=joint.SEARCH_TOLERANCE
-        )
+        joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=STEPS)
         for cost, _, theta in sorted(ways)[:STARTS_FITTED]
         if math.isfinite(cost)
     ]

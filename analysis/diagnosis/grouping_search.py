@@ -195,7 +195,7 @@ def _in_grouping(
         for key in larger.effect_keys(at):
             if (felt & (keys == key)).any():  # who did not feel it begins next to neutral
                 theta[larger.names.index(key)] = values[felt & (keys == key)].mean()
-    result = joint.fit(larger, nuisances, theta=theta, tolerance=joint.SEARCH_TOLERANCE)
+    result = joint.fit_to_compare(larger, nuisances, theta=theta)
     other = dataclasses.replace(found, effect=effect, scope=scope, problem=larger, fitted=result)
     return refitted(other, problem, base)
 
@@ -226,7 +226,7 @@ def _on_some(
         mean = float(_values(each, before)[felt].mean())
         start = sizes.common(only.names)[0] if place == at and parameter.form != "log" else mean
         theta[larger.names.index(larger.effect_keys(row)[0])] = start
-    result = joint.fit(larger, nuisances, theta=theta, tolerance=joint.SEARCH_TOLERANCE)
+    result = joint.fit_to_compare(larger, nuisances, theta=theta)
     other = dataclasses.replace(
         each, effect=effect, scope=only.kind, problem=larger, fitted=result, common=0.0
     )

@@ -308,7 +308,7 @@ def below_a_ceiling(problem: JointProblem, begin: joint.Fitted) -> joint.Fitted:
         shots.append(dataclasses.replace(item, window=window, frame=frame))
     cut = dataclasses.replace(problem, shots=shots)
     nuisances = settle(cut, begin.theta, begin.nuisances, kept=KNOWN_BEFORE)
-    found = joint.fit(cut, nuisances, theta=begin.theta, tolerance=joint.SEARCH_TOLERANCE)
+    found = joint.fit_to_compare(cut, nuisances, theta=begin.theta)
     return begin if found.failed else found
 
 

@@ -124,9 +124,7 @@ def _alone(
     part.start[own] = part.prior_mean[own] = known.theta[other]
     part.prior_precision[np.ix_(own, own)] = np.linalg.inv(known.covariance[np.ix_(other, other)])
     nuisances = settle(part, part.start, begin.nuisances)
-    return joint.fit(
-        part, nuisances, max_iterations=MOST_STEPS, tolerance=joint.SEARCH_TOLERANCE
-    )
+    return joint.fit_to_compare(part, nuisances, max_iterations=MOST_STEPS)
 
 
 def tried_alone(
@@ -187,9 +185,7 @@ def on_all_shots(
         where.setdefault(_of_material(name, effect, rest.only.label), float(value))
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
-    result = joint.fit(
-        larger, nuisances, theta=theta, max_iterations=MOST_STEPS, tolerance=joint.SEARCH_TOLERANCE
-    )
+    result = joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
     scope = rest.only.kind if found.scope == "rig" else found.scope
     whole = dataclasses.replace(
         found, effect=effect, scope=scope, problem=larger, fitted=result, on_all_shots=True
@@ -210,9 +206,7 @@ def everywhere(
     theta = np.array([where.get(n, v) for n, v in zip(larger.names, theta, strict=True)])
     nuisances = _shots_own(larger, problem, fitted, apart.rest, found)
     nuisances = settle(larger, theta, nuisances)
-    result = joint.fit(
-        larger, nuisances, theta=theta, max_iterations=MOST_STEPS, tolerance=joint.SEARCH_TOLERANCE
-    )
+    result = joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=MOST_STEPS)
     whole = dataclasses.replace(found, problem=larger, fitted=result, on_all_shots=True)
     return refitted(whole, problem, fitted)
 
@@ -299,9 +293,8 @@ def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
         part, kept = part_of_shots(present.problem, others)
         theta = begin.theta[kept]
         nuisances = settle(part, theta, begin.nuisances[others])
-        fitted = joint.fit(
-            part, nuisances, theta=theta, max_iterations=FIRST_STEPS,
-            tolerance=joint.SEARCH_TOLERANCE,
+        fitted = joint.fit_to_compare(
+            part, nuisances, theta=theta, max_iterations=FIRST_STEPS
         )  # fmt: skip
         if not fitted.failed:
             left = excess(part, fitted)
@@ -381,9 +374,7 @@ def split_by_material(
         if first is None:
             continue
         larger, begin = _on_all(present, rest, first)
-        fitted = joint.fit(
-            larger, begin.nuisances, theta=begin.theta, tolerance=joint.SEARCH_TOLERANCE
-        )
+        fitted = joint.fit_to_compare(larger, begin.nuisances, theta=begin.theta)
         if fitted.failed:
             continue
         taken = dataclasses.replace(first, problem=larger, fitted=fitted, on_all_shots=True)

@@ -182,7 +182,7 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
         )
         verdict = "partial" if selection.chosen else "unknown"
         return Diagnosis(verdict, selection.steps, selection.chosen, slot=SLOT, check_noise=seen)
-    if selection.last.impossible and not selection.last.score_test.structured:
+    if selection.last.impossible and not selection.last.structured:
         # noise is left, but by a model that nothing real can be: the data cannot show it
         return Diagnosis("not_identifiable", selection.steps, selection.chosen, check_noise=seen)
     set_aside: tuple[SetAside, ...] = ()

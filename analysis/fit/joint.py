@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -292,6 +293,10 @@ def fit(
     shorter = replace(steps, damping=SHORT_STEPS)
     again = _descend(problem, theta, nuisances, blocks, shorter)
     return again if again.cost < fitted.cost else fitted
+
+
+fit_to_compare = partial(fit, tolerance=SEARCH_TOLERANCE)
+"""`fit` where models are only compared."""
 
 
 def is_hopeless(problem: JointProblem, cost: float, *, widened: float = 1.0) -> bool:

@@ -497,7 +497,7 @@ def _closed_assumptions(problem: JointProblem) -> list[str]:
     return found
 
 
-def weighted_mean(
+def _weighted_mean(
     precision: NDArray[np.float64], weighted: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Return the mean of numbers that are known with a precision, 0 of what is not known at all."""
@@ -534,5 +534,5 @@ def _set_priors(problem: JointProblem, priors: dict[ParameterName, Prior | None]
             precision[j, j] = prior.u**-2
             weighted[j] = prior.mean * precision[j, j]
     problem.prior_precision = precision
-    problem.prior_mean = weighted_mean(precision, weighted)
+    problem.prior_mean = _weighted_mean(precision, weighted)
     problem.start = problem.prior_mean.copy()

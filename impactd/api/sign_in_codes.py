@@ -27,7 +27,8 @@ from dataclasses import dataclass
 ALPHABET = "23456789ABCDEFGHJKMNPQRSTVWXYZ"
 """Digits and capitals without 0 and O, 1, I and L, and U, which looks like V."""
 LIFE_S = 300.0
-"""How long a code is valid. [s]"""
+"""How long a code is valid, a choice: a walk from a terminal to a tablet. The numbers above are for
+it. [s]"""
 _GROUP = 4
 _LENGTH = 2 * _GROUP
 
