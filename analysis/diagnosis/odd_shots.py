@@ -164,7 +164,7 @@ def _without(step: Step, part: _Part, odd: int) -> _Part:
 def _with_one_left_out(step: Step, part: _Part) -> _Part | None:
     """Return the fit without the one shot that makes nearly all the difference; None without one.
 
-    The commonest case, and ten times faster than to begin with a few shots.
+    The commonest case, and five times as fast as to begin with a few shots.
     """
     odd = None if part.fitted.failed else _odd_one(part, 1)[0]
     less = None if odd is None else _without(step, part, odd)
