@@ -25,11 +25,17 @@ from analysis.diagnosis.forward_selection import (
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.one_material import MOST_STEPS
 from analysis.diagnosis.progress import BudgetSpentError, Watch
-from analysis.diagnosis.successive_halving import lookalikes_refitted, rivals_refitted
+from analysis.diagnosis.successive_halving import (
+    MORE,
+    lookalikes_refitted,
+    rivals_refitted,
+    thinned,
+)
 from analysis.effects.effect import Effect
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.nuisances import carried_over
+from analysis.fit.settle import settle
 from analysis.model.impact_model import ImpactModel
 from analysis.parameters import ParameterName
 
@@ -139,6 +145,16 @@ def _as_last(selection: Selection, taken: Refit) -> Selection | None:
 
 def _reduced(step: Step, dropped: Effect) -> Step | None:
     """Return a step's model without an effect, fitted again; None where it cannot be."""
+    if dropped.id not in step.reduced:
+        step.reduced[dropped.id] = _fitted_without(step, dropped)
+    return step.reduced[dropped.id]
+
+
+def _fitted_without(step: Step, dropped: Effect) -> Step | None:
+    """Return a step's model without an effect, fitted as far as it comes near the shots.
+
+    To a part of them first: what is hopeless there is needed, and how hopeless makes no difference.
+    """
     kept = tuple(e for e in step.problem.model.effects if e.id != dropped.id)
     model = dataclasses.replace(step.problem.model, effects=kept)
     keep = [
@@ -155,7 +171,16 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
         prior_precision=step.problem.prior_precision[keep][:, keep],
     )
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
-    fitted = joint.fit_to_compare(problem, nuisances, max_iterations=MOST_STEPS)
+    places = thinned(problem, MORE)
+    few = dataclasses.replace(problem, shots=[problem.shots[i] for i in places])
+    part = joint.fit_to_compare(few, nuisances[places], max_iterations=MOST_STEPS)
+    if part.failed:
+        return None
+    nuisances[places] = part.nuisances
+    steps = MOST_STEPS
+    if joint.is_hopeless(few, part.cost):
+        nuisances, steps = settle(problem, part.theta, nuisances), 0
+    fitted = joint.fit_to_compare(problem, nuisances, theta=part.theta, max_iterations=steps)
     return None if fitted.failed else Step(problem, fitted)
 
 

@@ -429,6 +429,9 @@ RESTARTS = tuple(product((0.8, 0.5, 0.3), (0.0, 0.1)))
 of the pulse: what seems slower, and to gain energy, seems to come earlier. Measured on two such
 shots: from 0.1 and 0.15 later every restitution led back, from no later none."""
 
+RESTART_STEPS = 2
+"""Of each, before the likeliest goes on to its end."""
+
 
 def fitted_below_one(
     problem: JointProblem, fitted: joint.Fitted, max_iterations: int
@@ -443,9 +446,10 @@ def fitted_below_one(
     if fitted.failed:
         return fitted
     gaining = np.flatnonzero(fitted.nuisances[:, LOSS] > 0.0)
+    if not gaining.size:
+        return fitted
     some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
-    nuisances = fitted.nuisances.copy()
-    least = np.full(gaining.size, math.inf)
+    begun = []
     for restitution, later in RESTARTS:
         own = fitted.nuisances[gaining]
         own[:, LOSS] = math.log(restitution)
@@ -453,14 +457,26 @@ def fitted_below_one(
             own[at, TOUCH_DOWN] += later * 1e6 * item.window.width_s
             if item.speed_prior is not None:
                 own[at, SPEED] = item.speed_prior.mean
-        own = settle(some, fitted.theta, own)
-        for at, item in enumerate(some.shots):
-            cost = shot_cost(problem, item, fitted.theta, own[at])
-            if cost < least[at] and own[at, LOSS] <= 0.0:
-                least[at], nuisances[gaining[at]] = cost, own[at]
+        begun.append(settle(some, fitted.theta, own, steps=RESTART_STEPS))
+    likeliest = np.argmin([_costs_with_loss(some, fitted.theta, own) for own in begun], axis=0)
+    own = settle(some, fitted.theta, np.array(begun)[likeliest, range(gaining.size)])
+    nuisances = fitted.nuisances.copy()
+    for row, cost, moved in zip(
+        gaining, _costs_with_loss(some, fitted.theta, own), own, strict=True
+    ):
+        if math.isfinite(cost):
+            nuisances[row] = moved
     if np.array_equal(nuisances, fitted.nuisances):
         return fitted
     again = joint.fit_to_compare(
         problem, nuisances, theta=fitted.theta, max_iterations=max_iterations
     )
     return again if not again.failed and again.cost < fitted.cost else fitted
+
+
+def _costs_with_loss(problem: JointProblem, theta: Array, nuisances: Array) -> list[float]:
+    """Return the squares of each shot; infinite where it leaves faster than it came."""
+    return [
+        shot_cost(problem, item, theta, own) if own[LOSS] <= 0.0 else math.inf
+        for item, own in zip(problem.shots, nuisances, strict=True)
+    ]

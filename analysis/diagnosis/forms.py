@@ -14,14 +14,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidate import (
-    Refit,
-    extended,
-    fitted_coordinate,
-    refit_elsewhere,
-    refitted,
-)
-from analysis.diagnosis.successive_halving import MORE, part_of, thinned
+from analysis.diagnosis.candidate import Refit, extended, fitted_coordinate, refitted
+from analysis.diagnosis.successive_halving import better_on_part
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -59,27 +53,13 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     ]
     if not forms:
         return found
-    places = thinned(problem, MORE)
-    few, few_base = part_of(problem, base, places)
-    larger, fitted = part_of(found.problem, found.fitted, places)
-    known = refitted(dataclasses.replace(found, problem=larger, fitted=fitted), few, few_base)
-    best = known
-    for form in forms:
-        other = _in_form(_grouped_as(form, found.effect), few, few_base, known)
-        if not other.at_bound and other.score() > best.score():
-            best = other
-    if best is known:
-        return found
-    whole = refit_elsewhere(
-        best,
-        few=places,
-        many=list(range(len(problem.shots))),
-        few_base=few_base,
-        base=base,
-        problem=problem,
-        max_iterations=STEPS,
-    )
-    return whole if not whole.at_bound and whole.score() > found.score() else found
+
+    def of_forms(few: JointProblem, few_base: joint.Fitted, known: Refit) -> Refit:
+        """Return the refit in the best form on some shots."""
+        others = (_in_form(_grouped_as(f, found.effect), few, few_base, known) for f in forms)
+        return max((known, *(o for o in others if not o.at_bound)), key=Refit.score)
+
+    return better_on_part(problem, base, found, of_forms)
 
 
 def _grouped_as(form: Effect, like: Effect) -> Effect:

@@ -14,7 +14,11 @@ from analysis.diagnosis.basis.proposals import Proposal, proposals
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
-from analysis.diagnosis.grouping_search import best_grouping, promises_other_grouping
+from analysis.diagnosis.grouping_search import (
+    best_grouping,
+    best_grouping_from_afar,
+    promises_other_grouping,
+)
 from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.one_material import (
     WithoutMaterial,
@@ -58,6 +62,8 @@ class Step:
     """Why other effects could not be tried."""
     without: list[WithoutMaterial] = field(default_factory=list)
     """The same model without each material's shots, where that was asked."""
+    reduced: dict[str, Step | None] = field(default_factory=dict)
+    """The same model without one of its effects, by the effect's id, where that was asked."""
     compared: bool = False
     """What can be tried was compared, as far as the time went."""
     unfinished: bool = False
@@ -131,10 +137,11 @@ class Selection:
         step = Step(found.problem, found.fitted)
         structured = step.structured
         if structured or promises_other_grouping(found):
-            wide = found
+            before = self.last.problem, self.last.fitted
             if structured:
-                wide = best_form(self.last.problem, self.last.fitted, found)
-            wide = best_grouping(self.last.problem, self.last.fitted, wide)
+                wide = best_grouping_from_afar(*before, best_form(*before, found))
+            else:
+                wide = best_grouping(*before, found)
             lead = wide.score() - found.score()
             if lead > 0.0:
                 wider = Step(wide.problem, wide.fitted)

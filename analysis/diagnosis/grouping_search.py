@@ -19,6 +19,7 @@ from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes
 from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Projection
+from analysis.diagnosis.successive_halving import better_on_part
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -56,6 +57,14 @@ def best_grouping(
             if not other.at_bound and other.score() > best.score():
                 best = other
     return best
+
+
+def best_grouping_from_afar(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
+    """Return what `best_grouping` does, the groupings held against one another on a part of shots.
+
+    Where structure is left a fit has a long way, and the right grouping leads by far.
+    """
+    return better_on_part(problem, base, found, best_grouping)
 
 
 def _of_some(

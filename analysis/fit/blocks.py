@@ -117,11 +117,12 @@ def prior_rows(
 
 
 def linearise_shot(
-    problem: JointProblem, item: FitShot, theta: Array, nuisance: Array
+    problem: JointProblem, item: FitShot, theta: Array, nuisance: Array, *, own: bool = False
 ) -> ShotBlock | None:
     """Return one shot's normal equations at globals ``theta`` and the shot's own ``nuisance``.
 
-    None if the contact did not end, or its squares are not finite.
+    None if the contact did not end, or its squares are not finite. With ``own`` they are those of
+    the shot's own parameters alone, all shared ones being held.
     """
     problem.checkpoint()
     stated, item = item, problem.item_at(item, theta)
@@ -129,9 +130,10 @@ def linearise_shot(
     local = np.concatenate([shared, nuisance])
     if not problem.model.is_thinkable(local):  # such a step is refused, not clamped
         return None
-    s, p, acting = shared.size, local.size, problem.inputs_of(stated)
+    s, p, acting = shared.size, local.size, [] if own else problem.inputs_of(stated)
     rows = np.zeros((1 + p + len(acting), item.frame.samples))
-    found, gradient = problem.model.differentiate(rows[: 1 + p], local, item.frame)
+    first = s if own else 0
+    found, gradient = problem.model.differentiate(rows[: 1 + p], local, item.frame, first=first)
     if not (math.isfinite(found.rebound_ratio) and np.isfinite(gradient).all()):
         return None
     residuals, known = prior_rows(problem.model, item, local, found.rebound_ratio, gradient)
@@ -143,6 +145,9 @@ def linearise_shot(
         known = np.hstack([known[:, :s], slopes, known[:, s:]])
         chain = np.vstack([chain, np.eye(theta.size)[[j for j, _ in acting]]])
     np.subtract(item.window.signal, found.signal, out=rows[0])
+    if own:
+        rows, known, chain = np.delete(rows, slice(1, 1 + s), axis=0), known[:, s:], chain[:0]
+        s, p = 0, p - s
     products = item.products(rows)
     if not np.isfinite(products).all():  # a step so hopeless that its squares have no number
         return None

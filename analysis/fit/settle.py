@@ -6,6 +6,7 @@ import numpy as np
 
 from analysis.aliases import Array
 from analysis.fit.blocks import linearise_shot
+from analysis.fit.over_shots import for_each_shot
 from analysis.fit.problem import JointProblem
 
 SETTLE_STEPS = 8
@@ -16,7 +17,12 @@ its squares. Chosen by trial; a fit of everything follows in any case."""
 
 
 def settle(
-    problem: JointProblem, theta: Array, nuisances: Array, *, kept: tuple[str, ...] = ()
+    problem: JointProblem,
+    theta: Array,
+    nuisances: Array,
+    *,
+    kept: tuple[str, ...] = (),
+    steps: int = SETTLE_STEPS,
 ) -> Array:
     """Return the shots' own parameters at their best for given globals, each shot by itself.
 
@@ -24,29 +30,32 @@ def settle(
     starts far off does not hold the others up. The nuisances named in ``kept`` stay where they are:
     what is known before a record is a better guide than a model that is far from it.
     """
-    settled = nuisances.copy()
     free = np.array([name not in kept for name in problem.model.nuisances])
-    for row, item in enumerate(problem.shots):
-        damping = 1e-3
-        block = linearise_shot(problem, item, theta, settled[row])
-        for _ in range(SETTLE_STEPS):
+
+    def settled(row: int) -> Array:
+        """Return one shot's own parameters at their best."""
+        own, damping = nuisances[row].copy(), 1e-3
+        block = linearise_shot(problem, problem.shots[row], theta, own, own=True)
+        for _ in range(steps):
             if block is None:
                 break
-            s = block.chain.shape[0]
-            inner = block.matrix[s:, s:].copy()
+            inner = block.matrix.copy()
             inner[np.diag_indices_from(inner)] *= 1 + damping
             step = np.zeros(free.size)
             try:
-                step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[s:][free])
+                step[free] = np.linalg.solve(inner[np.ix_(free, free)], block.vector[free])
             except np.linalg.LinAlgError:
                 break  # the shot says nothing of its own parameters from here
-            moved = settled[row] + step
-            ahead = linearise_shot(problem, item, theta, moved)
+            ahead = linearise_shot(problem, problem.shots[row], theta, own + step, own=True)
             if ahead is None or not ahead.cost < block.cost:
                 damping *= 30
                 continue
             small = block.cost - ahead.cost < SETTLED_SHARE * block.cost
-            settled[row], block, damping = moved, ahead, damping / 10
+            own, block, damping = own + step, ahead, damping / 10
             if small:
                 break
-    return settled
+        return own
+
+    compiled = any(e.in_solver for e in problem.model.effects)
+    found = for_each_shot(settled, len(problem.shots), on_all_cores=compiled)
+    return np.asarray(np.reshape(found, nuisances.shape), dtype=np.float64)

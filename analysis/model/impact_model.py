@@ -428,19 +428,21 @@ class ImpactModel:
 
     @np.errstate(over="ignore", invalid="ignore")  # of a motion that ran away
     def differentiate(
-        self, table: Array, local: Array, frame: ShotFrame
+        self, table: Array, local: Array, frame: ShotFrame, *, first: int = 0
     ) -> tuple[Prediction, Array]:
         """Fill a table with the derivatives of one shot's trace.
 
-        The table, shape (p + 1, n), holds zeros; each parameter's derivative is written to the row
-        behind its place, and the first row is left to the caller. The rebound gradient has shape
-        (p,).
+        The table, shape (p + 1, n), holds zeros; the derivative by each parameter from place
+        ``first`` on is written to the row behind its place, and the first row is left to the
+        caller. The rebound gradient has shape (p,).
         """
         model = self.felt_by(frame)
         try:
             centre = model._column(local, frame)
             steps = model._allowed(model._steps(centre))
-            found, gradient = neighbours.fill_neighbours(table, model, frame, centre, steps)
+            found, gradient = neighbours.fill_neighbours(
+                table, model, frame, centre, steps=steps, first=first
+            )
         except OverflowError:  # an effect's numbers that no float can hold
             table[:] = math.nan
             return _nothing(frame), np.full(local.size, math.nan)

@@ -274,16 +274,23 @@ def free_part(model: ImpactModel, samples: int, column: Column) -> Array | None:
 
 
 def fill_neighbours(
-    table: Array, model: ImpactModel, frame: ShotFrame, centre: Column, steps: int
+    table: Array,
+    model: ImpactModel,
+    frame: ShotFrame,
+    centre: Column,
+    *,
+    steps: int,
+    first: int,
 ) -> tuple[Array, Array]:
     """Fill a table with the trace (row 0) and the differences that the local parameters make.
 
     The table, shape (p + 1, n), is of zeros. It gets the trace without baseline and free sizes,
-    then derivatives. [unit of the signal, per unit of the parameter] Return the trace's row of
-    `add_first_contacts` and the derivative of the rebound ratio, shape (p,).
+    then derivatives by the parameters from place ``first`` on. [unit of the signal, per unit of the
+    parameter] Return the trace's row of `add_first_contacts` and the derivative of the rebound
+    ratio, shape (p,).
     """
     chain = model.chain
-    columns = [(move, moved(model, frame, centre, move)) for move in model.moves]
+    columns = [(m, moved(model, frame, centre, m)) for m in model.moves if m.at >= first]
     solved = [centre, *(c for move, c in columns if move.stage == SOLVE)]
     found, ends = add_first_contacts(table, model, solved, steps)
     gradient = np.zeros(centre.local.size)
@@ -291,9 +298,9 @@ def fill_neighbours(
     for c, r in zip(solved[1:], ratio[1:], strict=True):
         if c.step == LOG_STEP:  # touch-down does not change the rebound
             gradient[c.row - 1] = (r - ratio[0]) / LOG_STEP
-    first = table[0]
+    alone = table[0]
     if model.has_second_contacts:
-        first = table[0].copy()
+        alone = table[0].copy()
         for c, end in zip(solved, ends, strict=True):
             add_second_contacts(table[c.row], model, c, steps, end)
     stages = read(table[0].copy(), chain, centre)
@@ -305,7 +312,7 @@ def fill_neighbours(
                 continue
             row[:] = stages[0] * math.exp(-move.step)
         elif move.stage == AGAIN:
-            row[:] = first
+            row[:] = alone
             add_second_contacts(row, model, column, steps, ends[0])
         if move.stage == READ:
             since = chain.index(move.effect)
