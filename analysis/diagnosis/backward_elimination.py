@@ -153,7 +153,8 @@ def _reduced(step: Step, dropped: Effect) -> Step | None:
 def _fitted_without(step: Step, dropped: Effect) -> Step | None:
     """Return a step's model without an effect, fitted as far as it comes near the shots.
 
-    To a part of them first: what is hopeless there is needed, and how hopeless makes no difference.
+    To a part of them first: no fit that came near was hopeless for so many steps. What is hopeless
+    there is needed, and how hopeless makes no difference.
     """
     kept = tuple(e for e in step.problem.model.effects if e.id != dropped.id)
     model = dataclasses.replace(step.problem.model, effects=kept)
@@ -173,7 +174,7 @@ def _fitted_without(step: Step, dropped: Effect) -> Step | None:
     nuisances = carried_over(step.problem.model, model, step.fitted.nuisances)
     places = thinned(problem, MORE)
     few = dataclasses.replace(problem, shots=[problem.shots[i] for i in places])
-    part = joint.fit_to_compare(few, nuisances[places], max_iterations=MOST_STEPS)
+    part = joint.fit_to_compare(few, nuisances[places], max_iterations=joint.CREEP_STEPS)
     if part.failed:
         return None
     nuisances[places] = part.nuisances

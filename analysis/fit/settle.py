@@ -57,5 +57,7 @@ def settle(
         return own
 
     compiled = any(e.in_solver for e in problem.model.effects)
-    found = for_each_shot(settled, len(problem.shots), on_all_cores=compiled)
-    return np.asarray(np.reshape(found, nuisances.shape), dtype=np.float64)
+    found = nuisances.copy()
+    for row, own in enumerate(for_each_shot(settled, len(problem.shots), on_all_cores=compiled)):
+        found[row] = own
+    return found
