@@ -34,7 +34,8 @@ def settle(
 
     def settled(row: int) -> Array:
         """Return one shot's own parameters at their best."""
-        own, damping = nuisances[row].copy(), 1e-3
+        own: Array = nuisances[row].copy()
+        damping = 1e-3
         block = linearise_shot(problem, problem.shots[row], theta, own, own=True)
         for _ in range(steps):
             if block is None:
@@ -57,7 +58,5 @@ def settle(
         return own
 
     compiled = any(e.in_solver for e in problem.model.effects)
-    found = nuisances.copy()
-    for row, own in enumerate(for_each_shot(settled, len(problem.shots), on_all_cores=compiled)):
-        found[row] = own
-    return found
+    found = for_each_shot(settled, len(problem.shots), on_all_cores=compiled)
+    return np.array(found).reshape(nuisances.shape)
