@@ -19,7 +19,7 @@ from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes
 from analysis.diagnosis.candidate import Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Projection
-from analysis.diagnosis.successive_halving import better_on_part
+from analysis.diagnosis.successive_halving import STEPS_ON_ALL, better_on_part
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -204,9 +204,20 @@ def _in_grouping(
         for key in larger.effect_keys(at):
             if (felt & (keys == key)).any():  # who did not feel it begins next to neutral
                 theta[larger.names.index(key)] = values[felt & (keys == key)].mean()
-    result = joint.fit_to_compare(larger, nuisances, theta=theta)
+    result = _fitted(larger, nuisances, theta)
     other = dataclasses.replace(found, effect=effect, scope=scope, problem=larger, fitted=result)
     return refitted(other, problem, base)
+
+
+def _fitted(
+    problem: JointProblem, nuisances: NDArray[np.float64], theta: NDArray[np.float64]
+) -> joint.Fitted:
+    """Return a fit from where another grouping ended; one that is far off then goes no further."""
+    found = joint.fit_to_compare(problem, nuisances, theta=theta, max_iterations=STEPS_ON_ALL)
+    samples = sum(item.data for item in problem.shots)
+    if found.failed or found.converged or found.cost > joint.FAR_OFF * samples:
+        return found
+    return joint.fit_to_compare(problem, found.nuisances, theta=found.theta)
 
 
 def _begun(
@@ -235,7 +246,7 @@ def _on_some(
         mean = float(_values(each, before)[felt].mean())
         start = sizes.common(only.names)[0] if place == at and parameter.form != "log" else mean
         theta[larger.names.index(larger.effect_keys(row)[0])] = start
-    result = joint.fit_to_compare(larger, nuisances, theta=theta)
+    result = _fitted(larger, nuisances, theta)
     other = dataclasses.replace(
         each, effect=effect, scope=only.kind, problem=larger, fitted=result, common=0.0
     )

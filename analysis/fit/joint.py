@@ -45,9 +45,13 @@ HOPELESS = 10.0
 Measured: sound fits that ended at a rebound too fast left 1.02 to 1.5, models that lack physics 100
 to 11 000, and for those a second descent would only double the cost."""
 CREEP_STEPS, CREEP_SHARE = 20, 0.01
-"""The fit of a hopeless model stops when its squares fell by less than this share in so many steps.
-Measured on eight campaigns in which the base left 5e6 to 2e9 squares: no fit that came near the
-shots was hopeless for 20 steps; 57 were, ended so, and 35 of these fell by less than this share."""
+"""The fit of a model that is far off stops when its squares fell by less than this share in so many
+steps. Measured on eight campaigns in which the base left 5e6 to 2e9 squares: no fit that came near
+the shots was hopeless for 20 steps; 57 were, ended so, and 35 of these fell by less than this."""
+FAR_OFF = 3.0
+"""Variance of the residual over the noise's above which a fit that creeps stops, where models are
+only compared. Derived: at a hundredth in 20 steps noise is then 2200 steps away, 18 times as many
+as any fit gets."""
 NEARLY_FREE = 1e-2
 """Damping below which a step is within a hundredth as long as the linear model has it."""
 SUM_ROUNDING = 1e-12
@@ -259,6 +263,7 @@ def fit(
     max_iterations: int = MAX_ITERATIONS,
     damping: float = START_DAMPING,
     tolerance: float = STEP_TOLERANCE,
+    far_off: float = HOPELESS,
     blocks: list[ShotBlock] | None = None,
     progress: Callable[[str, float], None] | None = None,
 ) -> Fitted:
@@ -276,6 +281,8 @@ def fit(
         Of the first step; next to none where the start is known to be near.
     tolerance : float
         Share of a standard uncertainty below which a step is not worth making.
+    far_off : float
+        Variance of the residual over the noise's above which a fit that creeps stops.
     blocks : list of ShotBlock, optional
         At the start, where a fit has ended there.
     """
@@ -285,7 +292,7 @@ def fit(
         blocks = _linearise_all(problem, theta, nuisances)
     if blocks is None:
         return _nowhere(theta, nuisances)
-    steps = _Steps(max_iterations, damping, tolerance, progress)
+    steps = _Steps(max_iterations, damping, tolerance, far_off, progress)
     fitted = _descend(problem, theta, nuisances, blocks, steps)
     sound = _gains_energy(problem, nuisances) or not _gains_energy(problem, fitted.nuisances)
     if sound or is_hopeless(problem, fitted.cost):
@@ -295,7 +302,7 @@ def fit(
     return again if again.cost < fitted.cost else fitted
 
 
-fit_to_compare = partial(fit, tolerance=SEARCH_TOLERANCE)
+fit_to_compare = partial(fit, tolerance=SEARCH_TOLERANCE, far_off=FAR_OFF)
 """`fit` where models are only compared."""
 
 
@@ -323,6 +330,7 @@ class _Steps:
     most: int
     damping: float
     tolerance: float
+    far_off: float
     progress: Callable[[str, float], None] | None
 
 
@@ -338,7 +346,7 @@ def _descend(
     while not converged and iteration < steps.most:
         iteration += 1
         creeps = len(passed) >= CREEP_STEPS and passed[-CREEP_STEPS] - cost < CREEP_SHARE * cost
-        if creeps and is_hopeless(problem, cost):
+        if creeps and cost > steps.far_off * samples:
             break
         passed.append(cost)
         try:

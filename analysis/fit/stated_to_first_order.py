@@ -17,7 +17,7 @@ from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import numbers_of_shots, widened_by
 from analysis.fit.inputs import STATED
-from analysis.fit.joint import LEAST_DAMPING, Fitted, fit
+from analysis.fit.joint import FAR_OFF, LEAST_DAMPING, Fitted, fit
 from analysis.fit.problem import JointProblem
 
 
@@ -66,7 +66,7 @@ def fitted_with_stated_numbers(
     wide = with_stated_numbers(problem, fitted)
     if wide is None:
         return None
-    found = fit(wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING)
+    found = fit(wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING, far_off=FAR_OFF)
     return None if found.failed else (wide[0], found)
 
 
