@@ -62,8 +62,11 @@ def best_grouping(
 def best_grouping_from_afar(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     """Return what `best_grouping` does, the groupings held against one another on a part of shots.
 
-    Where structure is left a fit has a long way, and the right grouping leads by far.
+    Where structure is left a fit has a long way, and the right grouping leads by far. ``found``
+    itself where it has no other grouping, as another base model has none.
     """
+    if len(scopes_of(found.effect)) < 2:
+        return found
     return better_on_part(problem, base, found, best_grouping)
 
 
