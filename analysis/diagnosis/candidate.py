@@ -32,6 +32,9 @@ KNOWN_BEFORE = ("ln_v0", "ln_e")
 """What of a shot height and materials tell better than a model that is far from the record."""
 HELD = 1e-3
 """How far an effect's coordinates may move from a far start while the rest comes near."""
+STEPS_FROM_NEAR = 25
+"""Of a fit that begins where one like it ended: another form or grouping, more shots. Measured in
+eight campaigns with two effects: 51 of 55 such fits ended within 20 steps."""
 MOST_HALVINGS = 8
 """Of a start's size: a step 256 times too long is no promise any more."""
 COORDINATE_U = 20.0
@@ -157,7 +160,7 @@ def refit(
     scope: str,
     coefficients: dict[str, float],
     linear_gain: float,
-    max_iterations: int = 25,
+    max_iterations: int = STEPS_FROM_NEAR,
     begin: joint.Fitted | None = None,
     only: ActsOn | None = None,
 ) -> Refit:
@@ -430,7 +433,8 @@ of the pulse: what seems slower, and to gain energy, seems to come earlier. Meas
 shots: from 0.1 and 0.15 later every restitution led back, from no later none."""
 
 RESTART_STEPS = 2
-"""Of each, before the likeliest goes on to its end."""
+"""Of each, before the likeliest goes on to its end. Measured in two campaigns with two effects: of
+106 fits with such shots 94 ended lower, and 96 where every restart went to its end."""
 
 
 def fitted_below_one(
@@ -458,11 +462,11 @@ def fitted_below_one(
             if item.speed_prior is not None:
                 own[at, SPEED] = item.speed_prior.mean
         begun.append(settle(some, fitted.theta, own, steps=RESTART_STEPS))
-    likeliest = np.argmin([_costs_with_loss(some, fitted.theta, own) for own in begun], axis=0)
+    likeliest = np.argmin([_squares_if_slower(some, fitted.theta, own) for own in begun], axis=0)
     own = settle(some, fitted.theta, np.array(begun)[likeliest, range(gaining.size)])
     nuisances = fitted.nuisances.copy()
     for row, cost, moved in zip(
-        gaining, _costs_with_loss(some, fitted.theta, own), own, strict=True
+        gaining, _squares_if_slower(some, fitted.theta, own), own, strict=True
     ):
         if math.isfinite(cost):
             nuisances[row] = moved
@@ -474,7 +478,7 @@ def fitted_below_one(
     return again if not again.failed and again.cost < fitted.cost else fitted
 
 
-def _costs_with_loss(problem: JointProblem, theta: Array, nuisances: Array) -> list[float]:
+def _squares_if_slower(problem: JointProblem, theta: Array, nuisances: Array) -> list[float]:
     """Return the squares of each shot; infinite where it leaves faster than it came."""
     return [
         shot_cost(problem, item, theta, own) if own[LOSS] <= 0.0 else math.inf

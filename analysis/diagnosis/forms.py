@@ -14,7 +14,13 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from analysis.diagnosis.candidate import Refit, extended, fitted_coordinate, refitted
+from analysis.diagnosis.candidate import (
+    STEPS_FROM_NEAR,
+    Refit,
+    extended,
+    fitted_coordinate,
+    refitted,
+)
 from analysis.diagnosis.successive_halving import better_on_part
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
@@ -23,8 +29,6 @@ from analysis.fit.nuisances import carried_over
 from analysis.fit.physical_range import HARDLY
 from analysis.fit.problem import JointProblem
 
-STEPS = 25
-"""Of each fit: it begins near, and what has not ended by then is behind. Chosen by trial."""
 STARTS_FITTED = 2
 """Of a form, the cheapest before any fit. Chosen by trial."""
 FINER = 3
@@ -137,7 +141,7 @@ def _cheapest(
                     theta[j] = 0.0 if name.group in neutral and parameter.form != "log" else value
         ways.append((joint.total_cost(larger, theta, nuisances), len(ways), theta))
     fits = [
-        joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=STEPS)
+        joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=STEPS_FROM_NEAR)
         for cost, _, theta in sorted(ways)[:STARTS_FITTED]
         if math.isfinite(cost)
     ]

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from analysis.diagnosis.basis.groupings import Sizes
 from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes_of, size_of
-from analysis.diagnosis.candidate import Refit, extended, refitted
+from analysis.diagnosis.candidate import STEPS_FROM_NEAR, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Projection
-from analysis.diagnosis.successive_halving import STEPS_ON_ALL, better_on_part
+from analysis.diagnosis.successive_halving import better_on_part
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
@@ -216,11 +216,11 @@ def _fitted(
     problem: JointProblem, nuisances: NDArray[np.float64], theta: NDArray[np.float64]
 ) -> joint.Fitted:
     """Return a fit from where another grouping ended; one that is far off then goes no further."""
-    found = joint.fit_to_compare(problem, nuisances, theta=theta, max_iterations=STEPS_ON_ALL)
+    found = joint.fit_to_compare(problem, nuisances, theta=theta, max_iterations=STEPS_FROM_NEAR)
     samples = sum(item.data for item in problem.shots)
     if found.failed or found.converged or found.cost > joint.FAR_OFF * samples:
         return found
-    return joint.fit_to_compare(problem, found.nuisances, theta=found.theta)
+    return joint.fit_to_compare(problem, found.nuisances, theta=found.theta, blocks=found.blocks)
 
 
 def _begun(

@@ -14,7 +14,14 @@ from dataclasses import dataclass, field
 
 from analysis.aliases import Array
 from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
-from analysis.diagnosis.candidate import Refit, continued, refit, refit_elsewhere, refitted
+from analysis.diagnosis.candidate import (
+    STEPS_FROM_NEAR,
+    Refit,
+    continued,
+    refit,
+    refit_elsewhere,
+    refitted,
+)
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.multistart import (
@@ -47,8 +54,6 @@ AFAR_KEPT, AFAR_STEPS = 4, 14
 STEPS_ON_PART = 25
 """Of the present model's fit to a part of the shots: it begins at its best on all. Measured: of 35
 such fits in seven campaigns 32 ended within 7 steps, one after 21, and two crept on past 100."""
-STEPS_ON_ALL = 25
-"""Of a fit to all shots from its best on a part: what has not ended by then is behind."""
 ALWAYS_TRIED = 6
 """Effects that are fitted even where the first has left nothing for others to explain."""
 
@@ -194,7 +199,7 @@ def rivals_refitted(
         near = [
             refit_elsewhere(
                 one, few_base=base, few=places, many=whole, problem=problem, base=fitted,
-                max_iterations=STEPS_ON_ALL,
+                max_iterations=STEPS_FROM_NEAR,
             )
             for one in near
         ]  # fmt: skip
@@ -322,7 +327,7 @@ def _later_rounds(
         if len(more) < whole:
             moved = refit_elsewhere(
                 one, few_base=base_large, few=more, many=everything, problem=problem, base=fitted,
-                max_iterations=STEPS_ON_ALL,
+                max_iterations=STEPS_FROM_NEAR,
                 anchors=_anchors(
                     present, Part(more, base_large), Part(everything, fitted), one.effect, far=far
                 ),
@@ -411,7 +416,7 @@ def better_on_part(
         few_base=few_base,
         base=base,
         problem=problem,
-        max_iterations=STEPS_ON_ALL,
+        max_iterations=STEPS_FROM_NEAR,
     )
     if best.common > 0.0:  # of what one size for these shots takes up, as much more as of the whole
         whole = dataclasses.replace(whole, common=best.common * whole.gain / best.gain)
