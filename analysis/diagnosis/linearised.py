@@ -13,7 +13,7 @@ errors of hundreds of hypotheses cost milliseconds, at the price of being first 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -31,7 +31,7 @@ from analysis.diagnosis.basis.families import (
 )
 from analysis.diagnosis.basis.form_error import Discrepancy
 from analysis.diagnosis.basis.groupings import Sizes, Weights, groups
-from analysis.diagnosis.basis.proposals import Proposal, column
+from analysis.diagnosis.basis.proposals import Proposal, column, rescoped
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.marginal_likelihood import log_det
 from analysis.effects.acts_on import KINDS
@@ -39,6 +39,7 @@ from analysis.fit.blocks import prior_rows
 from analysis.fit.inputs import LAW, STATED
 from analysis.fit.joint import Fitted, solve_normal
 from analysis.fit.problem import FitShot, JointProblem
+from analysis.model.impact_model import ImpactModel
 
 Families = dict[str, tuple[list[int], list[str]]]
 """Positions of each family's columns, and their labels."""
@@ -217,8 +218,13 @@ class Linearised:
                 chains[row] = np.hstack([chains[row], wider])
             labels += [f"{lab}{f' [{o}]' if o else ''}" for o in names for lab in own_labels]
             groups += [o for o in names for _ in own_labels]
-        matrices = [c.T @ s.matrix @ c for c, s in zip(chains, self.shots, strict=True)]
-        vectors = [c.T @ s.vector for c, s in zip(chains, self.shots, strict=True)]
+        asked = {place for family, _ in parts for place in self.families[family][0]}
+        matrices, vectors = [], []
+        for shot, chain in zip(self.shots, chains, strict=True):
+            at = sorted(asked.union(range(shot.chain.shape[0])))  # few of hundreds of columns
+            wide = chain[at]
+            matrices.append(wide.T @ shot.matrix[np.ix_(at, at)] @ wide)
+            vectors.append(wide.T @ shot.vector[at])
         free = len(labels)
         whole = sum(matrices) + block_diag(self.precision, np.zeros((free, free)))
         load = sum(vectors) + np.append(self.pull, np.zeros(free))
@@ -325,8 +331,12 @@ def linearise(
     values of which the residual is looked at, and the family `LAW`.
     """
     scale = tuned(problem, fitted, scale_of(problem, fitted), wanted)
+    forms = {one.effect.id: rescoped(one.effect, "rig") for one in tried}
+    wider = {name: problem.model.with_effect(effect) for name, effect in forms.items()}
     every = [
-        _linearised_shot(problem, fitted, row, scale, tried=tried, wanted=wanted, inexact=inexact)
+        _linearised_shot(
+            problem, fitted, row, scale, tried=tried, wider=wider, wanted=wanted, inexact=inexact
+        )
         for row in range(len(problem.shots))
     ]
     families = every[0][2]
@@ -388,7 +398,8 @@ def _stated(problem: JointProblem, item: FitShot) -> tuple[list[str], Array, Arr
 
 def _linearised_shot(
     problem: JointProblem, fitted: Fitted, row: int, scale: Scale, *,
-    tried: Sequence[Proposal], wanted: Sequence[str], inexact: Discrepancy | None,
+    tried: Sequence[Proposal], wider: Mapping[str, ImpactModel], wanted: Sequence[str],
+    inexact: Discrepancy | None,
 ) -> tuple[LinearisedShot, _Way, Families]:  # fmt: skip
     """Return one shot, how it follows the globals, and where each family's columns are."""
     problem.checkpoint()
@@ -402,7 +413,8 @@ def _linearised_shot(
     parts = {family: family_columns(view, family) for family in wanted}
     share, _ = problem.coupon_share(item, float(shared[0]), chain[0])
     for proposal in tried:
-        columns, shift = column(proposal, model, local, item, found.signal, coupon_share=share)
+        models = model, wider[proposal.effect.id]
+        columns, shift = column(proposal, models, local, item, found.signal, coupon_share=share)
         labels = [f"{proposal.key}.{j}" if j else proposal.key for j in range(shift.size)]
         parts[proposal.key] = (labels, columns, shift)
     if inexact is not None:

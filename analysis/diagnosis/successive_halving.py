@@ -75,12 +75,15 @@ def ranked(
     """
     places = thinned(present.problem, FEW)
     few, base = part_of(present.problem, present.fitted, places)
+    chi2, samples = sum(b.chi2 for b in base.blocks), sum(s.data for s in few.shots)
+    bent = chi2 - samples > CRITERIA.search.curved_squares
+    far = chi2 > CRITERIA.search.far_squares_per_sample * samples
+    if not bent:  # a few shots show too little of what is small, and slopes say all of it
+        places = list(range(len(present.problem.shots)))
+        few, base = present.problem, present.fitted
+        samples = sum(s.data for s in few.shots)
     tried = [*tried, *where_it_rings(few, base, tried)]
-    linearised = linearise(few, base, tried)
-    entries = starts(linearised, tried, alone=alone)
-    samples = sum(s.white.size for s in linearised.shots)
-    bent = linearised.chi2 - samples > CRITERIA.search.curved_squares
-    far = linearised.chi2 > CRITERIA.search.far_squares_per_sample * samples
+    entries = starts(linearise(few, base, tried), tried, alone=alone)
     begins = _begins(present, few, base, places) if far else []
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []

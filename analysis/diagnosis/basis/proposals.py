@@ -123,16 +123,17 @@ def proposals(problem: JointProblem) -> tuple[list[Proposal], dict[str, str]]:
 
 
 def column(
-    proposal: Proposal, model: ImpactModel, local: Array, item: FitShot, base: Array,
-    *, coupon_share: float = 1.0,
+    proposal: Proposal, models: tuple[ImpactModel, ImpactModel], local: Array, item: FitShot,
+    base: Array, *, coupon_share: float = 1.0,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Return what a proposal adds to one shot per unit coefficient: signal and promised ln v0.
 
     Of shapes (n, q) and (q,), q being 1 or the number of free sizes of an effect with a basis.
+    ``models`` are the present one and the same with the effect, all of its numbers the rig's;
     ``base`` is the present model's signal, ``coupon_share`` the coupon's share in the compliance of
     the two bodies, for an effect that depends on it.
     """
-    effect = proposal.effect
+    effect, (model, tried) = proposal.effect, models
     if effect.basis is not None:
         found = effect.basis(item.frame.samples, model.context(local, item.frame))
         return found * item.window.peak, np.zeros(found.shape[1])
@@ -142,7 +143,6 @@ def column(
     if proposal.amplitude is not None:
         step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
         coordinates[proposal.amplitude] = step
-    tried = model.with_effect(rescoped(effect, "rig"))
     share = [coupon_share] if effect.by_coupon_share else []
     moved = np.concatenate([local[:at], coordinates, share, local[at:]])
     signal = tried.predict(moved, item.frame).signal

@@ -101,7 +101,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.check_noise),
         "effects": [
-            *(_effect(diagnosis, refit, after) for refit in diagnosis.chosen),
+            *(_effect(diagnosis, refit, free_after) for refit in diagnosis.chosen),
             *_mistake(diagnosis),
         ],
         "set_aside": [dataclasses.asdict(one) for one in diagnosis.set_aside],
@@ -111,7 +111,9 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "before": base,
         "after": stated,
         "mean_waveform": mean.to_json(),
-        "accepted_model": definition_of(after.problem, after.fitted) if accepted else None,
+        "accepted_model": definition_of(free_after.problem, free_after.fitted)
+        if accepted
+        else None,
         "remaining": _remaining(diagnosis, last),
         "closure": _discrepancy(last, located),
         "candidates": candidates,

@@ -27,6 +27,7 @@ from impactd.bench.blind.outcome import (
     names_all,
     outcome,
 )
+from impactd.bench.blind.own_numbers import of_own_numbers
 from impactd.bench.blind.plan import COLOURS
 from impactd.bench.blind.trial import Trial
 from impactd.bench.blind.visibility import VISIBLE
@@ -56,6 +57,7 @@ def answers(trials: Group) -> list[Answer]:
         of_mistakes,
         _repair,
         _modulus,
+        of_own_numbers,
         _time,
     )
     return [answer for ask in asked for answer in ask(trials) if answer is not None]

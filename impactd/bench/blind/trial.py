@@ -44,6 +44,9 @@ class Trial:
         Where each named effect acts, as the truth says it: side to name or names; empty where it
         acts on everything. Of a mistake that was named its scope, and ``first_shot`` where the
         diagnosis says from which place in the order of the shots on.
+    numbers : list of dict
+        Of each named effect its own numbers as the diagnosis states them, by name and group:
+        value, u, interval95 and the like.
     slot : str or None
         Where it put the discrepancy.
     p_value : float or None
@@ -90,6 +93,7 @@ class Trial:
     named: list[str] = field(default_factory=list)
     confusable: list[str] = field(default_factory=list)
     acts_on: list[Json] | None = None  # of lines that were written before it was asked
+    numbers: list[Json] = field(default_factory=list)
     slot: str | None = None
     p_value: float | None = None
     visible: float | None = None
@@ -226,6 +230,7 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
         "named": [e["id"] for e in stated["effects"]],
         "confusable": [n for e in stated["effects"] for n in e.get("confusable_with", [])],
         "acts_on": [where(e) for e in stated["effects"]],
+        "numbers": [e.get("parameters", {}) for e in stated["effects"]],
         "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),
         "slot": stated["slot"],
         "p_value": stated["p_value"],

@@ -8,6 +8,7 @@ import math
 
 import pytest
 
+from analysis.campaign import Uncertainty
 from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
 from analysis.diagnosis.forward_selection import Selection
 from analysis.diagnosis.localisation import locate
@@ -61,6 +62,29 @@ def test_an_identified_effect_comes_with_numbers_and_both_blocks(leaky_json):
     assert after["heldout_rms_V"] == pytest.approx(leaky_json["noise_rms_V"], rel=0.1)
     assert leaky_json["remaining"]["structured"] is False
     json.dumps(leaky_json, allow_nan=False)
+
+
+def test_an_effect_is_as_uncertain_as_the_numbers_that_were_stated(leaky):
+    """A clock good to one per cent leaves a time constant one per cent open, wherever it stands."""
+    slow = Uncertainty(0.01)
+    steps = [
+        dataclasses.replace(
+            step,
+            problem=dataclasses.replace(
+                step.problem,
+                campaign=dataclasses.replace(step.problem.campaign, u_sample_rate_relative=slow),
+            ),
+        )
+        for step in leaky.steps
+    ]
+    found = diagnosis_json(dataclasses.replace(leaky, steps=steps), software="impactd test")
+    (effect,) = found["effects"]
+    constant = effect["parameters"]["time_constant_s"]
+    assert constant == found["after"]["parameters"]["coupler_highpass.time_constant_s"]
+    assert constant["u"] > 0.01 * constant["value"]
+    (known,) = found["accepted_model"]["effects"][0]["numbers"].values()
+    relative = constant["u"] / constant["value"]
+    assert known["u"] / known["coordinate"] == pytest.approx(relative)
 
 
 def test_the_verdict_says_what_the_effect_moves(leaky_json):
