@@ -281,7 +281,8 @@ def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
     longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
     # as in a whole search: what is third must leave noise with every law as it is written, or it
     # only names what the first two leave for their forms
-    return selection if len(longer.chosen) == MAX_EFFECTS and not longer.settled else longer
+    last = len(longer.chosen) == MAX_EFFECTS
+    return longer if longer.needs_last and (longer.settled or not last) else selection
 
 
 def not_held_against(selection: Selection) -> dict[str, list[str]]:

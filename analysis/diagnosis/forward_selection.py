@@ -127,6 +127,19 @@ class Selection:
         return not run_score_test(linearise(unwatched(last.problem), last.fitted)).structured
 
     @property
+    def needs_last(self) -> bool:
+        """Whether the last effect is worth its numbers where every law may be wrong by a little.
+
+        The laws of those before it may take up what it does. Far from noise nobody asks: no law is
+        wrong by so much.
+        """
+        before, after = self.steps[-2], self.steps[-1]
+        if is_far_from_noise(before.problem, before.fitted):
+            return True
+        instead = before.linearised.gain_of_inexactness - after.linearised.gain_of_inexactness
+        return self.chosen[-1].score() - instead > CRITERIA.comparison.least_lead
+
+    @property
     def score(self) -> float:
         """Return the whitened squares left, numbers paid for."""
         paid = sum(r.gain - r.score() for r in self.chosen)
@@ -276,17 +289,19 @@ def _split_by_material(
     step = Step(first.problem, first.fitted)
     step.refits += seconds
     selection = Selection([*start.steps, step], [*start.chosen, first])
-    second = useful(step)[:1]
-    return selection.on(second[0]) if second else None
+    for second in useful(step)[:1]:
+        longer = selection.on(second)
+        return longer if longer.needs_last else None
+    return None
 
 
 def _with_second(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
     """Return a selection with what helps most on top; the selection itself where nothing does."""
     if not selection.settled:
         try_effects(selection.last, usual, progress, selection.steps[-2].refits)
-        found = useful(selection.last)
-        if found:
-            return selection.on(found[0])
+        for found in useful(selection.last)[:1]:
+            longer = selection.on(found)
+            return longer if longer.needs_last else selection
     return selection
 
 

@@ -83,7 +83,7 @@ def ranked(
         few, base = present.problem, present.fitted
         samples = sum(s.data for s in few.shots)
     tried = [*tried, *where_it_rings(few, base, tried)]
-    entries = starts(linearise(few, base, tried), tried, alone=alone)
+    entries = starts(linearise(few, base, tried, wanted=()), tried, alone=alone)
     begins = _begins(present, few, base, places) if far else []
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
@@ -182,7 +182,7 @@ def rivals_refitted(
     few, base = part_of(problem, fitted, places)
     lead = base.cost - part_of(taken.problem, taken.fitted, places)[1].cost
     found = []
-    for own in starts(linearise(few, base, tried), tried).values():
+    for own in starts(linearise(few, base, tried, wanted=()), tried).values():
         forms: dict[str, Start] = {}
         for start in own:
             if start.scope == "rig":
@@ -309,6 +309,10 @@ def _later_rounds(
     more = thinned(problem, MORE if bent else whole)
     large, base_large = part_of(problem, fitted, more)
     for at, one in enumerate(first[:INTO_SECOND]):
+        if len(part.places) == whole:  # that is where it was fitted
+            ended = one.fitted.converged
+            second.append(one if ended else continued(fitted, one, max_iterations=SECOND_STEPS))
+            continue
         progress(f"refining {one.effect_id}", 0.6 + 0.2 * at / INTO_SECOND)
         moved = refit_elsewhere(
             one, few_base=part.base, few=part.places, many=more, problem=large, base=base_large,
