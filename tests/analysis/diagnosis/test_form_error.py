@@ -14,8 +14,9 @@ from analysis.budget_sources import sources
 from analysis.campaign import Campaign
 from analysis.diagnosis.basis.form_error import Discrepancy, discrepancy
 from analysis.diagnosis.candidate import extended
+from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.forward_selection import Step
+from analysis.diagnosis.forward_selection import Selection, Step, try_effects, useful
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
@@ -180,6 +181,15 @@ def test_a_law_that_is_wrong_by_ten_epsilon_leaves_structure(
         wrong[j] = 10.0 * inexact.u
         found = run_score_test(_wrong_by(leaky.steps[-1], inexact, wrong))
         assert found.structured, inexact.names[j]
+
+
+def test_what_one_law_leaves_for_its_form_needs_no_second_effect(taped: Step) -> None:
+    """A second mode is 94 squares ahead as the layer's law is written, and behind where it errs."""
+    step = Step(taped.problem, taped.fitted)
+    try_effects(step, taped.fitted, lambda stage, share: None)
+    best = useful(step)[0]
+    assert best.score() > 5.0 * CRITERIA.comparison.least_lead
+    assert not Selection([step], []).on(best).needs_last
 
 
 def test_a_model_without_effects_has_no_discrepancy(clean: Diagnosis) -> None:
