@@ -73,15 +73,17 @@ def ranked(
     to a part of the shots, what they explain scaled to all. ``first``: nothing was added yet, and
     every effect is tried where slopes mislead.
     """
-    places = thinned(present.problem, FEW)
-    few, base = part_of(present.problem, present.fitted, places)
-    chi2, samples = sum(b.chi2 for b in base.blocks), sum(s.data for s in few.shots)
-    bent = chi2 - samples > CRITERIA.search.curved_squares
+    places, everything = thinned(present.problem, FEW), list(range(len(present.problem.shots)))
+    chi2 = sum(b.chi2 for b in present.fitted.blocks)
+    samples = sum(item.data for item in present.problem.shots)
+    # as much as so few shots have of it: their own squares scatter by as much
+    excess = (chi2 - samples) * len(places) / len(everything)
+    bent = excess > CRITERIA.search.curved_squares
     far = chi2 > CRITERIA.search.far_squares_per_sample * samples
     if not bent:  # a few shots show too little of what is small, and slopes say all of it
-        places = list(range(len(present.problem.shots)))
-        few, base = present.problem, present.fitted
-        samples = sum(s.data for s in few.shots)
+        places = everything
+    few, base = part_of(present.problem, present.fitted, places)
+    samples = sum(item.data for item in few.shots)
     tried = [*tried, *where_it_rings(few, base, tried)]
     entries = starts(linearise(few, base, tried, wanted=()), tried, alone=alone)
     begins = _begins(present, few, base, places) if far else []
