@@ -76,8 +76,8 @@ class Search:
     far_squares_per_sample: float = 1.5
     """From which the present fit is no place to begin. Chosen by trial."""
     curved_squares: float = 300.0
-    """Of nine shots beyond the noise, by the mean of all, from which a slope is only a promise. Chosen
-    by trial."""
+    """Of nine shots beyond the noise, by the mean of all, from which a slope is only a promise.
+    Chosen by trial."""
     start_difference: float = 1.0
     """Squares by which a start must differ from the model without the effect. Chosen by trial."""
     known_prior_u: float = 0.3

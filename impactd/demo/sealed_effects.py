@@ -9,7 +9,7 @@ from analysis.effects.library import library
 from analysis.written_numbers import measured
 from impactd.aliases import Json
 
-_LIBRARY_NAMES = {
+LIBRARY_NAMES = {
     ("clipping", "limit_v"): "ceiling_v",
     ("echo", "ratio"): "strength",
     ("viscoelastic_damping", "relaxation_s"): "dissipation_time_s",
@@ -95,7 +95,7 @@ def _renamed(truth: Json, effect: Json) -> list[tuple[str, float]]:
             ratio = truth["sensor"]["crystal_mass_kg"] / value
             numbers.append(("crystal_over_base_mass", ratio))
         else:
-            numbers.append((_LIBRARY_NAMES.get((effect["id"], name), name), value))
+            numbers.append((LIBRARY_NAMES.get((effect["id"], name), name), value))
     return numbers
 
 

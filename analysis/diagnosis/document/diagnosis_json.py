@@ -20,6 +20,7 @@ from analysis.diagnosis.document.moduli_stated import (
     is_noise_without_statements,
     widen_over_family,
     withhold_sought,
+    without_uncertainty,
 )
 from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import as_fit_result, heldout_or_none
@@ -305,8 +306,10 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
         every = effect_parameters_json(after.problem, after.fitted)
         found = {name.short: one for name, one in every.items() if name.is_of(refit.effect.id)}
     # a group of whom the effect asks nothing has no finite value (a stiffness without limit)
-    nothing = {"value": None, "u": None, "unit": ""}
-    parameters = {name: value or nothing for name, value in found.items()}
+    parameters = {
+        name: value if value and diagnosis.leaves_noise else without_uncertainty(value)
+        for name, value in found.items()
+    }
     shown = next((one for one in diagnosis.shown if one.form == refit.effect.id), None)
     if shown is not None:  # nobody knows how far what is missing moves what the records say
         parameters = {

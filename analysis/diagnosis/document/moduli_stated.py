@@ -1,8 +1,9 @@
 """Which moduli a diagnosis states, and how far their intervals reach.
 
 A modulus is stated where the model that stands leaves only noise, and withheld everywhere else:
-nobody knows how far what the model lacks moves it. Where several names leave noise alike, the
-interval reaches to the ends of every one of theirs.
+nobody knows how far what the model lacks moves it. An effect's own numbers stand there without an
+uncertainty. Where several names leave noise alike, the interval reaches to the ends of every one of
+theirs.
 """
 
 from __future__ import annotations
@@ -85,6 +86,14 @@ def withhold_sought(block: Json, result: FitResult, *, explained: bool) -> None:
     for name in result.problem.names:
         if name.is_modulus:
             block["parameters"].pop(name, None)
+        elif name.kind == "effect":
+            block["parameters"][name] = without_uncertainty(block["parameters"].get(name))
+
+
+def without_uncertainty(number: Json | None) -> Json:
+    """Return a number of an effect where structure is left: nobody knows how far that moves it."""
+    known = number or {"value": None, "unit": ""}
+    return {"value": known["value"], "u": None, "unit": known["unit"]}
 
 
 def _as_stated(result: FitResult, key: str, entry: Json) -> Json:

@@ -11,15 +11,13 @@ from impactd.bench.blind.counting import Answer, Group
 from impactd.bench.blind.interval import wilson95
 from impactd.bench.blind.outcome import groups_right, names_effect, outcome
 from impactd.bench.blind.trial import Trial
+from impactd.demo.sealed_effects import LIBRARY_NAMES
 
-SAME = {
-    "ceiling_v": "limit_v",
-    "dissipation_time_s": "relaxation_s",
-    "mass_share": "mass_ratio",
-    "crystal_over_base_mass": "",  # a ratio to a mass that the simulator drew: no number of its own
-    "strength": "strength ratio",
+NO_TRUTH = {
+    "base_compliance": {"crystal_over_base_mass"},  # a ratio to a mass that is drawn elsewhere
+    "coupon_mode": {"mass_share"},  # drawn anew for every hit
 }
-"""What a diagnosis calls a number: what the simulator calls it, where the two differ."""
+"""Numbers of the library that the simulator does not have as one number."""
 
 
 class Stated(NamedTuple):
@@ -62,14 +60,13 @@ def stated_numbers(trial: Trial) -> list[Stated]:
         kind = EFFECTS[str(effect["id"])]
         if effect.get("form", "") not in (kind.form_on("closed"), ""):
             continue
+        true = {LIBRARY_NAMES.get((kind.id, n), n): x for n, x in effect["parameters"].items()}
         for name, number in said.get(kind.id, {}).items():
             quantity = name.partition("[")[0]
-            names = SAME.get(quantity, quantity).split()
-            true = next((effect["parameters"][n] for n in names if n in effect["parameters"]), None)
-            if true is not None and number.get("interval95"):
+            if quantity in true and number.get("interval95"):
                 low, high = number["interval95"]  # null is no limit
                 ends = (-math.inf if low is None else low, math.inf if high is None else high)
-                found.append(Stated(kind.id, quantity, float(true), *ends))
+                found.append(Stated(kind.id, quantity, float(true[quantity]), *ends))
     return found
 
 

@@ -67,6 +67,11 @@ def test_a_model_that_leaves_structure_states_no_modulus_that_was_sought(half: D
     assert found["accepted_model"] is None
     assert "The modulus of specimen is withheld" in found["sentence"]
     assert found["after"]["parameters"]  # the cell's and the effect's own
+    (effect,) = found["effects"]
+    for name, number in effect["parameters"].items():
+        assert number == found["after"]["parameters"][f"{effect['id']}.{name}"]
+        assert number["value"] is not None
+        assert number["u"] is None
 
 
 def test_a_model_that_leaves_noise_states_its_modulus(leaky: Diagnosis) -> None:
