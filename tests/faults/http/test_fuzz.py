@@ -24,7 +24,7 @@ LEFT_OUT = ("/v1/events", "/readyz", "/metrics")
 NOT_ASKED = "positive_data_acceptance,use_after_free"
 
 
-def _fuzz(folder: Path, examples: int, at_least: int) -> None:
+def _fuzz(folder: Path, examples: int, at_least: int, *phases: str) -> None:
     daemon = DaemonProcess(
         folder, clock_speed="inf", changes={"loading_s = 20.0": "loading_s = 2.0"}
     )
@@ -38,6 +38,7 @@ def _fuzz(folder: Path, examples: int, at_least: int) -> None:
             + [f"{daemon.url}/openapi.json", "-H", f"Authorization: Bearer {secret}"]
             + [part for path in LEFT_OUT for part in ("--exclude-path", path)]
             + ["--exclude-checks", NOT_ASKED, "-n", str(examples)]
+            + [f"--phases={','.join(phases)}"]
             + ["--continue-on-failure", "--seed", "1", "--workers", "1", "--no-color"]
             + ["--generation-database", "none", "--suppress-health-check", "all"],
             capture_output=True,
@@ -47,7 +48,7 @@ def _fuzz(folder: Path, examples: int, at_least: int) -> None:
         )
         found = re.search(r"(\d+) generated", done.stdout)
         assert found is not None, done.stdout[-3000:]
-        print(f"schemathesis with links: {found[1]} cases, exit {done.returncode}")
+        print(f"schemathesis, {', '.join(phases)}: {found[1]} cases, exit {done.returncode}")
         assert done.returncode == 0, done.stdout[-6000:]
         assert int(found[1]) >= at_least
         assert daemon.client is not None
@@ -72,8 +73,8 @@ def _files(folder: Path, *, but: Path) -> set[Path]:
 
 
 def test_generated_requests_meet_no_failure(tmp_path: Path) -> None:
-    """Some hundreds of cases: no 5xx, no answer beside its schema, nothing lost."""
-    _fuzz(tmp_path / "rig", 1, 300)
+    """A drawn request for each operation: no 5xx, no answer beside its schema, nothing lost."""
+    _fuzz(tmp_path / "rig", 1, 100, "fuzzing")
 
 
 @pytest.mark.slow
@@ -85,8 +86,8 @@ def test_generated_requests_meet_no_failure(tmp_path: Path) -> None:
 def test_thousands_of_generated_requests_meet_no_failure(
     tmp_path: Path, examples: int, cases: int
 ) -> None:
-    """At least so many, with links from answer to request."""
-    _fuzz(tmp_path / "rig", examples, cases)
+    """At least so many, at the limits of each value, with links from answer to request."""
+    _fuzz(tmp_path / "rig", examples, cases, "examples", "coverage", "fuzzing", "stateful")
 
 
 @pytest.fixture(scope="module")

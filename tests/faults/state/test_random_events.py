@@ -162,7 +162,7 @@ def _runs(directory: Path, runs: int) -> None:
 @pytest.mark.parametrize(
     "runs",
     [
-        40,
+        20,
         pytest.param(100, marks=pytest.mark.slow),
         pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],
