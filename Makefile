@@ -17,7 +17,8 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check -qq --no-input
 
 # How the recipes below call things; give your own on the command line, e.g. `make demo ARGS="--seed 7"`.
 ARGS ?=
-WORKERS ?= 2
+# Of the tests: a third of their time is waiting.
+WORKERS ?= 3
 # Injected faults wait as long as they compute.
 FAULT_WORKERS ?= 4
 LOCK ?= systemd/requirements.txt

@@ -290,10 +290,7 @@ class RigLoop:
 
     def _look(self) -> None:
         try:
-            self.watch.look()
-            self._silences = 0
-        except AbortedError:
-            return  # somebody made the rig safe just now; look again next time
+            self._look_or_make_safe()
         except DriverError as error:
             # One answer that came too late is a busy host; two in a row are a silent device.
             self._silences += 1
@@ -302,6 +299,15 @@ class RigLoop:
             found = failure_of(error)
             doubt = Doubt.RETRY if found.doubt is Doubt.NONE else found.doubt
             self._doubt(Failure(found.problem, doubt))
+
+    def _look_or_make_safe(self) -> None:
+        try:
+            self.watch.look()
+            self._silences = 0
+        except AbortedError:
+            # Somebody made the rig safe just now. If this thread held the line for too long, the
+            # vacuum is unproven, and the valve refuses every command until it is proven.
+            self._rig.valve.ensure_safe()
 
     def _doubt(self, fault: Failure) -> None:
         """Go to FAULT; a drop that came in meanwhile is refused when its turn comes."""
