@@ -18,10 +18,11 @@ from drivers.simulated.rig_model import DEFAULT_RIG, rig_model
 from drivers.simulated.specimens import SPHERES, SURFACES
 from impactd.bench.simulated_campaign import BASES
 
-KINDS = ("clean", "library", "outside", "pair", "hsd", "mistake")
+KINDS = ("clean", "library", "outside", "pair", "hsd", "mistake", "form")
 """Nothing, one known effect, one that no library knows, two known ones in different slots, a
-clean rig that is diagnosed from the base model without a crystal, and one with a mistake of people.
-A kind's place is part of what its trials are drawn from: a new one goes to the end."""
+clean rig that is diagnosed from the base model without a crystal, one with a mistake of people, and
+one known effect in another published form than the analysis has first. A kind's place is part of
+what its trials are drawn from: a new one goes to the end."""
 COLOURS = (("white", 0.0), ("ar1", 0.3), ("ar1", 0.6), ("pink", 0.0))
 COLOUR_SHARES = (0.3, 0.3, 0.3, 0.1)
 """The last one is wrong noise: no autoregression of low order describes 1/f."""
@@ -146,12 +147,14 @@ def _draw_effects(
     rig: tuple[str, int],
 ) -> tuple[Effect, ...]:
     """Return what acts; an effect of a material may act on one sphere's or surface's only."""
-    wanted = {"library": 1, "outside": 1, "pair": 2}.get(kind, 0)
+    wanted = {"library": 1, "outside": 1, "pair": 2, "form": 1}.get(kind, 0)
     among = tuple(INVENTED if kind == "outside" else LIBRARY)
+    forms = "drawn" if kind == "form" else rig[0]
     without = no_room_for(rig_model(*rig))
     found: list[Effect] = []
     while len(found) < wanted:
-        effect = draw_effect(rng, spheres, surfaces, among=among, without=without, forms=rig[0])
-        if all(effect.slot != other.slot for other in found):
+        effect = draw_effect(rng, spheres, surfaces, among=among, without=without, forms=forms)
+        usual = kind == "form" and effect.form == effect.form_on(rig[0])
+        if not usual and all(effect.slot != other.slot for other in found):
             found.append(effect)
     return tuple(found)

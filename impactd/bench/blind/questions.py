@@ -51,6 +51,7 @@ def answers(trials: Group) -> list[Answer]:
         _detection,
         _library,
         _groupings,
+        _forms,
         _outside,
         _pairs,
         _crystal,
@@ -75,7 +76,7 @@ def _clean(trials: Group) -> Iterator[Answer | None]:
 
 
 def _detection(trials: Group) -> Iterator[Answer | None]:
-    kinds = ("library", "outside", "pair")
+    kinds = ("library", "outside", "pair", "form")
     shown = detectable(trials, *kinds)
     yield share("detectable effects detected", shown, was_detected, ">= 0.98")
     for kind in kinds:
@@ -112,6 +113,22 @@ def _groupings(trials: Group) -> Iterator[Answer | None]:
 
 def _of_materials(trial: Trial) -> bool:
     return any(EFFECTS[str(e["id"])].per_material for e in trial.effects)
+
+
+def _forms(trials: Group) -> Iterator[Answer | None]:
+    """Ask of effects whose law has another published form than the analysis has first."""
+    other = detectable(trials, "form")
+    question = "forms left out: right name or family"
+    yield share(question, other, ended_as("right", "family"), ">= 0.9")
+    yield share("- wrong name", other, ended_as("wrong"), "<= 0.02")
+    yield share("- down to the noise", other, lambda t: t.verdict in ("identified", "family"))
+    for law in sorted({_law(t) for t in other}):
+        own = [t for t in other if _law(t) == law]
+        yield share(f"- {law}", own, ended_as("right", "family"))
+
+
+def _law(trial: Trial) -> str:
+    return f"{trial.effects[0]['id']}, {trial.effects[0]['form']}"
 
 
 def _outside(trials: Group) -> Iterator[Answer | None]:

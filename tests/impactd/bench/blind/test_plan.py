@@ -36,6 +36,8 @@ def test_a_kind_says_what_acts() -> None:
         assert drawn["hsd"].base == "hsd"
         assert drawn["mistake"].effects == ()
         assert [k for k, plan in drawn.items() if plan.mistake is not None] == ["mistake"]
+        (other,) = drawn["form"].effects
+        assert other.form != other.form_on("closed")
         assert dataclasses.replace(drawn["pair"].settings).effects == drawn["pair"].effects
 
 

@@ -50,3 +50,23 @@ def test_a_grouping_is_right_where_the_very_materials_are_named(
     assert (right.count, right.value) == (4, 0.75)
     assert asked["- some, named: with the right materials"].value == 0.5
     assert asked["groupings drawn at random: right name or family"].value == 0.8
+
+
+def test_forms_left_out_are_asked_one_by_one(a_trial: Callable[..., Trial]) -> None:
+    """Each form of each effect counts by itself, and none among the library's first forms."""
+
+    def trial(effect_id: str, form: str, named: str) -> Trial:
+        """Return a trial in which a form of an effect acts, and a name was given."""
+        effect = {"id": effect_id, "slot": "contact", "form": form}
+        return a_trial(kind="form", effects=[effect], named=[named], visible_each=[1e4])
+
+    trials = [
+        trial("adhesion", "dmt", "adhesion"),
+        trial("clipping", "tanh", "clipping"),
+        trial("clipping", "tanh", "echo"),
+    ]
+    asked = {a.question: a for a in answers(trials)}
+    assert asked["forms left out: right name or family"].value == 2 / 3
+    assert asked["- clipping, tanh"].value == 0.5
+    assert asked["- adhesion, dmt"].value == 1.0
+    assert "library: right name or family" not in asked
