@@ -54,8 +54,8 @@ _TYPES = (
         "token-missing",
         401,
         "A token is required",
-        "`impactd token create --scope operate --name ME` makes one. The command line takes it from "
-        "IMPACTD_TOKEN; other clients send `Authorization: Bearer TOKEN`.",
+        "`impactd token create --scope operate --name ME` makes one. The command line takes it "
+        "from IMPACTD_TOKEN; other clients send `Authorization: Bearer TOKEN`.",
     ),
     ProblemType(
         "token-invalid",
