@@ -305,8 +305,8 @@ class RigLoop:
             self.watch.look()
             self._silences = 0
         except AbortedError:
-            # Somebody made the rig safe just now. If this thread held the line for too long, the
-            # vacuum is unproven, and the valve refuses every command until it is proven.
+            # Somebody aborts. If this thread held the valve's line for longer than an abort waits,
+            # the vacuum is on but unconfirmed, and the valve refuses all else until it is.
             self._rig.valve.ensure_safe()
 
     def _doubt(self, fault: Failure) -> None:

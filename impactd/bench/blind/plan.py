@@ -21,8 +21,8 @@ from impactd.bench.simulated_campaign import BASES
 KINDS = ("clean", "library", "outside", "pair", "hsd", "mistake", "form")
 """Nothing, one known effect, one that no library knows, two known ones in different slots, a
 clean rig that is diagnosed from the base model without a crystal, one with a mistake of people, and
-one known effect in another published form than the analysis has first. A kind's place is part of
-what its trials are drawn from: a new one goes to the end."""
+one known effect whose law has another published form than in the other kinds. A kind's place is
+part of what its trials are drawn from: a new one goes to the end."""
 COLOURS = (("white", 0.0), ("ar1", 0.3), ("ar1", 0.6), ("pink", 0.0))
 COLOUR_SHARES = (0.3, 0.3, 0.3, 0.1)
 """The last one is wrong noise: no autoregression of low order describes 1/f."""
@@ -154,7 +154,8 @@ def _draw_effects(
     found: list[Effect] = []
     while len(found) < wanted:
         effect = draw_effect(rng, spheres, surfaces, among=among, without=without, forms=forms)
-        usual = kind == "form" and effect.form == effect.form_on(rig[0])
-        if not usual and all(effect.slot != other.slot for other in found):
+        if kind == "form" and effect.form == effect.form_on(rig[0]):
+            continue
+        if all(effect.slot != other.slot for other in found):
             found.append(effect)
     return tuple(found)

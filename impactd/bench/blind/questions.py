@@ -116,7 +116,7 @@ def _of_materials(trial: Trial) -> bool:
 
 
 def _forms(trials: Group) -> Iterator[Answer | None]:
-    """Ask of effects whose law has another published form than the analysis has first."""
+    """Ask of effects whose law has another published form than in the other kinds of trial."""
     other = detectable(trials, "form")
     question = "forms left out: right name or family"
     yield share(question, other, ended_as("right", "family"), ">= 0.9")

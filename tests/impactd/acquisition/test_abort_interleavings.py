@@ -202,16 +202,11 @@ def test_nothing_falls_after_an_abort_at_any_seam(bench: Bench, kind: str, step:
 
 
 def test_an_abort_that_finds_the_line_held_does_not_abort_the_next_drop(bench: Bench) -> None:
-    """The idle check holds the line for longer than an abort waits; then the vacuum is proven."""
+    """The idle check holds the line for longer than an abort waits, then makes the valve safe."""
     one = bench.laboratory
     seams, port = Seams(one), one.rig.valve._port  # type: ignore[attr-defined]
     seams.target, write = 0, port.write
-
-    def held(data: bytes) -> Any:
-        seams.at("port.write")
-        return write(data)
-
-    port.write = held
+    port.write = seams._wrapped("port.write", write)
     one.service._loop.look_again()
     one.wait_for(lambda: seams.sentence)
     port.write = write
