@@ -48,29 +48,33 @@ class Seams:
         self.pause_s = 0.0
         self.answered_ns = 0
         self.sentence = ""
-        self._aborting: threading.Thread | None = None
+        self._answered = threading.Event()
+        self._answered.set()  # nobody has aborted yet
 
     def at(self, name: str) -> None:
         """Note a call; abort when it is the one that was chosen."""
         with self._lock:
             self.calls.append(name)
             here = len(self.calls) - 1 == self.target
+            if here:
+                self._answered.clear()
         if here:
-            self._aborting = threading.Thread(target=self._abort, daemon=True)
-            self._aborting.start()
-            self._aborting.join(ANSWER_S)
+            threading.Thread(target=self._abort, daemon=True).start()
+            self._answered.wait(ANSWER_S)
         if self.pause_s and name.startswith("archive"):
             time.sleep(self.pause_s)
 
     def _abort(self) -> None:
-        report = self._laboratory.service.abort(by="cd")
-        self.sentence = report.sentence
-        self.answered_ns = time.monotonic_ns()
+        try:
+            report = self._laboratory.service.abort(by="cd")
+            self.sentence = report.sentence
+            self.answered_ns = time.monotonic_ns()
+        finally:
+            self._answered.set()
 
     def wait(self) -> None:
         """Wait for the abort's answer, if one was asked for."""
-        if self._aborting is not None:
-            self._aborting.join()
+        self._answered.wait()
 
     @contextmanager
     def installed(self) -> Iterator[None]:
@@ -152,8 +156,8 @@ class Bench:
         self.runs += 1
         with seams.installed():
             what()
-            seams.wait()  # on a busy machine longer than the seam did
             one.wait_for(lambda: one.service._loop.run is None)
+        seams.wait()  # on a busy machine longer than the seam did
         one.wait_for(lambda: not one.service._loop.run and one.service.wait_ready(1.0))
         return seams
 
