@@ -1,30 +1,22 @@
 """Backward elimination: leave each effect out, and compare it with the others of its slot.
 
-What could stand in for an effect is seen only beside all the others that act. Where the time is
-over before that, what was found is judged, and what nobody asked stays open.
+What could stand in for an effect is seen only beside all the others that act, and so are its form
+and its grouping. Where the time is over before that, what nobody asked stays open.
 """
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import can_be_tried
 from analysis.diagnosis.candidate import Refit, continued
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import (
-    MAX_EFFECTS,
-    Selection,
-    Step,
-    select,
-    useful,
-)
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.one_material import MOST_STEPS
-from analysis.diagnosis.progress import BudgetSpentError, Watch
+from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import (
     MORE,
     lookalikes_refitted,
@@ -64,6 +56,30 @@ def without_needless(selection: Selection) -> Selection:
     return selection
 
 
+def revised(selection: Selection) -> Selection:
+    """Return a selection whose earlier effects were asked again beside its last one.
+
+    At its turn an effect took up what belonged to those that came later, in a form and a grouping
+    that did so best. One that is now worth less than its numbers goes; another form or grouping is
+    taken where it leads.
+    """
+    least = CRITERIA.comparison.least_lead
+    for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
+        if selection.settled:
+            break
+        turned = _as_last(selection, taken)
+        if turned is None:
+            continue
+        beside, now = Selection(turned.steps[:-1], turned.chosen[:-1]), turned.chosen[-1]
+        if now.score() <= least and not beside.last.impossible:
+            selection = _as_last(beside, beside.chosen[-1]) or beside
+            continue
+        again = beside.on(now)
+        lead = again.chosen[-1].score() - now.score()
+        selection = again if lead > least or (lead > 0.0 and again.adequate) else turned
+    return selection
+
+
 def held_against_unfinished(selection: Selection) -> Selection:
     """Return a selection whose last effect has stood against what was given up half-way.
 
@@ -96,6 +112,7 @@ def held_against_others(selection: Selection, effect_ids: set[str] | None = None
     others = rivals_refitted(step.problem, step.fitted, taken, effect_ids)
     new = {o.effect_id for o in others}
     step.refits[:] = [*others, *(r for r in step.refits if r.effect_id not in new)]
+    step.compared |= effect_ids is None
     best = max(others, key=lambda r: r.score(), default=taken)
     if best.at_bound or best.score() <= taken.score():
         return selection
@@ -114,6 +131,8 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
     in which another effect may have taken a place, and by id the refits that the data cannot tell
     from it.
     """
+    if not selection.steps[-2].compared:
+        selection = held_against_others(selection)
     near = _rivals(selection)
     for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
         turned = _as_last(selection, taken)
@@ -238,53 +257,6 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
     return {taken.effect_id: near} if near else {}
 
 
-def searched(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:
-    """Return the selection of named effects, or as much of it as the time allowed.
-
-    Of several effects that nobody has left out again, any may be needless: only the first is kept.
-    """
-    reached: list[Selection] = []
-    progress.searching = True
-    try:
-        selection = select(start, usual, progress, reached)
-    except BudgetSpentError:
-        selection = best_reached(start, reached)
-    finally:
-        progress.searching = False
-    try:
-        selection = without_needless(selection)
-    except BudgetSpentError:
-        known = len(start.chosen) + 1
-        return Selection(selection.steps[: known + 1], selection.chosen[:known])
-    with contextlib.suppress(BudgetSpentError):
-        selection = held_against_unfinished(selection)
-    return selection
-
-
-def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
-    """Return the best selection that a search had found when its time was over.
-
-    By the squares that are left, numbers paid for. It may end with an effect that was fitted to all
-    shots and neither held against all others nor asked for another form or grouping.
-    """
-    ways: list[tuple[float, Selection, Refit | None]] = []
-    for selection in (start, *reached):
-        ways.append((selection.score, selection, None))
-        if len(selection.chosen) < MAX_EFFECTS:
-            ways += [
-                (selection.score - r.score(), selection, r) for r in useful(selection.last)[:1]
-            ]
-    _, selection, further = min(ways, key=lambda way: way[0])
-    if further is None:
-        return selection
-    ahead = Step(further.problem, further.fitted)
-    longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
-    # as in a whole search: what is third must leave noise with every law as it is written, or it
-    # only names what the first two leave for their forms
-    last = len(longer.chosen) == MAX_EFFECTS
-    return longer if longer.needs_last and (longer.settled or not last) else selection
-
-
 def not_held_against(selection: Selection) -> dict[str, list[str]]:
     """Return the names that could still stand in for those of a selection.
 
@@ -298,7 +270,7 @@ def not_held_against(selection: Selection) -> dict[str, list[str]]:
         others = set(_near(step, taken))
         if step.unfinished:
             others |= _never_compared(step, taken)
-        elif place < len(selection.chosen) - 1:
+        elif place < len(selection.chosen) - 1 or not step.compared:
             others |= {o for o in _can_be_tried(step) if library()[o].slot == taken.effect.slot}
         others -= {c.effect_id for c in selection.chosen}
         if others:

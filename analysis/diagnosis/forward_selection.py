@@ -7,21 +7,18 @@ the search gives up.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+import contextlib
+from collections.abc import Iterator, Sequence
 
+from analysis.diagnosis.backward_elimination import (
+    held_against_unfinished,
+    revised,
+    without_needless,
+)
 from analysis.diagnosis.basis.proposals import Proposal, proposals
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forms import best_form
-from analysis.diagnosis.grouping_search import (
-    best_grouping,
-    best_grouping_from_afar,
-    promises_other_grouping,
-)
-from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.one_material import (
-    WithoutMaterial,
     can_be_one_materials,
     explains_all,
     single_materials,
@@ -29,139 +26,15 @@ from analysis.diagnosis.one_material import (
     tried_alone,
     without_each_material,
 )
-from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
-from analysis.diagnosis.score_test import (
-    ScoreTest,
-    check_residual,
-    is_far_from_noise,
-    run_score_test,
-)
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, Watch
+from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
-from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
 MAX_EFFECTS = 3
 FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
-HUM = "mains_hum"
-
-
-@dataclass
-class Step:
-    """One step of the search."""
-
-    problem: JointProblem
-    fitted: joint.Fitted
-    """The model of this turn, at its best."""
-    tested: tuple[Linearised, ScoreTest] | None = None
-    """The residual, linearised, and what the score test says of it; None until it is asked."""
-    refits: list[Refit] = field(default_factory=list)
-    """What was tried on top, best first."""
-    refused: dict[str, str] = field(default_factory=dict)
-    """Why other effects could not be tried."""
-    without: list[WithoutMaterial] = field(default_factory=list)
-    """The same model without each material's shots, where that was asked."""
-    reduced: dict[str, Step | None] = field(default_factory=dict)
-    """The same model without one of its effects, by the effect's id, where that was asked."""
-    compared: bool = False
-    """What can be tried was compared, as far as the time went."""
-    unfinished: bool = False
-    """The time was over before all that can be tried was compared."""
-
-    @property
-    def linearised(self) -> Linearised:
-        """Return the residual, linearised."""
-        return self.test()[0]
-
-    @property
-    def score_test(self) -> ScoreTest:
-        """Return what the score test says of the residual."""
-        return self.test()[1]
-
-    def test(self) -> tuple[Linearised, ScoreTest]:
-        """Return both; the first time they are made, to their end whatever the time."""
-        if self.tested is None:
-            self.tested = check_residual(unwatched(self.problem), self.fitted)
-        return self.tested
-
-    @property
-    def structured(self) -> bool:
-        """Whether the residual is more than noise. It is not tested where it is far more."""
-        if self.tested is None and is_far_from_noise(self.problem, self.fitted):
-            return True
-        return self.score_test.structured
-
-    @property
-    def impossible(self) -> bool:
-        """Whether one of its numbers is outside what it can be."""
-        return bool(out_of_range(self.problem, self.fitted))
-
-
-@dataclass
-class Selection:
-    """Steps, and the effects that lead from each to the next."""
-
-    steps: list[Step]
-    chosen: list[Refit]
-
-    @property
-    def last(self) -> Step:
-        """Return the step that the selection has reached."""
-        return self.steps[-1]
-
-    @property
-    def adequate(self) -> bool:
-        """Whether the selection has ended in noise.
-
-        A model with a number that nothing can have does not count, whatever it leaves.
-        """
-        return not (self.last.impossible or self.last.structured)
-
-    @property
-    def settled(self) -> bool:
-        """Whether it has ended in noise with every law exactly as it is written."""
-        last = self.last
-        if not self.adequate or not last.linearised.wrong_by:
-            return self.adequate
-        return not run_score_test(linearise(unwatched(last.problem), last.fitted)).structured
-
-    @property
-    def needs_last(self) -> bool:
-        """Whether the last effect is worth its numbers where every law may be wrong by a little.
-
-        The laws of those before it may take up what it does. Far from noise nobody asks: no law is
-        wrong by so much.
-        """
-        before, after = self.steps[-2], self.steps[-1]
-        if is_far_from_noise(before.problem, before.fitted):
-            return True
-        instead = before.linearised.gain_of_inexactness - after.linearised.gain_of_inexactness
-        return self.chosen[-1].score() - instead > CRITERIA.comparison.least_lead
-
-    @property
-    def score(self) -> float:
-        """Return the whitened squares left, numbers paid for."""
-        paid = sum(r.gain - r.score() for r in self.chosen)
-        return self.last.fitted.cost + paid
-
-    def on(self, found: Refit) -> Selection:
-        """Return the selection one effect further, in the form and grouping that score highest."""
-        step = Step(found.problem, found.fitted)
-        structured = step.structured
-        if structured or promises_other_grouping(found):
-            before = self.last.problem, self.last.fitted
-            if structured:
-                wide = best_grouping_from_afar(*before, best_form(*before, found))
-            else:
-                wide = best_grouping(*before, found)
-            lead = wide.score() - found.score()
-            if lead > 0.0:
-                wider = Step(wide.problem, wide.fitted)
-                # where the same effect ends in noise it needs no lead
-                if lead > CRITERIA.comparison.least_lead or not wider.structured:
-                    found, step = wide, wider
-        return Selection([*self.steps, step], [*self.chosen, found])
 
 
 def try_effects(
@@ -236,30 +109,45 @@ def select(
     found: list[Selection] = [] if reached is None else reached
     if not start.last.compared:
         try_effects(start.last, usual, progress)
-    firsts = useful(start.last)
-    for first in firsts[:1]:
-        progress(MethodStep.COMPARE.told(f"forms and groupings of {first.effect_id}"), 0.9)
-        found.append(start.on(first))
-    if found and (found[0].adequate or len(start.chosen) + 2 > MAX_EFFECTS):
-        return found[0]
-    apart = _split_by_material(start, usual, progress)
-    if apart is not None and (apart.settled or not found):
-        return apart
-    if not found:
-        return start
-    for place, first in enumerate(firsts[:FIRSTS_TRIED]):
-        if first.gain < CRITERIA.stepwise.first_effect_share * firsts[0].gain:
-            break
-        found.append(_with_second(found[0] if place == 0 else start.on(first), usual, progress))
+    for way in _ways(start, usual, progress):
+        found.append(way)
         # two laws that may both be wrong take up much: others are tried before they are believed
-        if found[-1].settled:
-            return found[-1]
-    best = min([t for t in found if t.adequate] or found, key=lambda t: t.score)
-    if len(best.chosen) < MAX_EFFECTS and _nearly(start, best):
-        third = _with_second(best, usual, progress)
+        if way.settled or (way.adequate and len(way.chosen) == len(start.chosen) + 1):
+            return way
+    best = min([t for t in found if t.adequate] or found, key=lambda t: t.score, default=start)
+    if best.adequate and len(best.chosen) < MAX_EFFECTS:
         # the third of a chain is where what the first two leave for their forms would get a name
+        third = _with_another(best, usual, progress)
         return third if third.settled else best
     return best
+
+
+def _ways(start: Selection, usual: joint.Fitted, progress: Progress) -> Iterator[Selection]:
+    """Yield selections from where one stands, the likeliest first.
+
+    The best effect alone, then with others on top; two of which one is one material's; then from
+    the second-best effect.
+    """
+    firsts = useful(start.last)[:FIRSTS_TRIED]
+    firsts = [f for f in firsts if f.gain >= CRITERIA.stepwise.first_effect_share * firsts[0].gain]
+    for first in firsts[:1]:
+        yield from _from_first(start, first, usual, progress)
+    apart = _split_by_material(start, usual, progress)
+    if apart is not None:
+        yield apart
+    for first in firsts[1:]:
+        yield from _from_first(start, first, usual, progress)
+
+
+def _from_first(
+    start: Selection, first: Refit, usual: joint.Fitted, progress: Progress
+) -> Iterator[Selection]:
+    """Yield a selection with a first effect, then with others on top of it."""
+    progress(MethodStep.COMPARE.told(f"forms and groupings of {first.effect_id}"), 0.9)
+    one = start.on(first)
+    yield one
+    if len(start.chosen) + 2 <= MAX_EFFECTS:
+        yield _continued(start, one, usual, progress)
 
 
 def _split_by_material(
@@ -286,8 +174,7 @@ def _split_by_material(
     if found is None:
         return None
     first, seconds = found
-    step = Step(first.problem, first.fitted)
-    step.refits += seconds
+    step = Step(first.problem, first.fitted, refits=seconds, compared=True)
     selection = Selection([*start.steps, step], [*start.chosen, first])
     for second in useful(step)[:1]:
         longer = selection.on(second)
@@ -295,13 +182,35 @@ def _split_by_material(
     return None
 
 
-def _with_second(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
-    """Return a selection with what helps most on top; the selection itself where nothing does."""
+def _continued(
+    start: Selection, selection: Selection, usual: joint.Fitted, progress: Progress
+) -> Selection:
+    """Return a selection with a second effect, and with a third where nearly nothing is left.
+
+    A third must leave noise with every law as it is written, or it only names what the first two
+    leave for their forms; unless it has made one of these needless.
+    """
+    longer = _with_another(selection, usual, progress)
+    grown = len(selection.chosen) < len(longer.chosen) < MAX_EFFECTS
+    if longer.adequate or not grown or not _nearly(start, longer):
+        return longer
+    third = _with_another(longer, usual, progress)
+    shorter = third.adequate and len(third.chosen) <= len(longer.chosen)
+    return third if third.settled or shorter else longer
+
+
+def _with_another(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
+    """Return a selection with what helps most on top, the others asked again beside it.
+
+    The selection itself where nothing helps.
+    """
     if not selection.settled:
         try_effects(selection.last, usual, progress, selection.steps[-2].refits)
         for found in useful(selection.last)[:1]:
             longer = selection.on(found)
-            return longer if longer.needs_last else selection
+            if longer.needs_last:
+                progress(MethodStep.ON_TOP.told("forms and groupings of the others"), 0.9)
+                return revised(longer)
     return selection
 
 
@@ -310,3 +219,50 @@ def _nearly(start: Selection, end: Selection) -> bool:
     samples = sum(s.white.size for s in start.last.linearised.shots)
     had, left = start.last.linearised.chi2 - samples, end.last.linearised.chi2 - samples
     return left < CRITERIA.stepwise.third_effect_share * had
+
+
+def searched(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:
+    """Return the selection of named effects, or as much of it as the time allowed.
+
+    Of several effects that nobody has left out again, any may be needless: only the first is kept.
+    """
+    reached: list[Selection] = []
+    progress.searching = True
+    try:
+        selection = select(start, usual, progress, reached)
+    except BudgetSpentError:
+        selection = best_reached(start, reached)
+    finally:
+        progress.searching = False
+    try:
+        selection = without_needless(selection)
+    except BudgetSpentError:
+        known = len(start.chosen) + 1
+        return Selection(selection.steps[: known + 1], selection.chosen[:known])
+    with contextlib.suppress(BudgetSpentError):
+        selection = held_against_unfinished(selection)
+    return selection
+
+
+def best_reached(start: Selection, reached: Sequence[Selection]) -> Selection:
+    """Return the best selection that a search had found when its time was over.
+
+    By the squares that are left, numbers paid for. It may end with an effect that was fitted to all
+    shots and neither held against all others nor asked for another form or grouping.
+    """
+    ways: list[tuple[float, Selection, Refit | None]] = []
+    for selection in (start, *reached):
+        ways.append((selection.score, selection, None))
+        if len(selection.chosen) < MAX_EFFECTS:
+            ways += [
+                (selection.score - r.score(), selection, r) for r in useful(selection.last)[:1]
+            ]
+    _, selection, further = min(ways, key=lambda way: way[0])
+    if further is None:
+        return selection
+    ahead = Step(further.problem, further.fitted)
+    longer = Selection([*selection.steps, ahead], [*selection.chosen, further])
+    # as in a whole search: what is third must leave noise with every law as it is written, or it
+    # only names what the first two leave for their forms
+    last = len(longer.chosen) == MAX_EFFECTS
+    return longer if longer.needs_last and (longer.settled or not last) else selection

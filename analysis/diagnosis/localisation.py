@@ -32,10 +32,10 @@ from analysis.diagnosis.discrepancy.mean_waveform import (
     mean_waveform,
     waveform_discrepancy,
 )
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import heldout_or_none
 from analysis.diagnosis.linearised import Explained, Linearised, linearise
 from analysis.diagnosis.progress import MethodStep, Progress, unwatched
+from analysis.diagnosis.selection import Step
 from analysis.effects.effect import SLOTS
 
 FORMULA_TERMS = 2

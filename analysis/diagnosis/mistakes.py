@@ -20,9 +20,9 @@ import numpy as np
 from analysis.aliases import Array
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.labels import likely_labels
 from analysis.diagnosis.progress import MethodStep, Progress
+from analysis.diagnosis.selection import Step
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot
 from analysis.fit.fit_shot import FitShot

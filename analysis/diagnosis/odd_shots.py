@@ -21,9 +21,9 @@ from scipy.stats import chi2
 
 from analysis.aliases import Array
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.progress import MethodStep, Progress
 from analysis.diagnosis.score_test import chance_of
+from analysis.diagnosis.selection import Step
 from analysis.fit import joint
 from analysis.fit.blocks import shot_cost
 from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable

@@ -12,11 +12,10 @@ from analysis.diagnosis.backward_elimination import (
     each_held_against_others,
     held_against_others,
     not_held_against,
-    searched,
 )
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step, try_effects, useful
+from analysis.diagnosis.forward_selection import searched, try_effects, useful
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.mistakes import Mistake, named_mistake
@@ -33,6 +32,7 @@ from analysis.diagnosis.progress import (
     Watch,
     unwatched,
 )
+from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import rank
 from analysis.diagnosis.uncertain_numbers import (
     exact_refit,
@@ -469,7 +469,8 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
     together mimic a third thing take up much as well, so more is asked of more than one.
     """
     for count in range(len(chosen), 0, -1):
-        if steps[count].impossible or any(step.unfinished for step in steps[:count]):
+        compared = all(step.compared and not step.unfinished for step in steps[:count])
+        if steps[count].impossible or not compared:
             continue  # far ahead of all others is only what was compared with all
         left = steps[count].score_test.left
         looks_like = steps[count].score_test.strongest.family

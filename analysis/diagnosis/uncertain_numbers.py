@@ -11,8 +11,8 @@ import dataclasses
 
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.progress import unwatched
+from analysis.diagnosis.selection import Selection, Step
 from analysis.fit import joint
 from analysis.fit.freed_inputs import SETTLING_STEPS
 from analysis.fit.problem import JointProblem

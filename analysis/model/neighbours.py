@@ -193,7 +193,27 @@ def add_second_contacts(
             left = End(delay + duration, state) if effect.rides else None
             # a hop that is not seen is taken for the least that is
             speed = max(rebound, SETTLES * _weighing_speed(column))
-            delay += duration + 2.0 * speed / column.context.gravity_m_per_s2
+            delay += duration + _flight_s(model, column, speed)
+
+
+def _flight_s(model: ImpactModel, column: Column, speed: float) -> float:
+    r"""Return how long a sphere is away that leaves at some speed [m/s], until it touches again.
+
+    Where its force ends the contact, the surface is still indented, and recovers behind the sphere:
+
+    .. math:: \delta = (\alpha u \sqrt{m/K})^{4/5}, \quad T = (u + \sqrt{u^2 - 2 g \delta})/g
+
+    The depth is that of the base's dashpot. What does not rise above the surface stays in touch,
+    and is back as if it had left from there. [s]
+    """
+    context = column.context
+    g = context.gravity_m_per_s2
+    if not model.closed:
+        return 2.0 * speed / g
+    inertia = math.sqrt(context.mass_kg / context.stiffness)
+    depth = (max(context.alpha, 0.0) * speed * inertia) ** 0.8
+    rises = speed**2 - 2.0 * g * depth
+    return (speed + (math.sqrt(rises) if rises > 0.0 else speed)) / g
 
 
 def _weighing_speed(column: Column) -> float:

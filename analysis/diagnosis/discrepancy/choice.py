@@ -10,9 +10,9 @@ import numpy as np
 
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned, Part, learn, learn_force, on_top
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.linearised import Linearised
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress
+from analysis.diagnosis.selection import Step
 
 FORCES = ("elastic", "rate")
 FORCED = ("contact", "loss")

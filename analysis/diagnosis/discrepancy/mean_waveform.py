@@ -26,8 +26,8 @@ from scipy.ndimage import spline_filter1d
 
 from analysis.aliases import Array, Json
 from analysis.diagnosis.discrepancy.fit import Learned
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.progress import BudgetSpentError
+from analysis.diagnosis.selection import Step
 from analysis.fit.campaign_fit import heldout_fits, heldout_folds, refit_nuisances
 from analysis.fit.joint import Fitted
 from analysis.fit.problem import FitShot, JointProblem

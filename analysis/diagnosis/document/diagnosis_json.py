@@ -22,7 +22,6 @@ from analysis.diagnosis.document.moduli_stated import (
     withhold_sought,
     without_uncertainty,
 )
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import as_fit_result, heldout_or_none
 from analysis.diagnosis.linearised import Explained
 from analysis.diagnosis.localisation import Located
@@ -30,6 +29,7 @@ from analysis.diagnosis.named_model import definition_of
 from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.progress import BudgetSpentError
+from analysis.diagnosis.selection import Step
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed

@@ -19,7 +19,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.document.before_and_after import said_before_and_after
 from analysis.diagnosis.document.wording import frequency, times_noise, two_digits
-from analysis.diagnosis.forward_selection import Step
+from analysis.diagnosis.selection import Step
 from analysis.effects.contact_closure import ELASTIC_POWERS, RATE_POWERS
 from analysis.fit.result import FitResult
 from analysis.fit.shot_fit import ShotFit, collect

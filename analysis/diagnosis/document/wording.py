@@ -17,10 +17,10 @@ from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned
 from analysis.diagnosis.discrepancy.mean_waveform import MeanWaveform
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.odd_shots import SetAside
 from analysis.diagnosis.procedure import Diagnosis
+from analysis.diagnosis.selection import Step
 from analysis.effects.library import effect_named, library
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import FitShot, JointProblem

@@ -10,10 +10,10 @@ import pytest
 
 from analysis.campaign import Uncertainty
 from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
-from analysis.diagnosis.forward_selection import Selection
 from analysis.diagnosis.localisation import locate
 from analysis.diagnosis.procedure import _judge, diagnose_campaign
 from analysis.diagnosis.progress import Watch
+from analysis.diagnosis.selection import Selection
 from analysis.effects.library import library
 from analysis.fit.result import FitResult, outcome_of
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder

@@ -16,11 +16,12 @@ from analysis.diagnosis.basis.form_error import Discrepancy, discrepancy
 from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.forward_selection import Selection, Step, try_effects, useful
+from analysis.diagnosis.forward_selection import try_effects, useful
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.linearised import Linearised, linearise
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.score_test import ASKED, INEXACT, run_score_test
+from analysis.diagnosis.selection import Selection, Step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows

@@ -18,9 +18,9 @@ from analysis.diagnosis.discrepancy.mean_waveform import (
 )
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.document.wording import FAMILIES, beside_mean_waveform
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.diagnosis.selection import Step
 from analysis.effects.effect import SLOTS
 from analysis.fit import joint
 from analysis.fit.campaign_fit import heldout_rms

@@ -13,10 +13,10 @@ import pytest
 from analysis.campaign import Campaign, Quantity
 from analysis.diagnosing import diagnose
 from analysis.diagnosis import mistakes
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.mistakes import Mistake, named_mistake
 from analysis.diagnosis.procedure import _base, _restated
 from analysis.diagnosis.progress import MethodStep, TimeBudget, Watch
+from analysis.diagnosis.selection import Step
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.drops import draw_drops
 from drivers.simulated.effects import make_effect

@@ -13,11 +13,11 @@ from scipy.signal import lfilter
 
 from analysis.campaign import Campaign, Shot
 from analysis.diagnosis.document.wording import why_not
-from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.model_free import Shown, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.procedure import Diagnosis, _judge, _shown
 from analysis.diagnosis.progress import BudgetSpentError, TimeBudget, Watch
+from analysis.diagnosis.selection import Selection, Step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build

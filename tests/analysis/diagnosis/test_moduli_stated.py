@@ -23,10 +23,10 @@ from analysis.diagnosis.document.moduli_stated import (
     widen_over_family,
     withhold_sought,
 )
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
 from analysis.diagnosis.progress import TimeBudget, Watch
+from analysis.diagnosis.selection import Step
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.result import FitResult
 

@@ -12,11 +12,12 @@ import pytest
 
 from analysis.campaign import Campaign
 from analysis.diagnosing import diagnose
-from analysis.diagnosis.backward_elimination import best_reached, not_held_against
+from analysis.diagnosis.backward_elimination import not_held_against
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
-from analysis.diagnosis.forward_selection import Selection
+from analysis.diagnosis.forward_selection import best_reached
 from analysis.diagnosis.procedure import Diagnosis, _judge, _standing
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, TimeBudget, Watch, each_step
+from analysis.diagnosis.selection import Selection
 from analysis.errors import ParameterOutOfRangeError
 
 from .conftest import small_campaign

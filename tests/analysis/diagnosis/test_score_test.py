@@ -11,7 +11,6 @@ from scipy.stats import kstest
 
 from analysis.campaign import Campaign
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.score_test import (
     ASKED,
     WANDER,
@@ -21,6 +20,7 @@ from analysis.diagnosis.score_test import (
     independent_tests,
     p_of_wander,
 )
+from analysis.diagnosis.selection import Selection, Step
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import with_start

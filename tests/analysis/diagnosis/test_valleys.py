@@ -11,8 +11,8 @@ import pytest
 from analysis.diagnosis.basis.proposals import proposals
 from analysis.diagnosis.candidate import Refit, extended
 from analysis.diagnosis.forms import best_form
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.multistart import where_it_rings
+from analysis.diagnosis.selection import Step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.problem import build

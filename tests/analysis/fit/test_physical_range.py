@@ -16,9 +16,9 @@ from analysis import fit_campaign, observation_from_fit
 from analysis.campaign import Campaign, Quantity, Shot, Sphere, Surface
 from analysis.diagnosis.basis.proposals import rescoped
 from analysis.diagnosis.candidate import extended
-from analysis.diagnosis.forward_selection import Selection, Step
 from analysis.diagnosis.procedure import _crystal
 from analysis.diagnosis.progress import Watch
+from analysis.diagnosis.selection import Selection, Step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.blocks import linearise_shot

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from analysis.diagnosis.forward_selection import Step
 from analysis.diagnosis.procedure import diagnose_campaign
+from analysis.diagnosis.selection import Step
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import with_start

@@ -1,0 +1,148 @@
+"""How far a search has come: its steps, and the effects that lead from each to the next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from analysis.diagnosis.candidate import Refit
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forms import best_form
+from analysis.diagnosis.grouping_search import (
+    best_grouping,
+    best_grouping_from_afar,
+    promises_other_grouping,
+)
+from analysis.diagnosis.linearised import Linearised, linearise
+from analysis.diagnosis.one_material import WithoutMaterial
+from analysis.diagnosis.progress import unwatched
+from analysis.diagnosis.score_test import (
+    ScoreTest,
+    check_residual,
+    is_far_from_noise,
+    run_score_test,
+)
+from analysis.fit import joint
+from analysis.fit.physical_range import out_of_range
+from analysis.fit.problem import JointProblem
+
+
+@dataclass
+class Step:
+    """One step of the search."""
+
+    problem: JointProblem
+    fitted: joint.Fitted
+    """The model of this turn, at its best."""
+    tested: tuple[Linearised, ScoreTest] | None = None
+    """The residual, linearised, and what the score test says of it; None until it is asked."""
+    refits: list[Refit] = field(default_factory=list)
+    """What was tried on top, best first."""
+    refused: dict[str, str] = field(default_factory=dict)
+    """Why other effects could not be tried."""
+    without: list[WithoutMaterial] = field(default_factory=list)
+    """The same model without each material's shots, where that was asked."""
+    reduced: dict[str, Step | None] = field(default_factory=dict)
+    """The same model without one of its effects, by the effect's id, where that was asked."""
+    compared: bool = False
+    """What can be tried, or the slot of what was taken, was compared as far as the time went."""
+    unfinished: bool = False
+    """The time was over before all that can be tried was compared."""
+
+    @property
+    def linearised(self) -> Linearised:
+        """Return the residual, linearised."""
+        return self.test()[0]
+
+    @property
+    def score_test(self) -> ScoreTest:
+        """Return what the score test says of the residual."""
+        return self.test()[1]
+
+    def test(self) -> tuple[Linearised, ScoreTest]:
+        """Return both; the first time they are made, to their end whatever the time."""
+        if self.tested is None:
+            self.tested = check_residual(unwatched(self.problem), self.fitted)
+        return self.tested
+
+    @property
+    def structured(self) -> bool:
+        """Whether the residual is more than noise. It is not tested where it is far more."""
+        if self.tested is None and is_far_from_noise(self.problem, self.fitted):
+            return True
+        return self.score_test.structured
+
+    @property
+    def impossible(self) -> bool:
+        """Whether one of its numbers is outside what it can be."""
+        return bool(out_of_range(self.problem, self.fitted))
+
+
+@dataclass
+class Selection:
+    """Steps, and the effects that lead from each to the next."""
+
+    steps: list[Step]
+    chosen: list[Refit]
+
+    @property
+    def last(self) -> Step:
+        """Return the step that the selection has reached."""
+        return self.steps[-1]
+
+    @property
+    def adequate(self) -> bool:
+        """Whether the selection has ended in noise.
+
+        A model with a number that nothing can have does not count, whatever it leaves.
+        """
+        return not (self.last.impossible or self.last.structured)
+
+    @property
+    def settled(self) -> bool:
+        """Whether it has ended in noise, and that hardly needs its laws to be wrong.
+
+        With every law as it is written next to nothing of what any of the effects takes up is left.
+        """
+        last = self.last
+        if not self.adequate or not last.linearised.wrong_by:
+            return self.adequate
+        exact = run_score_test(linearise(unwatched(last.problem), last.fitted))
+        least = min(taken.gain for taken in self.chosen)
+        return not exact.structured or exact.left < CRITERIA.partial.several_left_share * least
+
+    @property
+    def needs_last(self) -> bool:
+        """Whether the last effect is worth its numbers where every law may be wrong by a little.
+
+        The laws of those before it may take up what it does. Far from noise nobody asks: no law is
+        wrong by so much.
+        """
+        before, after = self.steps[-2], self.steps[-1]
+        if is_far_from_noise(before.problem, before.fitted):
+            return True
+        instead = before.linearised.gain_of_inexactness - after.linearised.gain_of_inexactness
+        return self.chosen[-1].score() - instead > CRITERIA.comparison.least_lead
+
+    @property
+    def score(self) -> float:
+        """Return the whitened squares left, numbers paid for."""
+        paid = sum(r.gain - r.score() for r in self.chosen)
+        return self.last.fitted.cost + paid
+
+    def on(self, found: Refit) -> Selection:
+        """Return the selection one effect further, in the form and grouping that score highest."""
+        step = Step(found.problem, found.fitted)
+        structured = step.structured
+        if structured or promises_other_grouping(found):
+            before = self.last.problem, self.last.fitted
+            if structured:
+                wide = best_grouping_from_afar(*before, best_form(*before, found))
+            else:
+                wide = best_grouping(*before, found)
+            lead = wide.score() - found.score()
+            if lead > 0.0:
+                wider = Step(wide.problem, wide.fitted)
+                # where the same effect ends in noise it needs no lead
+                if lead > CRITERIA.comparison.least_lead or not wider.structured:
+                    found, step = wide, wider
+        return Selection([*self.steps, step], [*self.chosen, found])
