@@ -258,9 +258,14 @@ def _best_forms(tries: list[Refit], base: joint.Fitted, *, bent: bool, far: bool
 def _short(entries: dict[str, list[Start]]) -> list[str]:
     """Return the groups worth a refit where slopes can be trusted."""
     order = list(entries)
-    # a structure below the sphere changes everything at once: its slope promises little
-    far = [o for o in order[SHORTLIST:] if entries[o][0].proposal.effect.structure is not None]
-    return order[:SHORTLIST] + far
+    return order[:SHORTLIST] + [
+        o for o in order[SHORTLIST:] if _slope_says_little(entries[o][0].proposal.effect)
+    ]
+
+
+def _slope_says_little(effect: Effect) -> bool:
+    """Tell whether an effect changes everything at once, or nothing before a threshold."""
+    return effect.structure is not None or any(p.threshold for p in effect.parameters)
 
 
 def rank(found: Refit) -> tuple[bool, bool, float]:

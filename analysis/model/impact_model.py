@@ -140,6 +140,9 @@ class ImpactModel:
     power. A diagnosis, which fits hundreds of models to noise of 1e-4, takes 0.75."""
     closed: bool = False
     """Third law, the coupon's mass and an end where the force ends; ``kv2``."""
+    most_steps: float = math.inf
+    """That an effect's own motion may ask for. A model that asks for more has no trace: a fit turns
+    back there, from a tape of a stiffness and damping that nothing has."""
 
     @property
     def name(self) -> str:
@@ -257,7 +260,10 @@ class ImpactModel:
         least = float(solver.contact_steps(omega0, duration, closed=self.closed))
         for effect in self.effects:
             if effect.steps is not None:
-                least = max(least, effect.steps(column.values[effect.id], context))
+                asked = effect.steps(column.values[effect.id], context)
+                if asked > self.most_steps:
+                    raise OverflowError
+                least = max(least, asked)
         return math.ceil(self.step_share * min(least, 2.0 * solver.MAX_STEPS))
 
     def _allowed(self, steps: int) -> int:
