@@ -4,7 +4,8 @@ r"""Recontact: the sphere meets the coupon again within the window.
 
 The coupon hops or the cell swings back before the sphere is away; the ordinary bounce comes much
 later and outside the fit window. A second contact that is slow bounces on: with a rebound speed u
-the sphere is back after 2 u / g, and again, until its weight keeps it down. All contacts have the
+the sphere is back after 2 u / g, and again, until its weight keeps it down; on ``kv2`` a little
+earlier, as it left a surface that was still indented and recovers. All contacts have the
 law and the structure that the other effects of the model make of them, but where its weight presses
 the sphere more than its speed does. At the end the cell bears that weight.
 
@@ -16,10 +17,6 @@ them. Validity: the first contact is over; added, the ring no longer moves the s
 the sphere comes back. Validation: sums of single traces; DOP853 of both contacts for the ringing
 form; the weight at rest, in the tests. The neutral value of the added form is a limit, speed ratio
 to 0, where the pulse goes with ratio^(6/5).
-
-Limit: on ``kv2`` the first contact ends while sphere and surface still overlap, which the time of
-flight leaves out: the third touch comes that depth over the rebound's speed too early, some
-microseconds for a second touch of centimetres per second, and such a recontact leaves structure.
 
 Scope: the rig's; a delay that goes with the height is not in this form.
 """

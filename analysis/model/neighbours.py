@@ -172,8 +172,8 @@ def add_second_contacts(
 ) -> None:
     """Add to a trace the contacts that come after the first, of the same bodies.
 
-    What touches again slowly bounces on within the window: with the speed u of its rebound it is
-    back after 2 u / g, a hop that is not seen being taken for the least that is, until it stays.
+    What touches again slowly bounces on within the window until it stays, a hop that is not seen
+    being taken for the least that is.
     """
     for effect in model.effects:
         if effect.again is None:

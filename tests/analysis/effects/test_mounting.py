@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from scipy.linalg import eigvals
 
 from analysis.effects.library import effect_named
+from analysis.model.impact_model import model_named
 from analysis.model.structure import Structure
 
 from .conftest import Rig, apart
@@ -60,6 +62,17 @@ def test_a_taped_coupon_agrees_with_two_masses(k: float, zeta: float) -> None:
     wanted = RIG.reference(law=BASE, ground=taped(k, zeta, RIG.coupon_mass))
     assert apart(found.signal, wanted.compression) < 3e-6
     assert found.rebound_ratio == pytest.approx(wanted.rebound / RIG.speed, abs=3e-6)
+
+
+def test_a_search_turns_back_from_a_tape_as_good_as_rigid() -> None:
+    """What asks for more solver steps than it may has no trace; the best of real tapes has one."""
+    damping = "adhesive_layer.damping_n_s_per_m"
+    model = dataclasses.replace(model_named("kv2+adhesive_layer"), most_steps=3000.0)
+    for stiffness, there in ((3e10, True), (1e12, False)):
+        values = {"adhesive_layer.stiffness_n_per_m": stiffness, damping: 1000.0}
+        local = RIG.local(model, values)
+        assert math.isfinite(model.predict(local, RIG.frame()).rebound_ratio) == there
+        assert math.isfinite(RIG.predict("kv2+adhesive_layer", values).rebound_ratio)
 
 
 def test_a_stiff_tape_is_a_heavier_crystal() -> None:

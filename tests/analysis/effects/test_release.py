@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from analysis.effects.library import effect_named, library
+from analysis.model.hertz import closed_damping_coefficient
 from analysis.model.impact_model import model_named
 
 from .conftest import Rig, apart
@@ -117,6 +118,50 @@ def test_a_slow_second_contact_bounces_on() -> None:
     assert later < 3e-3
     added = np.abs(found - rig.predict("kv").signal).max()
     assert np.abs(found - expected)[:until].max() < 1e-3 * added
+
+
+def _left_behind(rig: Rig) -> tuple[float, float]:
+    """Return where a force that ends leaves a sphere, and how fast, by DOP853. [m, m/s]"""
+    c = closed_damping_coefficient(rig.restitution) * math.sqrt(rig.mass * rig.stiffness)
+
+    def force(x: float, v: float) -> float:
+        """Return what presses the sphere up."""
+        return rig.stiffness * max(x, 0.0) ** 1.5 + c * max(x, 0.0) ** 0.25 * v
+
+    def ends(t: float, s: NDArray[np.float64]) -> float:
+        """Return the force, which ends when it is zero on the way up."""
+        return force(*s) if t > 1e-6 and s[1] < 0.0 else 1.0
+
+    ends.terminal = True  # type: ignore[attr-defined]  # solve_ivp's own way
+    found = solve_ivp(
+        lambda t, s: [s[1], 9.80665 - force(*s) / rig.mass], (0.0, 1e-2), [0.0, rig.speed],
+        method="DOP853", rtol=1e-10, atol=1e-14, max_step=1e-6, events=ends,
+    )  # fmt: skip
+    return float(found.y[0, -1]), -float(found.y[1, -1])
+
+
+def test_the_next_touch_is_at_the_surface_and_not_where_the_force_ended() -> None:
+    """On a closed base it comes earlier than 2 u / g: the surface recovers behind the sphere."""
+    ratio, delay = 0.01, 4e-4
+    rig = RIG.but(samples=4000, cell_mass=35.4, cell_stiffness=4.16e11, coupon_mass=0.0)
+    second = rig.but(speed=ratio * rig.speed)
+    depth, rebound = _left_behind(second)
+    above = math.sqrt(rebound**2 - 2 * 9.80665 * depth)
+    seen = second.predict("kv2")
+    assert seen.rebound_ratio * second.speed == pytest.approx(rebound, rel=1e-3)
+    later = delay + seen.contact_time_s + (rebound + above) / 9.80665
+    third = rig.but(speed=rebound, touch_down_us=rig.touch_down_us + 1e6 * later)
+    expected = (
+        rig.predict("kv2").signal
+        + second.but(touch_down_us=rig.touch_down_us + 1e6 * delay).predict("kv2").signal
+        + third.predict("kv2").signal
+    )
+    values = {"recontact.speed_ratio": ratio, "recontact.delay_s": delay}
+    found = rig.predict("kv2+recontact", values).signal
+    until = int(third.touch_down_us) + 150  # before a fourth
+    added = np.abs(third.predict("kv2").signal).max()
+    assert np.abs(found - expected)[:until].max() < 0.01 * added
+    assert 2 * rebound / 9.80665 - (rebound + above) / 9.80665 > 2e-6  # what is at stake
 
 
 def _touch_twice(rig: Rig, delay_s: float, speed_m_per_s: float) -> NDArray[np.float64]:

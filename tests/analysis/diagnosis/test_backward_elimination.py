@@ -1,0 +1,91 @@
+"""Earlier effects are asked again beside later ones."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from analysis.diagnosis.backward_elimination import revised
+from analysis.diagnosis.basis.proposals import rescoped
+from analysis.diagnosis.candidate import Refit, extended, refitted
+from analysis.diagnosis.selection import Selection, Step
+from analysis.effects.acts_on import ActsOn
+from analysis.effects.effect import Effect
+from analysis.effects.library import effect_named
+from analysis.fit import joint
+from analysis.fit.problem import build
+from analysis.fit.start import with_start
+from analysis.model.impact_model import model_named
+from analysis.parameters import of_effect
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign
+from drivers.simulated.effects import Scope, make_effect
+from impactd.bench.simulated_campaign import through_a_folder
+
+CUTOFF_HZ = 3e4
+LOSS_S_PER_M = 0.05
+
+
+@pytest.fixture(scope="module")
+def base() -> Selection:
+    """A first-order amplifier, and a loss on one surface that grows with the speed: no effect."""
+    usual = CampaignSettings()
+    lossy = make_effect(
+        "hunt_crossley_damping",
+        {"damping_s_per_m": LOSS_S_PER_M},
+        scope=Scope(surface="specimen"),
+    )
+    slow = make_effect("amplifier_lowpass", {"cutoff_hz": CUTOFF_HZ, "filter_order": 1.0})
+    settings = dataclasses.replace(
+        usual,
+        spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
+        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
+        drop_heights_m=(0.0115, 0.0465),
+        repeats=1,
+        effects=(slow, lossy),
+        rig="closed",
+    )
+    campaign = through_a_folder(simulate_campaign(settings, 5))
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    return Selection([Step(problem, joint.fit(problem, nuisances))], [])
+
+
+def _with(selection: Selection, effect: Effect, value: float, group: str = "") -> Selection:
+    """Return a selection with one effect more, fitted from a value of its one number."""
+    step, (number,) = selection.last, effect.parameters
+    start = {of_effect(effect.id, number.name, group): number.coordinate(value)}
+    larger, theta, nuisances = extended(step.problem, step.fitted, effect, start)
+    fitted = joint.fit(larger, nuisances, theta=theta)
+    scope = effect.only.kind if effect.only else "rig"
+    bare = Refit(
+        effect, effect.id.partition(":")[0], scope, larger, fitted, 0.0, 0, at_bound=False,
+        linear_gain=0.0,
+    )  # fmt: skip
+    taken = refitted(bare, step.problem, step.fitted)
+    return Selection([*selection.steps, Step(larger, fitted)], [*selection.chosen, taken])
+
+
+def test_the_form_of_the_first_effect_is_asked_again_beside_the_second(base: Selection) -> None:
+    """Alone, a Bessel filter took up a part of the loss; beside the loss it is of first order."""
+    loss = effect_named("hunt_crossley_damping")
+    loss = dataclasses.replace(rescoped(loss, "rig"), only=ActsOn("surface", ("specimen",)))
+    wrong = _with(base, effect_named("amplifier_lowpass:bessel"), 2.0 * CUTOFF_HZ)
+    both = _with(wrong, loss, LOSS_S_PER_M, "specimen")
+    assert not both.adequate
+
+    found = revised(both)
+    assert found.adequate
+    assert {c.effect.id for c in found.chosen} == {"amplifier_lowpass", "hunt_crossley_damping"}
+    assert found.last.fitted.cost < both.last.fitted.cost
+
+
+def test_the_grouping_of_the_first_effect_is_asked_again_beside_the_second(base: Selection) -> None:
+    """Alone, the loss seemed to be everybody's; beside the filter it is one surface's."""
+    wrong = _with(base, rescoped(effect_named("hunt_crossley_damping"), "rig"), LOSS_S_PER_M)
+    both = _with(wrong, effect_named("amplifier_lowpass"), CUTOFF_HZ)
+    assert not both.adequate
+
+    found = revised(both)
+    assert found.adequate
+    loss = next(c.effect for c in found.chosen if c.effect_id == "hunt_crossley_damping")
+    assert loss.only is not None or {p.scope for p in loss.parameters} == {"surface"}
