@@ -118,9 +118,9 @@ def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Lineari
     found = run_score_test(linearised)
     if not found.structured or joint.is_hopeless(problem, fitted.cost):
         return linearised, found
-    free = fitted_with_stated_numbers(problem, fitted)
+    free = fitted_with_stated_numbers(problem, fitted, needless=found.is_more_than)
     if free is None:
-        return linearised, found  # every number is exact
+        return linearised, found  # every number is exact, or brings too little
     won = fitted.cost - free[1].cost
     if free[1].converged and found.is_more_than(won):
         return linearised, found

@@ -217,7 +217,7 @@ def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
     return _total_cost(problem, theta, nuisances, math.inf)
 
 
-def _promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
+def promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
     """Return the fall of chi2 that a linear problem would have; inf if it cannot be computed."""
     try:
         matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
@@ -361,7 +361,7 @@ def _descend(
         enough = (steps.tolerance * max(1.0, cost / samples)) ** 2
         if promised < enough and (
             damping < NEARLY_FREE
-            or _promised_gain(problem, blocks, theta) < max(enough, STALLED_GAIN)
+            or promised_gain(problem, blocks, theta) < max(enough, STALLED_GAIN)
         ):
             converged = True
             break
@@ -379,7 +379,7 @@ def _descend(
             damping = max(damping * 10, 1e-6)
             if damping > STALLED_DAMPING:
                 # no step of any length helps: the minimum to rounding, or an edge
-                converged = _promised_gain(problem, blocks, theta) < STALLED_GAIN
+                converged = promised_gain(problem, blocks, theta) < STALLED_GAIN
                 break
         if steps.progress is not None:
             steps.progress("joint fit", min(0.95, iteration / 12))

@@ -6,6 +6,7 @@ once, at the base model's best: the errors are small, and an effect changes them
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import numbers_of_shots, widened_by
 from analysis.fit.inputs import STATED
-from analysis.fit.joint import FAR_OFF, LEAST_DAMPING, Fitted, fit
+from analysis.fit.joint import FAR_OFF, LEAST_DAMPING, Fitted, fit, promised_gain
 from analysis.fit.problem import JointProblem
 
 
@@ -60,13 +61,25 @@ def with_stated_numbers(problem: JointProblem, fitted: Fitted) -> tuple[JointPro
 
 
 def fitted_with_stated_numbers(
-    problem: JointProblem, fitted: Fitted
+    problem: JointProblem, fitted: Fitted, *, needless: Callable[[float], bool] | None = None
 ) -> tuple[JointProblem, Fitted] | None:
-    """Return a fit in which masses, heights and the like may be off to first order; or None."""
+    """Return a fit in which masses, heights and the like may be off to first order; or None.
+
+    Also None if ``needless``, asked about twice the squares that it promises, says that these
+    change nothing.
+    """
     wide = with_stated_numbers(problem, fitted)
     if wide is None:
         return None
-    found = fit(wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING, far_off=FAR_OFF)
+    begin = fit(wide[0], fitted.nuisances, theta=wide[1], max_iterations=0)
+    if begin.failed:
+        return None
+    if needless is not None and needless(2.0 * promised_gain(wide[0], begin.blocks, begin.theta)):
+        return None
+    found = fit(
+        wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING, far_off=FAR_OFF,
+        blocks=begin.blocks,
+    )  # fmt: skip
     return None if found.failed else (wide[0], found)
 
 
