@@ -214,6 +214,8 @@ class Effect:
     """Its force could pull: on the paper's base models, which otherwise end a contact where the
     indentation ends, the contact then ends where the elastic force does."""
     share: Callable[[Values], float] | None = None
+    base_dashpot: Callable[[Values], float] | None = None
+    """Part of the base model's dashpot that is left."""
     mobility: Callable[[Values], float] | None = None
     bears: Callable[[Values, ShotContext], float] | None = None
     reach: Callable[[Values, ShotContext], float] | None = None

@@ -67,7 +67,7 @@ def _structure(effects: Sequence[Effect], cell: Cell, column: Column) -> Structu
 def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[float, ...]:
     """Return a column's row of numbers, as `effect_solver.NUMBERS` orders them."""
     context = column.context
-    share, mobility, reach = 0.0, 0.0, 0.0
+    share, mobility, reach, dashpot = 0.0, 0.0, 0.0, 1.0
     bears, counted = math.inf, 0.0
     if context.closed:
         share, bears, counted = 1.0, 0.0, 1.0
@@ -76,6 +76,8 @@ def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[flo
     for effect in effects:
         if effect.share is not None:
             share = effect.share(column.values[effect.id])
+        if effect.base_dashpot is not None:
+            dashpot *= effect.base_dashpot(column.values[effect.id])
         if effect.mobility is not None:
             mobility += effect.mobility(column.values[effect.id])
         if effect.bears is not None:
@@ -88,7 +90,7 @@ def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[flo
         context.stiffness,
         context.mass_kg,
         context.speed_m_per_s,
-        context.alpha,
+        dashpot * context.alpha,
         context.gravity_m_per_s2,
         share,
         mobility,

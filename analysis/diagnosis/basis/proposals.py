@@ -169,6 +169,8 @@ def scopes_of(effect: Effect) -> tuple[str, ...]:
     """Return the groups worth trying: of contact and mounting the materials too."""
     if effect.basis is not None:
         return ("shot",)
+    if effect.base_dashpot is not None:
+        return ("rig",)  # which law a contact obeys is no property of a material
     if effect.slot == "contact":
         return ("rig", "surface", "sphere")
     if effect.slot == "mounting" and amplitude_of(effect) is not None:

@@ -9,7 +9,7 @@ from analysis.diagnosis.progress import MethodStep
 from drivers.simulated.campaign import simulate_campaign
 from drivers.simulated.impact import IntegrationError
 from drivers.simulated.mistakes import make_mistake
-from drivers.simulated.rig_model import DEFAULT_RIG
+from drivers.simulated.rig_model import DEFAULT_RIG, PAPER, rig_model
 from drivers.simulated.specimens import SPECIMEN
 from impactd.aliases import Json
 from impactd.bench.blind.plan import Plan, colour_of, draw_plan
@@ -19,6 +19,8 @@ from impactd.diagnosis.run import diagnose
 
 RECORD_SLOT = "record"
 """Slot of what people did wrong: neither physics nor electronics, but what is written down."""
+LOSS_LAW = "loss_law"
+NAMED = ("identified", "family")
 NOT_SIMULATED = "not_simulated"
 """Instead of a verdict, where the simulator cannot integrate what was drawn: nothing to judge."""
 
@@ -222,15 +224,17 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
     stated = diagnose(campaign, base, budget_s=budget_s, progress=clock)
     ended = time.perf_counter()
     before, after = stated["before"], stated["after"]
+    effects = [e for e in stated["effects"] if not _is_the_rigs_own_law(e, plan)]
+    bare = bool(stated["effects"]) and not effects
     evidence: list[Json] = next(
         (step["evidence"] for step in stated["trail"] if step.get("evidence")), []
     )
     return {
-        "verdict": stated["verdict"],
-        "named": [e["id"] for e in stated["effects"]],
-        "confusable": [n for e in stated["effects"] for n in e.get("confusable_with", [])],
-        "acts_on": [where(e) for e in stated["effects"]],
-        "numbers": [e.get("parameters", {}) for e in stated["effects"]],
+        "verdict": "adequate" if bare and stated["verdict"] in NAMED else stated["verdict"],
+        "named": [e["id"] for e in effects],
+        "confusable": [n for e in effects for n in e.get("confusable_with", [])],
+        "acts_on": [where(e) for e in effects],
+        "numbers": [e.get("parameters", {}) for e in effects],
         "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),
         "slot": stated["slot"],
         "p_value": stated["p_value"],
@@ -254,6 +258,12 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
         "statement_seconds": ended - clock.judged[0],
         "ended_early": stated.get("ended_early") is not None,
     }
+
+
+def _is_the_rigs_own_law(effect: Json, plan: Plan) -> bool:
+    """Tell whether a named effect is how a drawn rig's contact loses energy: no effect was added."""
+    drawn = rig_model(plan.rig, plan.campaign_seed).loss
+    return bool(effect["id"] == LOSS_LAW) and drawn != PAPER.loss
 
 
 def where(effect: Json) -> Json:

@@ -28,6 +28,19 @@ def hunt_crossley(chi: float) -> Law:
     return lambda d, r, z: (K * d**1.5, RIG.dashpot(d, r) + chi * K * d**1.5 * r, ())
 
 
+def lossy(power: float) -> Law:
+    """Return Hertz's law with a dashpot like a power of the depth in place of the base's.
+
+    Its constant loses, to first order, what a restitution says: Hunt & Crossley's at 3/2, Kuwabara
+    & Kono's at 1/2.
+    """
+    mass, speed, kept = RIG.mass, RIG.speed, RIG.restitution
+    lost = (1.0 - kept) / (kept * speed)
+    depth = (mass * speed**2 / K) ** 0.4
+    c = {1.5: 1.5 * K * lost, 0.5: K * lost * depth / 1.15344}[power]
+    return lambda d, r, z: (K * d**1.5, c * max(d, 0.0) ** power * r, ())
+
+
 def felt(law: Law, base: Callable[[float, float], float]) -> Law:
     """Return a law whose loss beyond the base dashpot's loads the ground too."""
 
@@ -146,6 +159,12 @@ CASES: dict[str, tuple[str, dict[str, float], dict[str, Any]]] = {
         "plate_radiation:elastic",
         {"impedance_n_s_per_m": 150.0},
         {"law": plain(), "recession": 1 / 150.0},
+    ),
+    "loss of Hunt and Crossley": ("loss_law", {"share": 1.0}, {"law": lossy(1.5)}),
+    "loss of Kuwabara and Kono": (
+        "loss_law:kuwabara_kono",
+        {"share": 1.0},
+        {"law": lossy(0.5)},
     ),
     "reaction": ("dashpot_reaction", {"share": 1.0}, {"law": plain(), "share": 1.0}),
 }

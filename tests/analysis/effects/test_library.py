@@ -27,6 +27,7 @@ SLOT_OF = {
     "plate_radiation": "contact",
     "surface_roughness": "contact",
     "dashpot_reaction": "contact",
+    "loss_law": "contact",
     "adhesive_layer": "mounting",
     "coupon_mode": "mounting",
     "crystal_dynamics": "sensor",
