@@ -59,7 +59,12 @@ def can_be_one_materials(effect: Effect) -> bool:
 
 
 def _can_be_felt_by_one(effect: Effect) -> bool:
-    """Tell whether an effect may show on one material's shots only, as a ceiling on the highest."""
+    """Tell whether an effect may show on one material's shots only, as a ceiling on the highest.
+
+    Not another law of loss, which all contacts obey.
+    """
+    if effect.base_dashpot is not None:
+        return False
     return effect.slot in SLOTS or any(p.peak_starts for p in effect.parameters)
 
 

@@ -20,6 +20,7 @@ from impactd.diagnosis.run import diagnose
 RECORD_SLOT = "record"
 """Slot of what people did wrong: neither physics nor electronics, but what is written down."""
 LOSS_LAW = "loss_law"
+"""Id of the effect that names another law of loss than the analysis' base has."""
 NAMED = ("identified", "family")
 NOT_SIMULATED = "not_simulated"
 """Instead of a verdict, where the simulator cannot integrate what was drawn: nothing to judge."""
@@ -261,7 +262,7 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
 
 
 def _is_the_rigs_own_law(effect: Json, plan: Plan) -> bool:
-    """Tell whether a named effect is how a drawn rig's contact loses energy: no effect was added."""
+    """Tell whether a named effect is how a drawn rig's contact loses energy, which is no effect."""
     drawn = rig_model(plan.rig, plan.campaign_seed).loss
     return bool(effect["id"] == LOSS_LAW) and drawn != PAPER.loss
 
