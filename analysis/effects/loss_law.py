@@ -65,7 +65,7 @@ def _base_dashpot(values: Values) -> float:
 
 _PARAMETERS = (
     EffectParameter(
-        "share", "1", "rig", "linear", 1.0, 0.9, 1.1, (1.0,), "of the loss that obeys this law"
+        "share", "1", "rig", "linear", 1.0, 0.95, 1.05, (1.0,), "of the loss that obeys this law"
     ),
 )
 
