@@ -114,10 +114,14 @@ def select(
         # two laws that may both be wrong take up much: others are tried before they are believed
         if way.settled or (way.adequate and len(way.chosen) == len(start.chosen) + 1):
             return way
-    best = min([t for t in found if t.adequate] or found, key=lambda t: t.score, default=start)
-    if best.adequate and len(best.chosen) < MAX_EFFECTS:
+    ways = [t for t in found if t.adequate]
+    if not ways:  # which names stand is then asked of what was compared with all others
+        compared = [t for t in found if all(step.compared for step in t.steps[:-1])]
+        return min(compared, key=lambda t: t.score, default=start)
+    best = min(ways, key=lambda t: t.score)
+    if len(best.chosen) < MAX_EFFECTS:
         # the third of a chain is where what the first two leave for their forms would get a name
-        third = _with_another(best, usual, progress)
+        third = revised(_with_another(best, usual, progress))
         return third if third.settled else best
     return best
 
@@ -147,7 +151,7 @@ def _from_first(
     one = start.on(first)
     yield one
     if len(start.chosen) + 2 <= MAX_EFFECTS:
-        yield _continued(start, one, usual, progress)
+        yield from _continued(start, one, usual, progress)
 
 
 def _split_by_material(
@@ -184,33 +188,38 @@ def _split_by_material(
 
 def _continued(
     start: Selection, selection: Selection, usual: joint.Fitted, progress: Progress
-) -> Selection:
-    """Return a selection with a second effect, and with a third where nearly nothing is left.
+) -> Iterator[Selection]:
+    """Yield a selection with a second effect, and with a third where nearly nothing is left.
 
-    A third must leave noise with every law as it is written, or it only names what the first two
-    leave for their forms; unless it has made one of these needless.
+    Each with the others asked again beside the new one. A third must leave noise with every law as
+    it is written, or it only names what the first two leave for their forms; unless it has made one
+    of these needless.
     """
     longer = _with_another(selection, usual, progress)
+    if longer is selection:
+        return
+    yield longer
+    progress(MethodStep.ON_TOP.told("forms and groupings of the others"), 0.9)
+    longer = revised(longer)
+    yield longer
     grown = len(selection.chosen) < len(longer.chosen) < MAX_EFFECTS
     if longer.adequate or not grown or not _nearly(start, longer):
-        return longer
+        return
     third = _with_another(longer, usual, progress)
-    shorter = third.adequate and len(third.chosen) <= len(longer.chosen)
-    return third if third.settled or shorter else longer
+    if third is longer:
+        return
+    third = revised(third)
+    if third.settled or (third.adequate and len(third.chosen) <= len(longer.chosen)):
+        yield third
 
 
 def _with_another(selection: Selection, usual: joint.Fitted, progress: Progress) -> Selection:
-    """Return a selection with what helps most on top, the others asked again beside it.
-
-    The selection itself where nothing helps.
-    """
+    """Return a selection with what helps most on top; the selection itself where nothing does."""
     if not selection.settled:
         try_effects(selection.last, usual, progress, selection.steps[-2].refits)
         for found in useful(selection.last)[:1]:
             longer = selection.on(found)
-            if longer.needs_last:
-                progress(MethodStep.ON_TOP.told("forms and groupings of the others"), 0.9)
-                return revised(longer)
+            return longer if longer.needs_last else selection
     return selection
 
 

@@ -97,17 +97,18 @@ def heldout_folds(problem: JointProblem) -> list[list[int]]:
 def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
     """Return the pooled residual of shots that the shared parameters were not fitted to.
 
-    In the unit of the signal; None for a single shot. Shared parameters are fitted to the other
-    shots, from the full solution on and never uphill; the fold's own nuisances are then fitted anew
-    with everything shared fixed.
+    In the unit of the signal; None for a single shot, or where a trace ran away. Shared parameters
+    are fitted to the other shots, from the full solution on and never uphill; the fold's own
+    nuisances are then fitted anew with everything shared fixed.
     """
     squares, count = 0.0, 0
     for fold, learned in heldout_fits(problem, fitted):
         for i in fold:
             r = refit_nuisances(problem, i, learned.theta, fitted.nuisances[i])
-            squares += float(r @ r)
+            with np.errstate(over="ignore", invalid="ignore"):
+                squares += float(r @ r)
             count += r.size
-    return math.sqrt(squares / count) if count else None
+    return math.sqrt(squares / count) if count and math.isfinite(squares) else None
 
 
 def heldout_fits(
