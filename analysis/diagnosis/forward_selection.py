@@ -118,12 +118,7 @@ def select(
     if not ways:  # which names stand is then asked of what was compared with all others
         compared = [t for t in found if all(step.compared for step in t.steps[:-1])]
         return min(compared, key=lambda t: t.score, default=start)
-    best = min(ways, key=lambda t: t.score)
-    if len(best.chosen) < MAX_EFFECTS:
-        # the third of a chain is where what the first two leave for their forms would get a name
-        third = revised(_with_another(best, usual, progress))
-        return third if third.settled else best
-    return best
+    return min(ways, key=lambda t: t.score)
 
 
 def _ways(start: Selection, usual: joint.Fitted, progress: Progress) -> Iterator[Selection]:

@@ -498,7 +498,7 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
 def _stands(
     before: Step, after: Step, taken: Refit, left: float, *, share: float, ahead: float
 ) -> bool:
-    if taken.effect.basis is not None:
+    if taken.own:
         return False  # sizes that are free in every shot follow much that they are not
     explained = before.fitted.cost - after.fitted.cost
     others = max(

@@ -131,18 +131,18 @@ class Selection:
 
     def on(self, found: Refit) -> Selection:
         """Return the selection one effect further, in the form and grouping that score highest."""
-        step = Step(found.problem, found.fitted)
-        structured = step.structured
-        if structured or promises_other_grouping(found):
-            before = self.last.problem, self.last.fitted
-            if structured:
-                wide = best_grouping_from_afar(*before, best_form(*before, found))
-            else:
-                wide = best_grouping(*before, found)
-            lead = wide.score() - found.score()
-            if lead > 0.0:
-                wider = Step(wide.problem, wide.fitted)
-                # where the same effect ends in noise it needs no lead
-                if lead > CRITERIA.comparison.least_lead or not wider.structured:
-                    found, step = wide, wider
-        return Selection([*self.steps, step], [*self.chosen, found])
+        near = Selection([*self.steps, Step(found.problem, found.fitted)], [*self.chosen, found])
+        settled = near.settled
+        if settled and not promises_other_grouping(found):
+            return near
+        before = self.last.problem, self.last.fitted
+        if settled:
+            wide = best_grouping(*before, found)
+        else:
+            wide = best_grouping_from_afar(*before, best_form(*before, found))
+        lead = wide.score() - found.score()
+        if not lead > 0.0:
+            return near
+        wider = Selection([*self.steps, Step(wide.problem, wide.fitted)], [*self.chosen, wide])
+        # where the same effect ends in noise it needs no lead
+        return wider if lead > CRITERIA.comparison.least_lead or wider.adequate else near
