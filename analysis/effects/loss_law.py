@@ -9,7 +9,7 @@ with Hunt and Crossley's dashpot, or Kuwabara and Kono's (``loss_law:kuwabara_ko
     F = \chi K \delta^{3/2} \dot\delta, \quad \chi = \frac32 \frac{1 - e}{e\,v}
     \qquad\text{or}\qquad
     F = \tfrac32 A K \sqrt\delta\,\dot\delta, \quad
-    A = \frac23 \frac{1 - e}{C_1\,e} \frac{d}{v}, \quad d = \Big(\frac{m v^2}{K}\Big)^{2/5}
+    A = \frac23 \frac{1 - e}{C_1\,e} \frac{d}{v}, \quad d = \left(\frac{m v^2}{K}\right)^{2/5}
 
 The base's dashpot is Tsuji's. Each impact has a loss of its own, e, in any of these laws, so that
 only how the force is spread over the contact tells them apart. s is 1; values between have no
