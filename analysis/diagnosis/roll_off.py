@@ -7,7 +7,8 @@ spectrum S is that of white noise behind a filter of one number, where Whittle's
 
 of K averaged periodograms P says so: the filter explains what any smooth spectrum explains beyond a
 flat one. Noise that is coloured as a mounting moves, or falls at one end of the band alone, is no
-such filter's.
+such filter's. Nor is noise behind one analogue pole told: sampled, it is autoregressive of order
+one, the commonest colour that noise has by itself.
 
 Noise of any colour shows a digital filter of n poles by what is left at half the sampling rate.
 There the bilinear transform has n zeros,
@@ -46,12 +47,14 @@ SMOOTH_NUMBERS = 6
 poles at a third of the rate is followed within 1 dB."""
 HIGHEST = 0.49
 """Cut-off over the sampling rate, from which the spectrum is flat."""
+ANALOGUE = "sampled"
+"""A resistor and a capacitor before the converter."""
 FORMS = {
-    "sampled": "amplifier_lowpass",
+    ANALOGUE: "amplifier_lowpass",
     "first": "amplifier_lowpass",
     "second": "amplifier_lowpass:second_order",
 }
-"""A resistor and a capacitor before the converter; digital filters of one and two poles."""
+"""That one; digital filters of one and two poles."""
 BY_ZEROS = {0.0: None, 0.5: None, 1.0: FORMS["first"], 2.0: FORMS["second"]}
 """Forms by their zeros at half the rate. Half a zero is a spectrum that merely falls there."""
 
@@ -119,6 +122,8 @@ def _of_white_noise(floor: _Floor) -> tuple[str, float] | None:
     flat = floor.squares(np.ones_like(OVER_RATE))
     squares, cutoff, form = min((*_best_cutoff(floor, form), form) for form in FORMS)
     gain = flat - squares
+    if form == ANALOGUE:
+        return None
     if not 1.01 * OVER_RATE[0] < cutoff < 0.99 * HIGHEST:
         return None  # on a bound it is no cut-off
     share = 1.0 - CRITERIA.model_free.unexplained_share
@@ -184,7 +189,7 @@ def _ln_fall(zeros: float) -> Array:
 
 def _spectrum(form: str, cutoff: float) -> Array:
     """Return what a filter leaves of white noise; ``cutoff`` is over the sampling rate."""
-    if form == "sampled":
+    if form == ANALOGUE:
         decay = math.exp(-2.0 * math.pi * cutoff)
         angles = 2.0 * np.pi * OVER_RATE
         return np.asarray(1.0 / (1.0 - 2.0 * decay * np.cos(angles) + decay**2))
