@@ -63,7 +63,6 @@ def revised(selection: Selection) -> Selection:
     that did so best. One that is now worth less than its numbers goes; another form or grouping is
     taken where it leads.
     """
-    least = CRITERIA.comparison.least_lead
     for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
         if selection.settled:
             break
@@ -71,12 +70,12 @@ def revised(selection: Selection) -> Selection:
         if turned is None:
             continue
         beside, now = Selection(turned.steps[:-1], turned.chosen[:-1]), turned.chosen[-1]
-        if now.score() <= least and not beside.last.impossible:
+        needless = now.score() <= CRITERIA.comparison.least_lead
+        if needless and not beside.last.impossible:
             selection = _as_last(beside, beside.chosen[-1]) or beside
             continue
         again = beside.on(now)
-        lead = again.chosen[-1].score() - now.score()
-        selection = again if lead > least or (lead > 0.0 and again.adequate) else turned
+        selection = turned if again.chosen[-1] is now else again
     return selection
 
 

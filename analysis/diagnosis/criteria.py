@@ -163,8 +163,8 @@ class Partial:
     one_left_share: float = 0.05
     """That may remain beside one effect. Chosen by trial."""
     several_left_share: float = 0.01
-    """That may remain beside two or more, each; where a search is settled, with every law as it is
-    written. Chosen by trial."""
+    """That may remain beside two or more, each. No more remains of a settled search, whose laws are
+    then as they are written. Chosen by trial."""
     several_lead_ratio: float = 2.0
     """Of each one's gain to that of any other name, beside two or more. Chosen by trial."""
     ahead_squares: float = 100.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
@@ -64,6 +65,11 @@ class Step:
             self.tested = check_residual(unwatched(self.problem), self.fitted)
         return self.tested
 
+    @cached_property
+    def as_written(self) -> ScoreTest:
+        """Return what the score test says where every law is exactly as it is written."""
+        return run_score_test(linearise(unwatched(self.problem), self.fitted))
+
     @property
     def structured(self) -> bool:
         """Whether the residual is more than noise. It is not tested where it is far more."""
@@ -106,8 +112,7 @@ class Selection:
         last = self.last
         if not self.adequate or not last.linearised.wrong_by:
             return self.adequate
-        exact = run_score_test(linearise(unwatched(last.problem), last.fitted))
-        least = min(taken.gain for taken in self.chosen)
+        exact, least = last.as_written, min(taken.gain for taken in self.chosen)
         return not exact.structured or exact.left < CRITERIA.partial.several_left_share * least
 
     @property

@@ -25,7 +25,9 @@ def small_campaign(
     return campaign_with(folder, () if effect is None else (make_effect(effect, values),), rig)
 
 
-def campaign_with(folder: Path, effects: tuple[Effect, ...], rig: str = DEFAULT_RIG) -> Campaign:
+def campaign_with(
+    folder: Path, effects: tuple[Effect, ...], rig: str = DEFAULT_RIG, seed: int = SEED
+) -> Campaign:
     """Return eight shots with any effects, as read back from a campaign folder."""
     usual = CampaignSettings()
     settings = dataclasses.replace(
@@ -37,7 +39,7 @@ def campaign_with(folder: Path, effects: tuple[Effect, ...], rig: str = DEFAULT_
         effects=effects,
         rig=rig,
     )
-    return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, SEED)))
+    return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, seed)))
 
 
 @pytest.fixture(scope="session")

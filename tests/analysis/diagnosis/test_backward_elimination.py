@@ -18,34 +18,24 @@ from analysis.fit.problem import build
 from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from analysis.parameters import of_effect
-from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 from drivers.simulated.effects import Scope, make_effect
-from impactd.bench.simulated_campaign import through_a_folder
+
+from .conftest import campaign_with
 
 CUTOFF_HZ = 3e4
 LOSS_S_PER_M = 0.05
 
 
 @pytest.fixture(scope="module")
-def base() -> Selection:
-    """A first-order amplifier, and a loss on one surface that grows with the speed: no effect."""
-    usual = CampaignSettings()
+def base(tmp_path_factory: pytest.TempPathFactory) -> Selection:
+    """The base model, on records of a first-order amplifier and of a loss on one surface."""
     lossy = make_effect(
         "hunt_crossley_damping",
         {"damping_s_per_m": LOSS_S_PER_M},
         scope=Scope(surface="specimen"),
     )
     slow = make_effect("amplifier_lowpass", {"cutoff_hz": CUTOFF_HZ, "filter_order": 1.0})
-    settings = dataclasses.replace(
-        usual,
-        spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
-        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
-        drop_heights_m=(0.0115, 0.0465),
-        repeats=1,
-        effects=(slow, lossy),
-        rig="closed",
-    )
-    campaign = through_a_folder(simulate_campaign(settings, 5))
+    campaign = campaign_with(tmp_path_factory.mktemp("both"), (slow, lossy), "closed", 5)
     problem, nuisances = with_start(build(campaign, model_named("kv2")))
     return Selection([Step(problem, joint.fit(problem, nuisances))], [])
 

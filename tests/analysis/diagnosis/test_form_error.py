@@ -299,23 +299,25 @@ def test_the_extended_solution_is_a_gaussian_process_conditional(taped: Step) ->
     [
         ("adhesive_layer", "loss_factor", TAPE),
         ("amplifier_lowpass", "rc", {"cutoff_hz": 45e3, "filter_order": 3.0}),
-        ("clipping", "tanh", {"limit_v": 2.0, "softness": 0.0}),
+        pytest.param(
+            "clipping",
+            "tanh",
+            {"limit_v": 2.0, "softness": 0.0},
+            marks=pytest.mark.xfail(
+                strict=True, reason="further off than laws may be: partial, without a modulus"
+            ),
+        ),
     ],
 )
 def test_a_form_that_the_library_lacks_is_named(
     effect: str, form: str, values: dict[str, float]
 ) -> None:
-    """Alone or in a family, and the interval of the modulus holds the truth.
-
-    A form further off than laws may be leaves structure: the name stands, and no modulus is stated.
-    """
+    """Alone or in a family, and the interval of the modulus holds the truth."""
     campaign, true = _drawn(effect, form, values)
     found = diagnose_campaign(campaign, BASES[DEFAULT_RIG])
-    assert found.verdict in ("identified", "family", "partial")
+    assert found.verdict in ("identified", "family")
     assert effect in {*found.effect_ids, *found.confusable}
-    stated = diagnosis_json(found, software="impactd test")["after"]["moduli"]["specimen"][PLANE]
-    if found.verdict == "partial":
-        assert stated is None
-        return
-    low, high = stated["interval95"]
+    low, high = diagnosis_json(found, software="impactd test")["after"]["moduli"]["specimen"][
+        PLANE
+    ]["interval95"]
     assert low < true < high

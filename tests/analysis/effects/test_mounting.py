@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigvals
 
+from analysis.diagnosis.procedure import MOST_STEPS
 from analysis.effects.library import effect_named
 from analysis.model.impact_model import model_named
 from analysis.model.structure import Structure
@@ -67,7 +68,7 @@ def test_a_taped_coupon_agrees_with_two_masses(k: float, zeta: float) -> None:
 def test_a_search_turns_back_from_a_tape_as_good_as_rigid() -> None:
     """What asks for more solver steps than it may has no trace; the best of real tapes has one."""
     damping = "adhesive_layer.damping_n_s_per_m"
-    model = dataclasses.replace(model_named("kv2+adhesive_layer"), most_steps=3000.0)
+    model = dataclasses.replace(model_named("kv2+adhesive_layer"), most_steps=MOST_STEPS)
     for stiffness, there in ((3e10, True), (1e12, False)):
         values = {"adhesive_layer.stiffness_n_per_m": stiffness, damping: 1000.0}
         local = RIG.local(model, values)

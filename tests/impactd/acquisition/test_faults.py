@@ -111,8 +111,9 @@ def test_a_knock_before_the_sphere_can_land_is_no_impact(
     build: Callable[..., Laboratory],
 ) -> None:
     """A trigger earlier than the fall time is refused and kept as evidence."""
-    # At the rig's own pace: the check is on the careful side, so a host that lags hides a knock.
-    laboratory = build(simulation={"clock_speed": 1.0}).start()
+    # At a fifth of its pace: the check is on the careful side, so a host that lags by most of a
+    # fall hides a knock, and a fall takes most of a second then.
+    laboratory = build(simulation={"clock_speed": 0.2}).start()
     release = laboratory.rig.valve.release
 
     def knock(*permitted: Callable[[], bool]) -> object:
@@ -121,14 +122,10 @@ def test_a_knock_before_the_sphere_can_land_is_no_impact(
         return release(*permitted)
 
     laboratory.rig.valve.release = knock  # type: ignore[method-assign, assignment]
-    hidden = 0
     drop = laboratory.drop(request(drop_height_m=0.15))
-    while drop.state == "stored" and hidden < 3:  # the host lagged by a whole fall
-        hidden += 1
-        drop = laboratory.drop(request(drop_height_m=0.15))
     _problem(drop, "early-trigger", "that was not the sphere")
     assert list((laboratory.directory / "partial").glob("*.h5"))
-    assert len(laboratory.archive.shots()) == hidden
+    assert laboratory.archive.shots() == []
 
 
 def test_a_silent_relay_board_is_a_fault_that_mends_itself(
