@@ -7,6 +7,7 @@ from analysis.campaign import Campaign
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.progress import MethodStep, Progress, TimeBudget
+from analysis.fit.cores import ONE_CORE, Cores
 from analysis.one_thread import on_one_thread
 
 
@@ -18,6 +19,7 @@ def diagnose(
     software: str = "analysis",
     progress: Progress | None = None,
     budget: TimeBudget | None = None,
+    cores: Cores = ONE_CORE,
 ) -> Json:
     """Diagnose a campaign.
 
@@ -33,6 +35,8 @@ def diagnose(
         Told what is being done, the step of METHOD.md before it, and a share between 0 and 1.
     budget : TimeBudget, optional
         How long it may search: then the best verdict so far, and ``ended_early`` says so.
+    cores : Cores, optional
+        How work is spread over cores; by default over one.
 
     Returns
     -------
@@ -44,7 +48,7 @@ def diagnose(
     AnalysisError
         If no shot can be used at all.
     """
-    found = diagnose_campaign(campaign, base, progress=progress, budget=budget)
+    found = diagnose_campaign(campaign, base, progress=progress, budget=budget, cores=cores)
     found.watch(
         MethodStep.HELD_OUT.told("every candidate on shots left out, and the document"), 0.99
     )

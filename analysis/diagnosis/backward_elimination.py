@@ -240,7 +240,7 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
     """
     step, taken = selection.steps[-2], selection.chosen[-1]
     step.refits += lookalikes_refitted(step.problem, step.fitted, taken)
-    score = taken.score() + selection.last.linearised.gain_of_inexactness
+    score = taken.score() + selection.last.residual.gain_of_inexactness
     near = []
     for at, one in enumerate(step.refits):
         within = CRITERIA.stepwise.confusable_within

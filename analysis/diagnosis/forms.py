@@ -60,7 +60,12 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
 
     def of_forms(few: JointProblem, few_base: joint.Fitted, known: Refit) -> Refit:
         """Return the refit in the best form on some shots."""
-        others = (_in_form(_grouped_as(f, found.effect), few, few_base, known) for f in forms)
+
+        def in_form(form: Effect) -> Refit:
+            """Return the refit in another form."""
+            return _in_form(_grouped_as(form, found.effect), few, few_base, known)
+
+        others = few.each(in_form, forms)
         return max((known, *(o for o in others if not o.at_bound)), key=Refit.score)
 
     return better_on_part(problem, base, found, of_forms)

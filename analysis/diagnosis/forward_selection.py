@@ -220,8 +220,8 @@ def _with_another(selection: Selection, usual: joint.Fitted, progress: Progress)
 
 def _nearly(start: Selection, end: Selection) -> bool:
     """Tell whether a selection has taken up so much that one more effect could be the rest."""
-    samples = sum(s.white.size for s in start.last.linearised.shots)
-    had, left = start.last.linearised.chi2 - samples, end.last.linearised.chi2 - samples
+    samples = sum(s.white.size for s in start.last.residual.shots)
+    had, left = start.last.residual.chi2 - samples, end.last.residual.chi2 - samples
     return left < CRITERIA.stepwise.third_effect_share * had
 
 

@@ -42,10 +42,15 @@ def best_grouping(
     """
     best = found
     by_material = [found] if found.effect.only is None and found.scope in KINDS else []
-    for effect, scope in _others(problem, found):
-        other = _in_grouping(effect, scope, problem, base, found)
-        if other.own and not found.own:
-            other = dataclasses.replace(other, common=found.gain)
+    groupings = list(_others(problem, found))
+
+    def regrouped(other: tuple[Effect, str]) -> Refit:
+        """Return the refit in another grouping."""
+        refit = _in_grouping(*other, problem, base, found)
+        own = refit.own and not found.own
+        return dataclasses.replace(refit, common=found.gain) if own else refit
+
+    for (effect, scope), other in zip(groupings, problem.each(regrouped, groupings), strict=True):
         if scope in KINDS and effect.only is None:
             by_material.append(other)
         if not other.at_bound and other.score() > best.score():
@@ -77,7 +82,12 @@ def _of_some(
     sizes = sizes_of(each, each.scope)
     if sizes is None:
         return
-    found = [_on_some(only, sizes, problem, base, each) for only in _sets(each, sizes, least)]
+
+    def on_some(only: ActsOn) -> Refit:
+        """Return the refit with one size for some materials."""
+        return _on_some(only, sizes, problem, base, each)
+
+    found = list(problem.each(on_some, _sets(each, sizes, least)))
     yield from found
     if found and "shot" in scopes_of(each.effect):
         likeliest = max(found, key=Refit.score)

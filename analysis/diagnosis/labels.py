@@ -65,8 +65,10 @@ def _near(
     problem: JointProblem, tried: Iterable[Relabelled], places: Sequence[int]
 ) -> list[tuple[float, Relabelled]]:
     """Return the squares of those labels under which some shots are nearly noise, and these."""
-    asked = [(_squares(problem, one.campaign, places), one) for one in tried]
-    return [found for found in asked if found[0] < CRITERIA.search.far_squares_per_sample]
+    ways = list(tried)
+    asked = problem.each(lambda one: _squares(problem, one.campaign, places), ways)
+    most = CRITERIA.search.far_squares_per_sample
+    return [found for found in zip(asked, ways, strict=True) if found[0] < most]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # under a wrong name a motion may run away

@@ -65,6 +65,8 @@ PARTS = {
 RIDGE = 0.5
 """Prior standard deviation of a discrepancy's coefficients. A choice: columns are scaled so that
 one is a usual size, and on held-out shots a smaller one does less harm."""
+SHOTS_TOGETHER = 9
+"""Linearised by one process. Derived: they take 50 ms or more, ten times as long as to begin it."""
 RANK_TOLERANCE = 1e-9
 """Least eigenvalue, of a matrix with ones along its diagonal, of a direction that the data see:
 sums over all shots are good to 1e-12."""
@@ -333,12 +335,23 @@ def linearise(
     scale = tuned(problem, fitted, scale_of(problem, fitted), wanted)
     forms = {one.effect.id: rescoped(one.effect, "rig") for one in tried}
     wider = {name: problem.model.with_effect(effect) for name, effect in forms.items()}
-    every = [
-        _linearised_shot(
-            problem, fitted, row, scale, tried=tried, wider=wider, wanted=wanted, inexact=inexact
-        )
-        for row in range(len(problem.shots))
-    ]
+
+    def some(rows: range) -> list[tuple[LinearisedShot, _Way | None, Families]]:
+        """Return some shots linearised."""
+        return [
+            _linearised_shot(
+                problem, fitted, row, scale, tried=tried, wider=wider, wanted=wanted,
+                inexact=inexact,
+            )
+            for row in rows
+        ]  # fmt: skip
+
+    rows = range(len(problem.shots))
+    together = [rows[at : at + SHOTS_TOGETHER] for at in range(0, len(rows), SHOTS_TOGETHER)]
+    if inexact is None:
+        every = [one for part in problem.each(some, together) for one in part]
+    else:  # what each shot would send is more than it saves
+        every = some(rows)
     families = every[0][2]
     for name, (whole, first_words) in PARTS.items():
         if whole in families:
@@ -352,7 +365,7 @@ def linearise(
     precision = block_diag(precision, inexact.precision)
     pull = np.append(pull, np.zeros(len(inexact.names)))
     exact = Linearised(problem, shots, families, scale, precision, pull)
-    return _settled(exact, inexact, [way for _, way, _ in every])
+    return _settled(exact, inexact, [way for _, way, _ in every if way is not None])
 
 
 def _settled(found: Linearised, inexact: Discrepancy, ways: list[_Way]) -> Linearised:
@@ -400,7 +413,7 @@ def _linearised_shot(
     problem: JointProblem, fitted: Fitted, row: int, scale: Scale, *,
     tried: Sequence[Proposal], wider: Mapping[str, ImpactModel], wanted: Sequence[str],
     inexact: Discrepancy | None,
-) -> tuple[LinearisedShot, _Way, Families]:  # fmt: skip
+) -> tuple[LinearisedShot, _Way | None, Families]:  # fmt: skip
     """Return one shot, how it follows the globals, and where each family's columns are."""
     problem.checkpoint()
     model, nuisance = problem.model, fitted.nuisances[row]
@@ -432,8 +445,9 @@ def _linearised_shot(
         families[family] = (list(range(at, at + len(labels))), labels)
         at += len(labels)
     # samples of a column behind one another, as whitening and products want them
-    signal = np.vstack([columns.T for _, columns, _ in parts.values()]).T
-    speed = np.concatenate([shift for _, _, shift in parts.values()])
+    none = np.zeros((0, item.frame.samples))
+    signal = np.vstack([none, *(columns.T for _, columns, _ in parts.values())]).T
+    speed = np.concatenate([none[:, 0], *(shift for _, _, shift in parts.values())])
     residual = item.window.signal - found.signal
     white = item.whiten(residual)
     plain = np.vstack([jacobian[:, :s].T, signal.T, jacobian[:, s:].T]).T
@@ -451,7 +465,9 @@ def _linearised_shot(
     inner = solve_normal(matrix[keep:, keep:], right)
     cross = matrix[:keep, keep:]
     moving = [*range(chain.shape[0]), *range(keep, matrix.shape[0])]
-    way = plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]]
+    way = None
+    if inexact is not None:
+        way = plain[:, moving], design[:, moving], inner[:, -1], inner[:, : chain.shape[0]]
     eliminated = matrix[:keep, :keep] - cross @ inner[:, :-1]
     left = vector[:keep] - cross @ inner[:, -1]
     return LinearisedShot(item, eliminated, left, chain, residual, white), way, families

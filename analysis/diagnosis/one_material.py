@@ -292,8 +292,10 @@ def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
     if not _is_far(present):
         return []
     begin, every = far_begin(present), set(range(len(present.problem.shots)))
-    found = []
-    for only, places in _materials(present.problem).items():
+
+    def without(own: tuple[ActsOn, list[int]]) -> WithoutMaterial | None:
+        """Return the campaign without a material, a few steps on; None where it cannot be."""
+        only, places = own
         others = sorted(every - set(places))
         part, kept = part_of_shots(present.problem, others)
         theta = begin.theta[kept]
@@ -301,12 +303,16 @@ def without_each_material(present: PresentModel) -> list[WithoutMaterial]:
         fitted = joint.fit_to_compare(
             part, nuisances, theta=theta, max_iterations=FIRST_STEPS
         )  # fmt: skip
-        if not fitted.failed:
-            left = excess(part, fitted)
-            found.append(WithoutMaterial(only, places, others, part, fitted, left))
+        left = excess(part, fitted)
+        return None if fitted.failed else WithoutMaterial(only, places, others, part, fitted, left)
+
+    problem = present.problem
+    tried = problem.each(without, list(_materials(problem).items()))
+    found = [one for one in tried if one is not None]
     by_left, by_share = (sorted(found, key=key) for key in (_left, _left_by_share))
     asked = {one.only for one in (*by_left[:MOST_MATERIALS], *by_share[:MATERIALS_TRIED])}
-    return sorted((_fitted_further(one) if one.only in asked else one for one in found), key=_left)
+    further = problem.each(_fitted_further, [one for one in found if one.only in asked])
+    return sorted([*further, *(one for one in found if one.only not in asked)], key=_left)
 
 
 def _left(one: WithoutMaterial) -> float:

@@ -41,6 +41,7 @@ from analysis.diagnosis.uncertain_numbers import (
 )
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
+from analysis.fit.cores import ONE_CORE, Cores
 from analysis.fit.inputs import LAW
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem, build
@@ -152,6 +153,7 @@ def diagnose_campaign(
     *,
     progress: Progress | None = None,
     budget: TimeBudget | None = None,
+    cores: Cores = ONE_CORE,
 ) -> Diagnosis:
     """Close the loop on a campaign.
 
@@ -159,7 +161,7 @@ def diagnose_campaign(
     records obey that. The base fit is made whatever the budget. ``progress`` is told what is being
     done and a share between 0 and 1.
     """
-    told = Watch(progress, budget)
+    told = Watch(progress, budget, cores)
     found = dataclasses.replace(_found(campaign, base, told), base_asked=base, watch=told)
     told.judged = True
     told(MethodStep.NEXT_DROP.told("which would tell most?"), 0.98)

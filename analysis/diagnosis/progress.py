@@ -15,6 +15,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from analysis.errors import ParameterOutOfRangeError
+from analysis.fit.cores import ONE_CORE, Cores
 
 if TYPE_CHECKING:  # the command line shows progress, and must not wait for the compiler
     from analysis.fit.problem import JointProblem
@@ -140,7 +141,13 @@ class EndedEarly:
 class Watch:
     """Passes on what a diagnosis is doing, and ends its search when the time, if any, is over."""
 
-    def __init__(self, progress: Progress | None = None, budget: TimeBudget | None = None) -> None:
+    def __init__(
+        self,
+        progress: Progress | None = None,
+        budget: TimeBudget | None = None,
+        cores: Cores = ONE_CORE,
+    ) -> None:
+        self.cores = cores
         self.ended: EndedEarly | None = None  # set where the time was found to be over
         self.judged = False  # set once the search for names is over
         self.searching = False  # set while names are looked for, not yet held against others
@@ -170,10 +177,10 @@ class Watch:
         raise BudgetSpentError
 
     def over(self, problem: JointProblem) -> JointProblem:
-        """Return a problem whose fits end when the time is over."""
-        return dataclasses.replace(problem, checkpoint=self.check)
+        """Return a problem whose fits end when the time is over, on its own cores."""
+        return dataclasses.replace(problem, checkpoint=self.check, cores=self.cores)
 
 
 def unwatched(problem: JointProblem) -> JointProblem:
     """Return a problem whose fits go to their end, whatever the time."""
-    return Watch().over(problem)
+    return dataclasses.replace(problem, checkpoint=Watch().check)

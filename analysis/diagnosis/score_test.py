@@ -37,6 +37,7 @@ from analysis.diagnosis.linearised import (
     p_of,
 )
 from analysis.fit import joint
+from analysis.fit.freed_inputs import numbers_of_shots
 from analysis.fit.inputs import LAW
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_to_first_order import fitted_with_stated_numbers
@@ -136,6 +137,18 @@ def is_far_from_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
     """Tell whether a fit leaves so much that no test is needed, by noise that was measured."""
     measured = all(item.noise.is_measured for item in problem.shots)
     return measured and joint.is_hopeless(problem, fitted.cost)
+
+
+def has_clear_surplus(linearised: Linearised) -> bool:
+    """Tell whether a residual has so many squares that `check_residual` finds structure anyway.
+
+    Not told where stated numbers that may be off are not yet among the parameters.
+    """
+    problem = linearised.problem
+    if numbers_of_shots(problem) and not problem.inputs:
+        return False
+    _, p_of_surplus = _surplus(linearised)
+    return p_of_surplus * (len(ASKED) + 1) < CRITERIA.structure.false_alarm_rate
 
 
 def run_score_test(linearised: Linearised) -> ScoreTest:

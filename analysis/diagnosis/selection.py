@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
@@ -19,6 +20,7 @@ from analysis.diagnosis.progress import unwatched
 from analysis.diagnosis.score_test import (
     ScoreTest,
     check_residual,
+    has_clear_surplus,
     is_far_from_noise,
     run_score_test,
 )
@@ -51,8 +53,19 @@ class Step:
 
     @property
     def linearised(self) -> Linearised:
-        """Return the residual, linearised."""
+        """Return the residual, linearised, with the columns of all families."""
         return self.test()[0]
+
+    @property
+    def residual(self) -> Linearised:
+        """Return the same; the columns of families may be missing, which take most of its time."""
+        return self._without_families if self.tested is None else self.tested[0]
+
+    @cached_property
+    def _without_families(self) -> Linearised:
+        problem = unwatched(self.problem)
+        inexact = discrepancy(problem, self.fitted)
+        return linearise(problem, self.fitted, wanted=(), inexact=inexact)
 
     @property
     def score_test(self) -> ScoreTest:
@@ -73,7 +86,9 @@ class Step:
     @property
     def structured(self) -> bool:
         """Whether the residual is more than noise. It is not tested where it is far more."""
-        if self.tested is None and is_far_from_noise(self.problem, self.fitted):
+        if self.tested is None and (
+            is_far_from_noise(self.problem, self.fitted) or has_clear_surplus(self.residual)
+        ):
             return True
         return self.score_test.structured
 
@@ -110,7 +125,7 @@ class Selection:
         With every law as it is written next to nothing of what any of the effects takes up is left.
         """
         last = self.last
-        if not self.adequate or not last.linearised.wrong_by:
+        if not self.adequate or not last.residual.wrong_by:
             return self.adequate
         exact, least = last.as_written, min(taken.gain for taken in self.chosen)
         return not exact.structured or exact.left < CRITERIA.partial.several_left_share * least
@@ -125,7 +140,7 @@ class Selection:
         before, after = self.steps[-2], self.steps[-1]
         if is_far_from_noise(before.problem, before.fitted):
             return True
-        instead = before.linearised.gain_of_inexactness - after.linearised.gain_of_inexactness
+        instead = before.residual.gain_of_inexactness - after.residual.gain_of_inexactness
         return self.chosen[-1].score() - instead > CRITERIA.comparison.least_lead
 
     @property

@@ -11,6 +11,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 
 from analysis.aliases import Array
 from analysis.diagnosis.basis.proposals import Proposal, amplitude_of, proposals, scopes_of
@@ -90,13 +91,11 @@ def ranked(
     order = list(entries) if bent and first else _short(entries)
     best: list[Refit] = []
     step = MethodStep.CANDIDATES if first else MethodStep.ON_TOP
-    explained = False
-    for at, effect_id in enumerate(order):
-        if explained and at >= ALWAYS_TRIED:
-            break
+
+    def tried_from_starts(effect_id: str, *, explained: bool) -> list[Refit]:
+        """Return the best fit of each form of an effect from its own starts."""
         # who ties with what leaves noise is as near as that
         slopes_mislead, far_off = bent and not explained, far and not explained
-        progress(step.told(f"trying {effect_id}"), 0.6 * at / len(order))
         tries = [
             refit(
                 few,
@@ -118,11 +117,20 @@ def ranked(
                 earlier=present.earlier.get(effect_id),
             )
         ]
-        new = _best_forms(tries, base, bent=slopes_mislead, far=far_off)
+        return _best_forms(tries, base, bent=slopes_mislead, far=far_off)
+
+    at, explained = 0, False
+    tried_all = few.each(partial(tried_from_starts, explained=False), order)
+    for at, effect_id in enumerate(order):
+        progress(step.told(f"trying {effect_id}"), 0.6 * at / len(order))
+        new = next(tried_all)
+        best, leader = _leader_ended([*best, *new], new, base, samples)
+        explained = leader is not None and leaves_noise(leader.problem, leader.fitted)
+        if explained:
+            break
+    tried_all.close()  # the others need not go so far any more
+    for new in few.each(partial(tried_from_starts, explained=True), order[at + 1 : ALWAYS_TRIED]):
         best += new
-        if not explained:
-            best, leader = _leader_ended(best, new, base, samples)
-            explained = leader is not None and leaves_noise(leader.problem, leader.fitted)
     last = [] if whole is None else whole
 
     def told(what: str, share: float) -> None:
@@ -183,14 +191,17 @@ def rivals_refitted(
     places, whole = thinned(problem, MORE), list(range(len(problem.shots)))
     few, base = part_of(problem, fitted, places)
     lead = base.cost - part_of(taken.problem, taken.fitted, places)[1].cost
-    found = []
+    forms: dict[str, Start] = {}
     for own in starts(linearise(few, base, tried, wanted=()), tried).values():
-        forms: dict[str, Start] = {}
         for start in own:
             if start.scope == "rig":
                 forms.setdefault(start.proposal.effect.id, start)
-        found += [_on_the_same(start, few, base, taken) for start in forms.values()]
-    found.sort(key=rank)
+
+    def on_few(start: Start) -> Refit:
+        """Return a start fitted to some shots."""
+        return _on_the_same(start, few, base, taken)
+
+    found = sorted(few.each(on_few, list(forms.values())), key=rank)
     near, behind = found, []
     if len(places) < len(whole):
         near = [
@@ -201,15 +212,22 @@ def rivals_refitted(
         ]
         factor = len(whole) / len(places)
         behind = [_scaled(one, factor) for one in found if all(one is not n for n in near)]
-        near = [
-            refit_elsewhere(
+
+        def on_all(one: Refit) -> Refit:
+            """Return a refit on all shots."""
+            return refit_elsewhere(
                 one, few_base=base, few=places, many=whole, problem=problem, base=fitted,
                 max_iterations=STEPS_FROM_NEAR,
-            )
-            for one in near
-        ]  # fmt: skip
+            )  # fmt: skip
+
+        near = list(problem.each(on_all, near))
     near.sort(key=rank)
-    near[:INTO_LAST] = [r if r.fitted.converged else continued(fitted, r) for r in near[:INTO_LAST]]
+
+    def ended(one: Refit) -> Refit:
+        """Return a refit at its end."""
+        return one if one.fitted.converged else continued(fitted, one)
+
+    near[:INTO_LAST] = problem.each(ended, near[:INTO_LAST])
     return one_form_each([*sorted(near, key=rank), *sorted(behind, key=rank)])
 
 
@@ -315,28 +333,35 @@ def _later_rounds(
     second: list[Refit] = []
     more = thinned(problem, MORE if bent else whole)
     large, base_large = part_of(problem, fitted, more)
-    for at, one in enumerate(first[:INTO_SECOND]):
+
+    def on_more(one: Refit) -> Refit:
+        """Return a refit some steps further, on more shots."""
         if len(part.places) == whole:  # that is where it was fitted
             ended = one.fitted.converged
-            second.append(one if ended else continued(fitted, one, max_iterations=SECOND_STEPS))
-            continue
-        progress(f"refining {one.effect_id}", 0.6 + 0.2 * at / INTO_SECOND)
-        moved = refit_elsewhere(
+            return one if ended else continued(fitted, one, max_iterations=SECOND_STEPS)
+        return refit_elsewhere(
             one, few_base=part.base, few=part.places, many=more, problem=large, base=base_large,
             max_iterations=SECOND_STEPS,
             anchors=_anchors(present, part, Part(more, base_large), one.effect, far=far),
         )  # fmt: skip
-        second.append(moved)
+
+    further = problem.each(on_more, first[:INTO_SECOND])
+    for at, one in enumerate(first[:INTO_SECOND]):
+        progress(f"refining {one.effect_id}", 0.6 + 0.2 * at / INTO_SECOND)
+        second.append(next(further))
     factor = whole / len(more)
     second.sort(key=lambda r: -_merit(r, factor))
     lead = max((_merit(r, factor) for r in second), default=0.0)
     everything = list(range(whole))
-    for at, one in enumerate(second):
-        worth = at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
-        if not worth:
-            behind.append(_scaled(one, factor))
-            continue
-        progress(f"refining {one.effect_id} on all shots", 0.8 + 0.2 * at / INTO_LAST)
+    kept = [
+        one
+        for at, one in enumerate(second)
+        if at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
+    ]
+    behind += [_scaled(one, factor) for one in second if all(one is not k for k in kept)]
+
+    def on_all(one: Refit) -> Refit:
+        """Return a refit on all shots, at its end."""
         moved = one
         if len(more) < whole:
             moved = refit_elsewhere(
@@ -346,7 +371,12 @@ def _later_rounds(
                     present, Part(more, base_large), Part(everything, fitted), one.effect, far=far
                 ),
             )  # fmt: skip
-        last.append(moved if moved.fitted.converged else continued(fitted, moved))
+        return moved if moved.fitted.converged else continued(fitted, moved)
+
+    ended = problem.each(on_all, kept)
+    for at, one in enumerate(kept):
+        progress(f"refining {one.effect_id} on all shots", 0.8 + 0.2 * at / INTO_LAST)
+        last.append(next(ended))
     return one_form_each([*sorted(last, key=rank), *sorted(behind, key=rank)])
 
 

@@ -16,6 +16,7 @@ It defines no ``EFFECT``, so the library never lists it.
 from __future__ import annotations
 
 import math
+from functools import partial
 
 from numba import njit
 
@@ -55,6 +56,15 @@ def _loss(delta, rate, elastic, z, p0, p1, p2, p3):  # type: ignore[no-untyped-d
 _TERMS = {"elastic": _elastic, "rate": _rate, "loss": _loss}
 
 
+def _pack(
+    factors: dict[str, float], values: Values, context: ShotContext
+) -> tuple[float, float, float, float]:
+    """Return the coefficients with the campaign's sizes taken off."""
+    del context
+    a, b, c, d = (values[name] * factor for name, factor in factors.items())
+    return a, b, c, d
+
+
 def contact_closure(
     form: str, indentation_m: float, speed_m_per_s: float, scope: str = "rig"
 ) -> Effect:
@@ -67,12 +77,6 @@ def contact_closure(
     rate = 1.0 if form == "elastic" else 1.0 / speed_m_per_s
     factors = tuple(rate * indentation_m**-p for p in powers)
     names = tuple(f"u^{p:g}" for p in powers)
-
-    def pack(values: Values, context: ShotContext) -> tuple[float, float, float, float]:
-        """Return the coefficients with the campaign's sizes taken off."""
-        del context
-        a, b, c, d = (values[n] * f for n, f in zip(names, factors, strict=True))
-        return a, b, c, d
 
     return Effect(
         f"closure_{form}",
@@ -88,5 +92,5 @@ def contact_closure(
             for n in names
         ),
         contact=_TERMS[form],
-        pack=pack,
+        pack=partial(_pack, dict(zip(names, factors, strict=True))),
     )

@@ -248,6 +248,11 @@ class Effect:
     by_name: bool = False
     """Fitted only in a model that names it; the search for effects does not try it."""
 
+    @property
+    def hooks(self) -> tuple[object, ...]:
+        """Return its functions."""
+        return tuple(value for value in vars(self).values() if callable(value))
+
     def acts_on(self, sphere: str | None, surface: str | None) -> bool:
         """Tell whether a shot of this sphere on this surface feels it."""
         return self.only is None or self.only.includes(sphere, surface)

@@ -44,6 +44,13 @@ def effect_named(name: str) -> Effect:
         ) from None
 
 
+@cache
+def library_hooks() -> tuple[object, ...]:
+    """Return the functions of all effects, each of which is itself and no copy."""
+    effects = [e for one in library().values() for e in (one, *one.variants, *one.lookalikes)]
+    return tuple(hook for e in effects for hook in e.hooks)
+
+
 def library_table() -> str:
     """Return the library as a Markdown table, one row per effect and variant."""
     rows = [

@@ -101,13 +101,18 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
     are fitted to the other shots, from the full solution on and never uphill; the fold's own
     nuisances are then fitted anew with everything shared fixed.
     """
-    squares, count = 0.0, 0
-    for fold, learned in heldout_fits(problem, fitted):
-        for i in fold:
-            r = refit_nuisances(problem, i, learned.theta, fitted.nuisances[i])
-            with np.errstate(over="ignore", invalid="ignore"):
-                squares += float(r @ r)
-            count += r.size
+
+    def left(fold: list[int]) -> tuple[float, int]:
+        """Return the squares that the fit of all others leaves of a fold, and of how many."""
+        learned = _fitted_without(problem, fitted, fold)
+        residuals = [
+            refit_nuisances(problem, i, learned.theta, fitted.nuisances[i]) for i in fold
+        ]
+        with np.errstate(over="ignore", invalid="ignore"):
+            return sum(float(r @ r) for r in residuals), sum(r.size for r in residuals)
+
+    folds = list(problem.each(left, heldout_folds(problem)))
+    squares, count = sum(own for own, _ in folds), sum(size for _, size in folds)
     return math.sqrt(squares / count) if count and math.isfinite(squares) else None
 
 
@@ -116,19 +121,22 @@ def heldout_fits(
 ) -> Iterator[tuple[list[int], joint.Fitted]]:
     """Yield the shots of each fold and the fit of all others, from the full solution on."""
     for fold in heldout_folds(problem):
-        kept = [i for i in range(len(problem.shots)) if i not in fold]
-        others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
-        yield (
-            fold,
-            joint.fit(
-                others,
-                fitted.nuisances[kept],
-                theta=fitted.theta,
-                max_iterations=FOLD_STEPS,
-                damping=joint.LEAST_DAMPING,
-                blocks=[fitted.blocks[i] for i in kept],
-            ),
-        )
+        yield fold, _fitted_without(problem, fitted, fold)
+
+
+def _fitted_without(
+    problem: JointProblem, fitted: joint.Fitted, fold: list[int]
+) -> joint.Fitted:
+    kept = [i for i in range(len(problem.shots)) if i not in fold]
+    others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
+    return joint.fit(
+        others,
+        fitted.nuisances[kept],
+        theta=fitted.theta,
+        max_iterations=FOLD_STEPS,
+        damping=joint.LEAST_DAMPING,
+        blocks=[fitted.blocks[i] for i in kept],
+    )
 
 
 def refit_nuisances(problem: JointProblem, i: int, theta: Array, nuisance: Array) -> Array:

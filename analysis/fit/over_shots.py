@@ -18,7 +18,7 @@ from numba import config
 T = TypeVar("T")
 
 CORES = int(config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]  # read from the machine
-"""That this process may use."""
+"""That this process may use; one where it is itself one of several at work."""
 LEAST_SHOTS = 4
 """Of a thread, for it to be started. Derived: a start takes 0.09 ms and a shot 0.8 ms or more, so
 that starting costs 3 % of the work at most."""
@@ -30,17 +30,17 @@ def for_each_shot(work: Callable[[int], T], count: int, *, on_all_cores: bool) -
     The result is the same on any number of cores. What one shot raises is raised once all threads
     have ended; the work must change nothing that shots share.
     """
-    cores = min(CORES, count // LEAST_SHOTS) if on_all_cores else 1
-    if cores < 2:
+    used = min(CORES, count // LEAST_SHOTS) if on_all_cores else 1
+    if used < 2:
         return [work(i) for i in range(count)]
 
     def each(first: int) -> list[T]:
         """Return what one thread makes of its shots."""
-        return [work(i) for i in range(first, count, cores)]
+        return [work(i) for i in range(first, count, used)]
 
     # threads of its own: a process may have been forked since the last; numpy's error state
     # belongs to the context
-    with ThreadPoolExecutor(cores) as threads:
-        tasks = [threads.submit(contextvars.copy_context().run, each, c) for c in range(cores)]
+    with ThreadPoolExecutor(used) as threads:
+        tasks = [threads.submit(contextvars.copy_context().run, each, c) for c in range(used)]
     parts = [task.result() for task in tasks]
-    return [parts[i % cores][i // cores] for i in range(count)]
+    return [parts[i % used][i // used] for i in range(count)]

@@ -17,7 +17,7 @@ Global parameters (all logarithms):
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -25,7 +25,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from analysis.campaign import Campaign, Rejected, Shot, Sphere, Surface
+from analysis.effects.library import library_hooks
 from analysis.errors import AnalysisError
+from analysis.fit.cores import ONE_CORE, Cores, R, T
 from analysis.fit.fit_shot import (
     ASSUMED_REPEATABILITY,
     FitShot,
@@ -141,6 +143,8 @@ class JointProblem:
     """Stated numbers that are globals too, the last ones; see ``analysis.fit.freed_inputs``."""
     checkpoint: Callable[[], None] = go_on
     """Called before every shot that is evaluated; what it raises ends the fit."""
+    cores: Cores = ONE_CORE
+    """How work on this problem is spread over cores."""
     _maps: dict[tuple[Any, ...], LocalMap] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
@@ -148,6 +152,20 @@ class JointProblem:
         default_factory=dict, init=False, repr=False, compare=False
     )
     """Each shot where its inputs were last asked to be, by the shot's identity."""
+
+    def each(self, work: Callable[[T], R], pieces: Sequence[T]) -> Generator[R]:
+        """Yield what some work makes of independent pieces, in their order, on all cores.
+
+        The work must change nothing that anybody else looks at.
+        """
+        parts = [p for one in self.shots for p in (one, one.shot, one.window, one.frame, one.noise)]
+        hooks = [*library_hooks(), *(hook for e in self.model.effects for hook in e.hooks)]
+        shared = [self.campaign, *parts, *self.inputs, self.checkpoint, self.cores, *hooks]
+        yield from self.cores.each(work, pieces, shared)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return the problem without what it has looked up by the identity of shots."""
+        return {**self.__dict__, "_maps": {}, "_moved": {}}
 
     def is_thinkable(self, theta: NDArray[np.float64]) -> bool:
         """Tell whether the inputs among these globals stand for finite numbers."""

@@ -18,7 +18,7 @@ from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.fit_shot import FitShot
 from analysis.fit.freed_inputs import numbers_of_shots, widened_by
 from analysis.fit.inputs import STATED
-from analysis.fit.joint import FAR_OFF, LEAST_DAMPING, Fitted, fit, promised_gain
+from analysis.fit.joint import LEAST_DAMPING, Fitted, fit, fit_to_compare, promised_gain
 from analysis.fit.problem import JointProblem
 
 
@@ -76,10 +76,9 @@ def fitted_with_stated_numbers(
         return None
     if needless is not None and needless(2.0 * promised_gain(wide[0], begin.blocks, begin.theta)):
         return None
-    found = fit(
-        wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING, far_off=FAR_OFF,
-        blocks=begin.blocks,
-    )  # fmt: skip
+    found = fit_to_compare(
+        wide[0], fitted.nuisances, theta=wide[1], damping=LEAST_DAMPING, blocks=begin.blocks
+    )
     return None if found.failed else (wide[0], found)
 
 

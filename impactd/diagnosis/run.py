@@ -8,6 +8,7 @@ from analysis import diagnosing
 from analysis.campaign import Campaign
 from analysis.diagnosis.progress import TimeBudget
 from impactd.aliases import Json
+from impactd.diagnosis.processes import Processes
 from impactd.diagnosis.working_time import working_time
 from impactd.storage.version import software
 
@@ -44,5 +45,10 @@ def diagnose(
     """
     budget = None if budget_s is None else TimeBudget(budget_s, working_time)
     return diagnosing.diagnose(
-        campaign, base, software=software(), progress=progress, budget=budget
+        campaign,
+        base,
+        software=software(),
+        progress=progress,
+        budget=budget,
+        cores=Processes(),
     )

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -84,16 +85,19 @@ def _best(
     much_left = CRITERIA.discrepancy.much_left_ratio * level
     found: list[Learned] = []
     if before is not None and before > much_left:
+        learned = trials.each_alone(BEYOND_FIRST_ORDER)
         for part in BEYOND_FIRST_ORDER:
             progress(_told(part), 0.0)
-            found += trials.alone(part)
+            found += next(learned)
             if found and _error(found[-1]) < nothing_left:
                 return found[-1]
     wanted = candidates(gains)
     coarse: dict[Part, Part] = {}
     spare: list[Part] = []
+    learned = trials.each_alone(wanted)
     for place, part in enumerate(wanted):
         progress(_told(part), 0.7 * place / len(wanted))
+        next(learned)
         if {family for family, _ in coarse} & set(REFINED.get(part[0], ())):
             spare.append(part)  # its finer form is known already
             continue
@@ -127,7 +131,8 @@ def _with_others(
         if part in best.parts or _error(best) < nothing_left:
             continue
         progress(f"{_told(part)} beside it", 0.7 + 0.1 * place)
-        tried = [trials.learned(form, best) for form in dict.fromkeys([part, coarse])]
+        forms = list(dict.fromkeys([part, coarse]))
+        tried = trials.step.problem.each(partial(trials.learned, beside=best), forms)
         both = min((t for t in tried if t is not None), key=_error, default=None)
         if both is not None and _error(both) < CRITERIA.discrepancy.further_ratio * _error(best):
             best = both
@@ -205,6 +210,16 @@ class _Trials:
             one = self.learned(part)
             self.known[part] = [] if one is None else [one]
         return self.known[part]
+
+    def each_alone(self, parts: Sequence[Part]) -> Iterator[list[Learned]]:
+        """Yield what `alone` returns of each."""
+        new = [part for part in parts if part not in self.known]
+        learned = self.step.problem.each(self.learned, new)
+        for part in parts:
+            if part not in self.known:
+                one = next(learned)
+                self.known[part] = [] if one is None else [one]
+            yield self.known[part]
 
     def refined(self, part: Part, nothing_left: float) -> list[Learned]:
         """Return a discrepancy, or a finer form where that holds better; none where none does."""
