@@ -52,7 +52,7 @@ def definition_of(problem: JointProblem, fitted: Fitted) -> Json | None:
         groups = {p.name: p.scope for p in effect.parameters}
         entry = {"id": effect.id, "owners": groups, "numbers": numbers}
         effects.append(entry | ({"only": effect.only.to_json()} if effect.only else {}))
-    return {"name": model.name, "base": model.base, "effects": effects}
+    return {"name": model.name, "base": model.base_name, "effects": effects}
 
 
 def model_of(definition: Json) -> ImpactModel:

@@ -30,6 +30,7 @@ from analysis.fit.fit_shot import FitShot, fit_shot, gain_is_observable
 from analysis.fit.problem import JointProblem
 from analysis.fit.settle import settle
 from analysis.model import solver
+from analysis.model.impact_model import COUPON
 from analysis.parameters import of_material
 
 FEWEST = 3
@@ -365,6 +366,7 @@ class _Alone:
                     known_gain=known_gain,
                     kv=kv,
                     closed=model.closed,
+                    rides=model.obeys(COUPON),
                     place=self.item.frame.place,
                 )
                 like: dict[str, str | float] = {}

@@ -129,8 +129,11 @@ def ranked(
         if explained:
             break
     tried_all.close()  # the others need not go so far any more
-    for new in few.each(partial(tried_from_starts, explained=True), order[at + 1 : ALWAYS_TRIED]):
-        best += new
+    rest = order[at + 1 : ALWAYS_TRIED]
+    tried_all = few.each(partial(tried_from_starts, explained=True), rest)
+    for effect_id in rest:
+        progress(step.told(f"trying {effect_id}"), 0.6)
+        best += next(tried_all)
     last = [] if whole is None else whole
 
     def told(what: str, share: float) -> None:

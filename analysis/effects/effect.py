@@ -70,8 +70,10 @@ class ShotContext:
     gravity_m_per_s2: float
     restitution: float = 1.0
     """Eq. 6's restitution of this shot, which sets the base model's dashpot. [1]"""
-    closed: bool = False
-    """The base model obeys the third law and its contact ends when the force does (``kv2``)."""
+    reacts: bool = False
+    """The base model's dashpot loads the crystal, too (``kv2``)."""
+    ends_with_force: bool = False
+    """The base model's contact ends when the force does (``kv2``)."""
     coupon_on_crystal_kg: float = 0.0
     """What the base model adds to the crystal's mass; 0 in the paper's models. [kg]"""
     coupon_share: float | None = None
@@ -85,7 +87,7 @@ class ShotContext:
     @property
     def alpha(self) -> float:
         """Return Eq. 3's alpha, by the relation that goes with how the contact ends. [1]"""
-        if self.closed:
+        if self.ends_with_force:
             return closed_damping_coefficient(self.restitution)
         return damping_coefficient(self.restitution)
 

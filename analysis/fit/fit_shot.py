@@ -163,13 +163,15 @@ def fit_shot(
     known_gain: bool,
     kv: bool,
     closed: bool = False,
+    rides: bool = True,
     place: float = 0.0,
 ) -> FitShot:
     """Return a shot with everything about it that the fit does not vary.
 
     It is in reduced units if radius or mass are not known, or if volts cannot be turned into
     newtons (``known_gain`` false). ``kv`` says that the model has a crystal, ``closed`` that the
-    sphere falls in air and the coupon rides on the crystal (``kv2``); ``place`` is from `places`.
+    sphere falls in air and, if it ``rides``, the coupon moves with the crystal (``kv2``); ``place``
+    is from `places`.
     """
     sphere = campaign.spheres.get(shot.sphere or "")
     window = cut(shot)
@@ -198,7 +200,7 @@ def fit_shot(
     heavy = None
     if kv and not physical:
         heavy = math.log(HEAVY_CRYSTAL * frame.mass_kg)
-    elif closed:
+    elif closed and rides:
         frame = replace(frame, coupon_on_crystal_kg=frame.coupon_mass_kg or 0.0)
     return FitShot(
         shot,

@@ -54,7 +54,7 @@ from analysis.fit.stated_effects import effect_prior, stated_effects
 from analysis.fit.thinning import thinned
 from analysis.model import solver
 from analysis.model.free_fall import AIR_ASSUMED
-from analysis.model.impact_model import SHARED, ImpactModel
+from analysis.model.impact_model import COUPON, SHARED, ImpactModel
 from analysis.parameters import (
     CELL,
     GAIN,
@@ -437,6 +437,7 @@ def build(campaign: Campaign, model: ImpactModel, *, by_pair: bool = False) -> J
             known_gain=gain,
             kv=kv,
             closed=model.closed,
+            rides=model.obeys(COUPON),
             place=at[id(s)],
         )
         for s in usable

@@ -69,8 +69,10 @@ def _numbers(effects: Sequence[Effect], cell: Cell, column: Column) -> tuple[flo
     context = column.context
     share, mobility, reach, dashpot = 0.0, 0.0, 0.0, 1.0
     bears, counted = math.inf, 0.0
-    if context.closed:
-        share, bears, counted = 1.0, 0.0, 1.0
+    if context.reacts:
+        share = 1.0
+    if context.ends_with_force:
+        bears, counted = 0.0, 1.0
     elif any(effect.parts_by_force for effect in effects):
         bears = 0.0
     for effect in effects:

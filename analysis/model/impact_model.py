@@ -35,6 +35,7 @@ import operator
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +55,9 @@ SHARED = {
     solver.KV: ("ln_K", "ln_S", "ln_w", "ln_z", "ln_M", "seen_ms"),
 }
 NUISANCE = ("ln_v0", "ln_e", "t0_us", "baseline")
+REACTION, COUPON, FORCE_END = LAWS = ("reaction", "coupon", "force_end")
+"""Laws of mechanics that ``kv2`` obeys and the paper's models do not: the dashpot's force loads the
+crystal, the coupon rides on it, and a contact ends where its force does."""
 COUPON_SHARE = "coupon_share"
 """Behind an effect's id: a local parameter that follows from the moduli of the two bodies."""
 
@@ -139,7 +143,9 @@ class ImpactModel:
     """Share of the steps that an error of 1e-6 of the peak needs; the error goes like its fifth
     power. A diagnosis, which fits hundreds of models to noise of 1e-4, takes 0.75."""
     closed: bool = False
-    """Third law, the coupon's mass and an end where the force ends; ``kv2``."""
+    """`LAWS` and a fall in air; ``kv2``."""
+    left_out: tuple[str, ...] = ()
+    """Which of `LAWS` it leaves out all the same, in their order."""
     most_steps: float = math.inf
     """That an effect's own motion may ask for. A model that asks for more has no trace: a fit turns
     back there, from a tape of a stiffness and damping that nothing has."""
@@ -147,7 +153,16 @@ class ImpactModel:
     @property
     def name(self) -> str:
         """Return the name, e.g. ``kv+coupler_highpass``."""
-        return "+".join((self.base, *(e.id for e in self.effects)))
+        return "+".join((self.base_name, *(e.id for e in self.effects)))
+
+    @property
+    def base_name(self) -> str:
+        """Return the base's name, e.g. ``kv2-reaction`` where ``kv2`` leaves a law out."""
+        return "-".join((self.base, *self.left_out))
+
+    def obeys(self, law: str) -> bool:
+        """Tell whether it has one of `LAWS`."""
+        return self.closed and law not in self.left_out
 
     @cached_property
     def shared(self) -> tuple[str, ...]:
@@ -390,7 +405,8 @@ class ImpactModel:
             speed_m_per_s=math.exp(local[at]),
             touch_down_s=float(local[at + 2]) * 1e-6,
             restitution=math.exp(local[at + 1]),
-            closed=self.closed,
+            reacts=self.obeys(REACTION),
+            ends_with_force=self.obeys(FORCE_END),
             coupon_on_crystal_kg=frame.coupon_on_crystal_kg if self.closed else 0.0,
             radius_m=frame.radius_m,
             drop_height_m=frame.drop_height_m,
@@ -469,6 +485,10 @@ BASES = {
     "kv": ImpactModel("kv", solver.KV),
     "kv2": ImpactModel("kv2", solver.KV, closed=True),
 }
+MIXED = tuple(
+    replace(BASES["kv2"], left_out=some) for count in (1, 2) for some in combinations(LAWS, count)
+)
+"""``kv2`` without one law or two; without all three it is ``kv`` with a fall in air."""
 
 
 def model_named(name: str) -> ImpactModel:
@@ -477,12 +497,14 @@ def model_named(name: str) -> ImpactModel:
     The name is ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``. An
     UnknownModelError lists those there are; it also tells of an effect that the base holds already.
     """
-    base, *effects = name.split("+")
-    if base not in BASES:
+    wanted, *effects = name.split("+")
+    known = BASES | {mixed.base_name: mixed for mixed in MIXED}
+    if wanted not in known:
         raise UnknownModelError(
-            f"There is no base model {base!r}; known are {', '.join(sorted(BASES))}, each with "
+            f"There is no base model {wanted!r}; known are {', '.join(sorted(known))}, each with "
             "effects added as in kv+coupler_highpass."
         )
+    base = known[wanted].base
     if len(set(effects)) != len(effects):
         raise UnknownModelError(f"{name!r} names an effect twice.")
     found = tuple(effect_named(e) for e in effects)
@@ -491,4 +513,4 @@ def model_named(name: str) -> ImpactModel:
             raise UnknownModelError(
                 f"{effect.id!r} cannot be added to {base!r}, only to {', '.join(effect.bases)}."
             )
-    return replace(BASES[base], effects=found)
+    return replace(known[wanted], effects=found)

@@ -158,7 +158,7 @@ def add_first_contacts(
     Return contact time [s], rebound speed [m/s] and largest indentation [m] of each column, shape
     (c, 3), and how each column's structure was left.
     """
-    if any(e.in_solver or e.rides for e in model.effects):
+    if model.left_out or any(e.in_solver or e.rides for e in model.effects):
         cells = [_cell(model, c) for c in columns]
         found, states = integrate_with_effects(table, model.effects, columns, cells, steps=steps)
         ends = [End(float(t), s) for t, s in zip(found[:, 0], states, strict=True)]
@@ -208,7 +208,7 @@ def _flight_s(model: ImpactModel, column: Column, speed: float) -> float:
     """
     context = column.context
     g = context.gravity_m_per_s2
-    if not model.closed:
+    if not context.ends_with_force:
         return 2.0 * speed / g
     inertia = math.sqrt(context.mass_kg / context.stiffness)
     depth = (max(context.alpha, 0.0) * speed * inertia) ** 0.8
@@ -245,7 +245,8 @@ def _later_contact(
     steps <<= math.ceil(math.log2(slower) / 5.0)
     steps = min(max(steps >> int(0.24 * math.log2(slower)), LEAST_STEPS), solver.MAX_STEPS)
     pressed = later[1] < PRESSED * _weighing_speed(column)
-    if left is None and (pressed or not any(e.in_solver for e in model.effects)):
+    plain = not (model.left_out or any(e.in_solver for e in model.effects))
+    if left is None and (pressed or plain):
         # where weight prevails, terms and masses change little of what is little itself
         ratio = later[1] / column.context.speed_m_per_s
         duration, rebound, _ = _base_trace(signal, model, column, steps, (later[0], ratio))

@@ -25,8 +25,14 @@ from analysis.effects.library import effect_named, library
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import FitShot, JointProblem
 from analysis.fit.result import FitResult
+from analysis.model.impact_model import COUPON, FORCE_END, LAWS, REACTION
 from analysis.noise import NoiseModel
 
+WITHOUT_LAW = {
+    REACTION: "a dashpot that does not load the crystal",
+    COUPON: "a coupon without mass",
+    FORCE_END: "a contact that ends with its indentation",
+}
 FAMILIES = {
     "response": "a linear chain: delays, slow decays, resonances",
     "static": "a nonlinearity of the signal",
@@ -134,13 +140,14 @@ def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
 
 def base_sentences(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence where the records chose another base model than the default."""
-    base = diagnosis.steps[0].problem.model.base
+    model = diagnosis.steps[0].problem.model
+    base = model.base_name
     if diagnosis.base_asked is not None or base == DEFAULT_BASE:
         return []
+    left_out = " and ".join(WITHOUT_LAW[law] for law in LAWS if not model.obeys(law))
     return [
-        f"These records obey {base} rather than the closed {DEFAULT_BASE} (a dashpot that does "
-        "not load the crystal, a coupon without mass), as only a simulated rig can: the "
-        f"diagnosis starts from {base}."
+        f"These records obey {base} rather than the closed {DEFAULT_BASE} ({left_out}), as only a "
+        f"simulated rig can: the diagnosis starts from {base}."
     ]
 
 

@@ -25,7 +25,6 @@ from analysis.diagnosis.selection import Selection, Step
 from analysis.fit import joint
 from analysis.fit.problem import build
 from analysis.fit.start import with_start
-from analysis.fit.stated_to_first_order import fitted_with_stated_numbers
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
@@ -102,14 +101,12 @@ def test_a_residual_that_no_family_sees_is_structure_by_its_power(restless):
 
 
 def test_a_clear_surplus_needs_no_column(restless):
-    """The whole test finds it, too. Where a stated number may be the reason, nothing is said."""
-    free = fitted_with_stated_numbers(restless.problem, restless.fitted)
-    assert free is not None
-    step = Step(*free)
+    """The whole test finds it, too."""
+    step = Step(restless.problem, restless.fitted)
+    assert has_clear_surplus(step.residual)
     assert step.structured
     assert step.tested is None
     assert step.score_test.structured
-    assert not has_clear_surplus(restless.residual)
 
 
 def test_a_level_that_is_a_guess_allows_no_such_verdict(restless):

@@ -96,7 +96,13 @@ def _force(effect: str, values: dict[str, float], times: list[float]) -> Any:
     """Return the force between sphere and coupon at times after touch-down, the cell held still."""
     found = np.zeros((1, len(times)))
     step = times[1] - times[0]
-    context = replace(RIG.context(), closed=True, sample_rate_hz=1 / step, touch_down_s=-times[0])
+    context = replace(
+        RIG.context(),
+        reacts=True,
+        ends_with_force=True,
+        sample_rate_hz=1 / step,
+        touch_down_s=-times[0],
+    )
     column = Column(0, np.zeros(0), {effect: values}, context)
     rigid = Cell(math.nan, math.nan, math.nan, 1.0)
     acting = [effect_named(effect)]
