@@ -21,6 +21,8 @@ ARGS ?=
 WORKERS ?= 3
 # Injected faults wait as long as they compute.
 FAULT_WORKERS ?= 4
+# Tests side by side: helpers of helpers would only keep the simulated rigs from their time.
+ONE_CORE_EACH := NUMBA_NUM_THREADS=1
 LOCK ?= systemd/requirements.txt
 SBOM ?= impactd.cdx.json
 DEB ?= dist
@@ -82,15 +84,15 @@ audit: $(TOOLS)
 check: lint types contracts docstrings units audit  ## ruff, mypy, import contracts, docstrings, systemd units, audit of the packages
 
 test: check  ## `make check`, then the tests with warnings as errors
-	@$(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow and not integration" $(ARGS)
+	@$(ONE_CORE_EACH) $(BIN)/pytest -n $(WORKERS) --dist loadfile -m "not slow and not integration" $(ARGS)
 
 test-faults: $(TOOLS)  ## every injected fault, with its figures at the end; half an hour
 	@$(BIN)/pytest -s tests/faults/load -m "not soak" $(ARGS)  # alone: its figures are times
-	@$(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
+	@$(ONE_CORE_EACH) $(BIN)/pytest -n $(FAULT_WORKERS) --dist worksteal tests/faults --ignore=tests/faults/load \
 	  -m "not soak and not system" $(ARGS)
 
 test-slow: $(TOOLS)  ## all else of tens of seconds: whole diagnoses, the guides, aborts at every seam
-	@$(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow and not soak and not integration" --ignore=tests/faults $(ARGS)
+	@$(ONE_CORE_EACH) $(BIN)/pytest -n $(WORKERS) --dist worksteal -m "slow and not soak and not integration" --ignore=tests/faults $(ARGS)
 
 test-integrations: $(TOOLS)  ## all with the programs of a lab, in full: samplers, brokers, catalogues, packages
 	@$(PIP) install --editable '.[dev,integrations]'
