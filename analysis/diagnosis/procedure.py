@@ -305,8 +305,8 @@ def _obeyed_base(
 
     The default's, unless another leads by more than chance, where the noise is as wide as what that
     leaves: whatever else acts, closed rigs and the paper's were 5e5 squares apart and more. What
-    leaves noise of most shots is obeyed by all, and the others have another reason. Of the default
-    without one law or two, which no real rig obeys either, see `_mixed_base`.
+    leaves noise of most shots is obeyed by all, and the others have another reason. Before that the
+    bases between these two are asked (`_mixed_base`).
     """
     mixed = _mixed_base(selection.last)
     if mixed is not None:
@@ -343,11 +343,12 @@ def _mixed_base(step: Step) -> str | None:
     others = [one.base_name for one in MIXED]
     bases = [_base_model(name) for name in (*RINGING_BASES, *others)]
     left = list(step.problem.each(beyond_noise, bases))
-    usual, mixed = left[: len(RINGING_BASES)], left[len(RINGING_BASES) :]
-    told = min(usual) > chance_of(sum(step.problem.shots[at].data for at in places))
-    if not (told and min(mixed) < CRITERIA.comparison.mixed_left_share * min(usual)):
+    of_ringing, of_others = min(left[: len(RINGING_BASES)]), left[len(RINGING_BASES) :]
+    noise = chance_of(sum(step.problem.shots[at].data for at in places))
+    least = min(of_others)
+    if of_ringing <= noise or least >= CRITERIA.comparison.mixed_left_share * of_ringing:
         return None
-    return others[mixed.index(min(mixed))]
+    return others[of_others.index(least)]
 
 
 def _is_all(seen: Background, step: Step) -> bool:

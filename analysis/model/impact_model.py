@@ -494,7 +494,7 @@ MIXED = tuple(
 def model_named(name: str) -> ImpactModel:
     """Return a model by its name.
 
-    The name is ``hsd``, ``kv`` or ``kv2``, then effects: ``kv+coupler_highpass+echo``. An
+    The name is ``hsd``, ``kv``, ``kv2`` or one of `MIXED`, then effects: ``kv+echo``. An
     UnknownModelError lists those there are; it also tells of an effect that the base holds already.
     """
     wanted, *effects = name.split("+")

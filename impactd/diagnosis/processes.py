@@ -1,9 +1,9 @@
 """Work of a diagnosis in processes, as many at once as this one may use cores.
 
-A process begins as a copy of this one, so that the work need not be sent to it. It answers through
-a pipe: arrays and the like as they are, of what both had before only which it is. It writes nothing
-else, and whatever it could not do or send is done here again. Threads would wait for one another:
-half of a fit's time is Python.
+A helper is a fork of this process, so that the work need not be sent to it. It sends its results
+through a pipe, pickled; an object that existed before the fork is sent as a reference. Work that a
+helper did not finish, or whose result cannot be pickled, is done in this process instead. Threads
+would not do: half of a fit's time is spent under the interpreter's lock.
 """
 
 from __future__ import annotations
@@ -24,10 +24,9 @@ from typing import Any, NoReturn
 from analysis.fit import over_shots
 from analysis.fit.cores import OneCore, R, T
 
-LOOK_EVERY_S = 0.2
-"""How often the waiting process comes to itself, so that Ctrl-C reaches it."""
+PROTOCOL = pickle.HIGHEST_PROTOCOL
 NOTHING = b""
-"""Instead of an answer: do it yourself."""
+"""No answer: the caller does the work itself."""
 
 
 class Processes:
@@ -55,7 +54,7 @@ class Processes:
 
         def answer_of(place: int, line: Connection) -> None:
             """Send what the work makes of a piece."""
-            line.send_bytes(_closed(work(pieces[place]), known))
+            line.send_bytes(_pickled(work(pieces[place]), known))
 
         try:
             for place, piece in enumerate(pieces):
@@ -64,13 +63,13 @@ class Processes:
                         at = waiting.popleft()
                         helper = _Helper.begun(partial(answer_of, at))
                         running[helper.line] = at, helper
-                    ready = wait(list(running), LOOK_EVERY_S)
+                    ready = wait(list(running))
                     for line in [line for line in running if line in ready]:
                         at, helper = running.pop(line)
                         answers[at] = helper.answer()
                         helper.end()
                 answer = answers.pop(place)
-                yield _opened(answer, known) if answer else work(piece)
+                yield _unpickled(answer, known) if answer else work(piece)
         finally:
             for _, helper in running.values():
                 helper.end()
@@ -146,7 +145,7 @@ class _Helper:
 
 
 def _serve(serve: Callable[[Connection], None], line: Connection) -> NoReturn:
-    """Serve and end; nothing of this process' own is left to it but what it computes with."""
+    """Serve and end this process, whatever happens."""
     try:
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # who waits for it ends it
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
@@ -157,38 +156,35 @@ def _serve(serve: Callable[[Connection], None], line: Connection) -> NoReturn:
         os._exit(0)
 
 
-PROTOCOL = pickle.HIGHEST_PROTOCOL
-
-
 class _Pickler(pickle.Pickler):
-    """Sends of what both processes know only which it is."""
+    """Pickles the objects that both processes have as references."""
 
     def __init__(self, file: io.BytesIO, known: dict[int, object]) -> None:
         super().__init__(file, protocol=PROTOCOL)
         self._known = known
 
     def persistent_id(self, obj: object) -> int | None:
-        """Return which of the known objects it is, None if it is none."""
+        """Return the reference of an object that both have, else None."""
         return id(obj) if id(obj) in self._known else None
 
 
 class _Unpickler(pickle.Unpickler):
-    """Puts the known objects back."""
+    """Resolves these references."""
 
     def __init__(self, file: io.BytesIO, known: dict[int, object]) -> None:
         super().__init__(file)
         self._known = known
 
     def persistent_load(self, pid: int) -> object:
-        """Return the known object."""
+        """Return the object."""
         return self._known[pid]
 
 
-def _closed(answer: object, known: dict[int, object]) -> bytes:
+def _pickled(answer: object, known: dict[int, object]) -> bytes:
     out = io.BytesIO()
     _Pickler(out, known).dump(answer)
     return out.getvalue()
 
 
-def _opened(answer: bytes, known: dict[int, object]) -> Any:
+def _unpickled(answer: bytes, known: dict[int, object]) -> Any:
     return _Unpickler(io.BytesIO(answer), known).load()

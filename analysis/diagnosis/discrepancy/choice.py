@@ -97,7 +97,7 @@ def _best(
     learned = trials.each_alone(wanted)
     for place, part in enumerate(wanted):
         progress(_told(part), 0.7 * place / len(wanted))
-        next(learned)
+        next(learned)  # it is known from here on
         if {family for family, _ in coarse} & set(REFINED.get(part[0], ())):
             spare.append(part)  # its finer form is known already
             continue
@@ -206,10 +206,7 @@ class _Trials:
 
     def alone(self, part: Part) -> list[Learned]:
         """Return a discrepancy learned on the present model; none where it makes nothing better."""
-        if part not in self.known:
-            one = self.learned(part)
-            self.known[part] = [] if one is None else [one]
-        return self.known[part]
+        return next(self.each_alone([part]))
 
     def each_alone(self, parts: Sequence[Part]) -> Iterator[list[Learned]]:
         """Yield what `alone` returns of each."""
