@@ -139,14 +139,13 @@ def is_far_from_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
     return measured and joint.is_hopeless(problem, fitted.cost)
 
 
-def has_clear_surplus(linearised: Linearised) -> bool:
-    """Tell whether a residual has so many squares that `check_residual` finds structure anyway.
+def takes_statements_as_exact(problem: JointProblem) -> bool:
+    """Tell whether stated numbers may be off that are not yet among the parameters."""
+    return bool(numbers_of_shots(problem)) and not problem.inputs
 
-    Not told where stated numbers that may be off are not yet among the parameters.
-    """
-    problem = linearised.problem
-    if numbers_of_shots(problem) and not problem.inputs:
-        return False
+
+def has_clear_surplus(linearised: Linearised) -> bool:
+    """Tell whether a residual has so many squares that `run_score_test` finds structure anyway."""
     _, p_of_surplus = _surplus(linearised)
     return p_of_surplus * (len(ASKED) + 1) < CRITERIA.structure.false_alarm_rate
 

@@ -23,6 +23,7 @@ from analysis.diagnosis.score_test import (
     has_clear_surplus,
     is_far_from_noise,
     run_score_test,
+    takes_statements_as_exact,
 )
 from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
@@ -86,10 +87,11 @@ class Step:
     @property
     def structured(self) -> bool:
         """Whether the residual is more than noise. It is not tested where it is far more."""
-        if self.tested is None and (
-            is_far_from_noise(self.problem, self.fitted) or has_clear_surplus(self.residual)
-        ):
-            return True
+        if self.tested is None:
+            if is_far_from_noise(self.problem, self.fitted):
+                return True
+            if not takes_statements_as_exact(self.problem) and has_clear_surplus(self.residual):
+                return True
         return self.score_test.structured
 
     @property

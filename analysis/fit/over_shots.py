@@ -30,17 +30,17 @@ def for_each_shot(work: Callable[[int], T], count: int, *, on_all_cores: bool) -
     The result is the same on any number of cores. What one shot raises is raised once all threads
     have ended; the work must change nothing that shots share.
     """
-    used = min(CORES, count // LEAST_SHOTS) if on_all_cores else 1
-    if used < 2:
+    cores = min(CORES, count // LEAST_SHOTS) if on_all_cores else 1
+    if cores < 2:
         return [work(i) for i in range(count)]
 
     def each(first: int) -> list[T]:
         """Return what one thread makes of its shots."""
-        return [work(i) for i in range(first, count, used)]
+        return [work(i) for i in range(first, count, cores)]
 
     # threads of its own: a process may have been forked since the last; numpy's error state
     # belongs to the context
-    with ThreadPoolExecutor(used) as threads:
-        tasks = [threads.submit(contextvars.copy_context().run, each, c) for c in range(used)]
+    with ThreadPoolExecutor(cores) as threads:
+        tasks = [threads.submit(contextvars.copy_context().run, each, c) for c in range(cores)]
     parts = [task.result() for task in tasks]
-    return [parts[i % used][i // used] for i in range(count)]
+    return [parts[i % cores][i // cores] for i in range(count)]
