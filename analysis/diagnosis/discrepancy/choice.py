@@ -1,7 +1,12 @@
-"""The choice of discrepancies to fit, and of the best one on held-out shots."""
+"""The choice of discrepancies to fit, and of the best one on held-out shots.
+
+They are chosen on shots that stand for all, and the best is then learned on all: repetitions of a
+drop say the same about which one it is, and each takes seconds.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -9,15 +14,20 @@ from functools import partial
 
 import numpy as np
 
+from analysis.diagnosis.basis.families import Scale
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.discrepancy.fit import Learned, Part, learn, learn_force, on_top
+from analysis.diagnosis.held_out import heldout_or_none
 from analysis.diagnosis.linearised import Linearised
-from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
 from analysis.diagnosis.selection import Step
+from analysis.diagnosis.successive_halving import MORE, part_of, thinned
 
 FORCES = ("elastic", "rate")
 FORCED = ("contact", "loss")
 """Families that stand for a free contact force."""
+FORCE = "force_"
+"""What its parts are called before their form."""
 ALSO = {"locked": "outline", "wander": "pieces"}
 """What is learned where a family explains much that has too many numbers, or too coarse ones."""
 REFINED = {
@@ -68,7 +78,24 @@ def best_discrepancy(
     coefficients paid for, ``linearised`` knows the tuned frequencies, and ``before`` is the
     present model's error on held-out shots. [unit of the signal]
     """
-    trials = _Trials(step, linearised)
+    places = thinned(step.problem, MORE)
+    if len(places) == len(step.problem.shots):
+        return _best_by_now(_Trials(step, linearised.scale), gains, before, progress)
+    few = Step(*part_of(step.problem, step.fitted, places))
+    held = None if before is None else heldout_or_none(few.problem, few.fitted)
+    best = _best_by_now(_Trials(few, linearised.scale), gains, held, progress)
+    if best is None:
+        return None
+    # it is fitted whatever the time: without it there would be no discrepancy to state
+    whole = Step(unwatched(step.problem), step.fitted, step.tested)
+    found = _Trials(whole, linearised.scale).together(best.parts)
+    return found if found is not None and _repairs(found, before) else None
+
+
+def _best_by_now(
+    trials: _Trials, gains: Mapping[Part, float], before: float | None, progress: Progress
+) -> Learned | None:
+    """Return the discrepancy that holds best; of those learned by then where the time is over."""
     try:
         return _best(trials, gains, before, progress)
     except BudgetSpentError:
@@ -196,13 +223,13 @@ class _Trials:
     """Discrepancies as they are learned, none of them alone more than once."""
 
     step: Step
-    linearised: Linearised
+    scale: Scale
     known: dict[Part, list[Learned]] = field(default_factory=dict)
 
     @property
     def noise(self) -> float:
         """Return the rms noise of all shots. [unit of the signal]"""
-        return math.sqrt(float(np.mean([s.item.noise.rms**2 for s in self.linearised.shots])))
+        return math.sqrt(float(np.mean([s.noise.rms**2 for s in self.step.problem.shots])))
 
     def alone(self, part: Part) -> list[Learned]:
         """Return a discrepancy learned on the present model; none where it makes nothing better."""
@@ -232,18 +259,34 @@ class _Trials:
 
     def learned(self, part: Part, beside: Learned | None = None) -> Learned | None:
         """Return a discrepancy, learned together with one that is known already."""
-        step, scale = self.step, self.linearised.scale
         family, scope = part
-        try:
-            if family in FORCED:
-                return learn_force(
-                    step.problem, step.fitted, step.linearised, forms=FORCES, scope=scope
-                )
-            if beside is None:
-                return learn(step.problem, step.fitted, [part], scale)
-            if beside.parts[0][0].startswith("force"):
-                more = learn(beside.problem, beside.fitted, [part], scale)
-                return None if more is None else on_top(beside, more)
-            return learn(step.problem, step.fitted, [*beside.parts, part], scale)
-        except np.linalg.LinAlgError:
-            return None
+        if family in FORCED:
+            return self.together([(FORCE + form, scope) for form in FORCES])
+        if beside is not None and beside.parts[0][0].startswith(FORCE):
+            return self.beside_force(beside, [part])
+        return self.together([*(beside.parts if beside else ()), part])
+
+    def together(self, parts: Sequence[Part]) -> Learned | None:
+        """Return the discrepancy of these parts; None where it makes nothing better."""
+        step = self.step
+        forms = [(family.removeprefix(FORCE), s) for family, s in parts if family.startswith(FORCE)]
+        rest = [part for part in parts if not part[0].startswith(FORCE)]
+        with contextlib.suppress(np.linalg.LinAlgError):
+            if not forms:
+                return learn(step.problem, step.fitted, rest, self.scale)
+            first = learn_force(
+                step.problem,
+                step.fitted,
+                step.residual,
+                forms=[form for form, _ in forms],
+                scope=forms[0][1],
+            )
+            return self.beside_force(first, rest) if first is not None and rest else first
+        return None
+
+    def beside_force(self, force: Learned, parts: Sequence[Part]) -> Learned | None:
+        """Return a free force with more beside it; None where that makes nothing better."""
+        with contextlib.suppress(np.linalg.LinAlgError):
+            more = learn(force.problem, force.fitted, parts, self.scale)
+            return None if more is None else on_top(force, more)
+        return None
