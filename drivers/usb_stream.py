@@ -232,7 +232,7 @@ class SampleStream:
                     raise DeviceTimeoutError(
                         f"No sample arrived for {silent_s:.2f} s while streaming.",
                         why="The converter stopped or the board's firmware hangs.",
-                        remedy="Switch the digitizer's 12 V supply off and on.",
+                        remedy="Switch the digitizer's power off and on.",
                     )
                 continue
             last_data_s = time.monotonic()

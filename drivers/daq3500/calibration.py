@@ -7,30 +7,17 @@ of the gain code, and that a 3500 has the same table, is INFERRED: untested on a
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 
 import numpy as np
 
 from drivers.daq3500.link import Daq3500Link
 from drivers.daq3500.registers import RANGES_V, Request, gain_code
+from drivers.opened_board import RangeCalibration
 
 _HEADER = bytes((0x40, 0x01, 0x00, 0x01))
 _SECTIONS = ((0x0000, 320), (0x0140, 320), (0x0280, 168))
 _LARGEST_COEFFICIENT = 0.1
 _CODES = 65536
-
-
-@dataclass(frozen=True)
-class RangeCalibration:
-    """How codes of one range become volts."""
-
-    volts_per_code: float
-    """``volts = signed_code * volts_per_code + offset_v``. [V]"""
-    offset_v: float
-    calibrated: bool
-    """Whether the board's table is in the two numbers."""
-    reason: str = ""
-    """Why it is not."""
 
 
 def read_table(link: Daq3500Link) -> bytes:

@@ -4,15 +4,11 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
-import usb.backend.libusb1
-import usb.core
-import usb.util
-
-from drivers.daq3500.calibration import RangeCalibration, range_calibration, read_table
-from drivers.daq3500.firmware import Image, fpga_loaded, load_fpga, load_fx2, read_image
+from drivers.board_image import Image, read_image
+from drivers.daq3500.calibration import range_calibration, read_table
+from drivers.daq3500.firmware import fpga_loaded, load_fpga, load_fx2
 from drivers.daq3500.link import Daq3500Link
 from drivers.daq3500.registers import (
     DIGITAL_MARKS,
@@ -31,7 +27,8 @@ from drivers.errors import (
     FirmwareError,
     SelfTestError,
 )
-from drivers.usb_errors import no_libusb, translated
+from drivers.opened_board import OpenedBoard, RangeCalibration
+from drivers.usb_finding import choose_board, find_boards, serial_number_of, usable_backend
 
 MODEL = "Omega OMB-DAQ-3500"
 NOTE = "untested on a 3500"
@@ -39,24 +36,15 @@ REENUMERATION_LIMIT_S = 10.0
 _POLL_S = 0.05
 
 
-@dataclass(frozen=True)
-class OpenedBoard:
-    """A board that answered, was loaded and tested."""
-
-    link: Daq3500Link
-    identity: DigitizerIdentity
-    calibration: RangeCalibration
-
-
-def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = False) -> OpenedBoard:
+def open_board(
+    settings: Daq3500Settings, backend: Any, *, clear_halt: bool = False
+) -> OpenedBoard[Daq3500Link]:
     """Find the board, load what is missing, test it and read its calibration.
 
     After any DriverError the board is given back. ``clear_halt`` says that the last run broke, so
     that the endpoint may be stalled.
     """
-    backend = backend or usb.backend.libusb1.get_backend()
-    if backend is None:
-        raise no_libusb()
+    backend = usable_backend(backend)
     firmware = _load_firmware_if_missing(settings, backend)
     link = Daq3500Link(_await_loaded(settings, backend, just_loaded=firmware is not None))
     try:
@@ -70,7 +58,7 @@ def open_board(settings: Daq3500Settings, backend: Any, *, clear_halt: bool = Fa
         calibration = range_calibration(read_table(link), settings.range_v)
         identity = DigitizerIdentity(
             model=MODEL,
-            serial_number=_serial_number(link.device) or "not stated",
+            serial_number=serial_number_of(link.device) or "not stated",
             firmware_version=f"{version >> 8:x}.{version & 0xFF:02x}",
             firmware_sha256=firmware.sha256 if firmware else None,
             fpga_sha256=fpga.sha256 if fpga else None,
@@ -108,45 +96,15 @@ def _note(calibration: RangeCalibration) -> str:
     return f"{NOTE}; uncalibrated: the table in the board was rejected, {calibration.reason}"
 
 
-def _find(settings: Daq3500Settings, backend: Any, product_id: int) -> list[Any]:
-    with translated("looking for the digitizer"):
-        return list(
-            usb.core.find(
-                find_all=True,
-                backend=backend,
-                idVendor=settings.vendor_id,
-                idProduct=product_id,
-            )
-        )
-
-
-def _serial_number(device: Any) -> str | None:
-    """Return the serial number; NOT KNOWN whether a 3500 states one."""
-    if not device.iSerialNumber:
-        return None
-    with translated("reading the serial number"):
-        try:
-            text = usb.util.get_string(device, device.iSerialNumber)
-        except ValueError:  # pyusb's word for "no language", mostly missing permission
-            return None
-    return None if text is None else str(text)
-
-
-def _choose(settings: Daq3500Settings, devices: list[Any]) -> Any:
-    if settings.serial_number is not None:
-        devices = [d for d in devices if _serial_number(d) == settings.serial_number]
-    if len(devices) > 1:
-        raise ConfigurationError(
-            f"{len(devices)} digitizers answer to the same ids.",
-            remedy="Set serial_number in the digitizer section of the settings.",
-        )
-    return devices[0] if devices else None
+def _choose(settings: Daq3500Settings, backend: Any) -> Any:
+    loaded = find_boards(backend, settings.vendor_id, settings.product_id_loaded)
+    return choose_board(loaded, settings.serial_number)
 
 
 def _load_firmware_if_missing(settings: Daq3500Settings, backend: Any) -> Image | None:
-    if _choose(settings, _find(settings, backend, settings.product_id_loaded)) is not None:
+    if _choose(settings, backend) is not None:
         return None
-    unloaded = _find(settings, backend, settings.product_id_unloaded)
+    unloaded = find_boards(backend, settings.vendor_id, settings.product_id_unloaded)
     if not unloaded:
         raise _not_found(settings)
     if len(unloaded) > 1:
@@ -169,7 +127,7 @@ def _load_firmware_if_missing(settings: Daq3500Settings, backend: Any) -> Image 
 def _await_loaded(settings: Daq3500Settings, backend: Any, *, just_loaded: bool) -> Any:
     deadline_s = time.monotonic() + (REENUMERATION_LIMIT_S if just_loaded else 0.0)
     while True:
-        device = _choose(settings, _find(settings, backend, settings.product_id_loaded))
+        device = _choose(settings, backend)
         if device is not None:
             return device
         if time.monotonic() >= deadline_s:

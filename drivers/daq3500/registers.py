@@ -15,7 +15,6 @@ RANGES_V = (10.0, 5.0, 2.0, 1.0, 0.5, 0.2, 0.1)
 """Input ranges, +/-, in the order of the gain code."""
 
 ENDPOINT_IN = 0x82
-INTERFACE = 0
 MINIMUM_FIRMWARE_VERSION = 0x0100
 DIGITAL_MARKS = (0xFE, 0x02, 0xFB, 0x08, 0xEF, 0x20, 0xBF, 0x80)
 """Patterns that must read back from register 0x5D."""

@@ -1,4 +1,4 @@
-"""The simulated board's converter: pacing, results FIFO, faults, its own gain errors."""
+"""A simulated board's converter: pacing, results FIFO, faults."""
 
 from __future__ import annotations
 
@@ -11,13 +11,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.simulated.usb_eeprom import RANGES_V, BoardErrors
-
 PACKET_SAMPLES = 256
 _ENDPOINT_SAMPLES = 4 * PACKET_SAMPLES
 _LONGEST_SLEEP_S = 0.02
-
-MORE_THAN_ONE, VALID, OVERRUN, SCANNING = 0x0001, 0x0002, 0x0004, 0x0008
 
 
 class SourceClock(Protocol):
@@ -77,52 +73,45 @@ class SignalSource(Protocol):
 class SimulatedConverter:
     """Converts what the source shows and hands it out in packets.
 
-    The depth of the results FIFO is ``None`` for endless, as the real depth is NOT KNOWN. Packets
+    The depth of the results FIFO is ``None`` for endless. Behind an overrun a board goes on with a
+    gap, or sends nothing more if it ``halts_at_overrun``. Packets
     left in the endpoint's buffers survive a stop, so a host that does not drain finds old samples
-    at the head of its next run. That the real board does the same is INFERRED.
+    at the head of its next run. That real boards do the same is INFERRED.
     """
 
     def __init__(
-        self, source: SignalSource, errors: BoardErrors, fifo_samples: int | None = None
+        self,
+        source: SignalSource,
+        fifo_samples: int | None = None,
+        *,
+        halts_at_overrun: bool = False,
     ) -> None:
         self._source = source
-        self._errors = errors
+        self._halts_at_overrun = halts_at_overrun
         self._fifo_samples = fifo_samples
         self._lock = threading.RLock()
         self._running = False
-        self._overrun = False
+        self.overrun = False
         self._rate_hz = 1.0
         self._next = 0
         self._left_over = np.empty(0, dtype=np.uint16)
         self.worst_backlog_samples = 0
 
     @property
-    def status(self) -> int:
-        """The status word."""
-        with self._lock:
-            status = OVERRUN if self._overrun else 0
-            if self._running:
-                status |= SCANNING
-                due = self._due()
-                status |= (VALID if due else 0) | (MORE_THAN_ONE if due > 1 else 0)
-            return status
-
-    @property
     def running(self) -> bool:
         """Whether the pacer runs."""
         return self._running
 
-    def start(self, rate_hz: float, range_index: int) -> None:
-        """Start the pacer at a nominal rate; the index is the gain code of the scan list."""
+    def start(
+        self, rate_hz: float, range_v: float, *, board_gain: float, board_offset_v: float
+    ) -> None:
+        """Start the pacer at a nominal rate; true volts are gain * raw volts + offset."""
         with self._lock:
             self._rate_hz = rate_hz
             self._next = 0
             self.worst_backlog_samples = 0
             self._source.start_stream(
-                rate_hz,
-                RANGES_V[range_index],
-                board_gain=self._errors.gain(range_index),
-                board_offset_v=self._errors.offset_v[range_index],
+                rate_hz, range_v, board_gain=board_gain, board_offset_v=board_offset_v
             )
             self._running = True
 
@@ -131,7 +120,7 @@ class SimulatedConverter:
         with self._lock:
             if not self._running:
                 return
-            packets = min(self._due(), _ENDPOINT_SAMPLES) // PACKET_SAMPLES
+            packets = min(self.due(), _ENDPOINT_SAMPLES) // PACKET_SAMPLES
             self._left_over = self._fetch(packets * PACKET_SAMPLES)
             self._running = False
             self._source.stop_stream()
@@ -139,9 +128,9 @@ class SimulatedConverter:
     def reset_results(self) -> None:
         """Empty the results FIFO and clear its overrun."""
         with self._lock:
-            self._overrun = False
+            self.overrun = False
             if self._running:
-                self._next += self._due()
+                self._next += self.due()
 
     def read_into(
         self, out: NDArray[np.uint16], timeout_s: float, check: Callable[[], None]
@@ -159,7 +148,7 @@ class SimulatedConverter:
                 if count is not None:
                     self._hand_out(out[:count])
                     return count
-                missing = out.size - (self._due() if self._running else 0)
+                missing = out.size - (self.due() if self._running else 0)
                 flow_hz = self._rate_hz * self._source.clock.speed if self._running else 0.0
             pause_s = missing / flow_hz if flow_hz else _LONGEST_SLEEP_S
             left_s = deadline_s - time.monotonic()
@@ -168,13 +157,13 @@ class SimulatedConverter:
     def _ready(self, wanted: int, *, late: bool) -> int | None:
         if self._left_over.size:
             return min(wanted, self._left_over.size)
-        due = self._due() if self._running else 0
+        due = self.due() if self._running else 0
         if due < wanted:
             return min(wanted, due // PACKET_SAMPLES * PACKET_SAMPLES) if late else None
         if math.isfinite(self._source.clock.speed):
             self.worst_backlog_samples = max(self.worst_backlog_samples, due)
         if self._fifo_samples is not None and due > self._fifo_samples:
-            self._overrun = True
+            self.overrun = True
             self._next += due - self._fifo_samples
         # A short packet ends a transfer early; the rest comes with the next one.
         return wanted // 2 if self._source.faults.short_read and wanted > 1 else wanted
@@ -187,8 +176,12 @@ class SimulatedConverter:
         if out.size:  # a drain after the stop asks a source that stands for nothing
             out[:] = self._fetch(out.size)
 
-    def _due(self) -> int:
-        return max(0, self._source.samples_due() - self._next)
+    def due(self) -> int:
+        """Return how many converted samples wait for the host."""
+        with self._lock:
+            if self.overrun and self._halts_at_overrun:
+                return 0
+            return max(0, self._source.samples_due() - self._next)
 
     def _fetch(self, count: int) -> NDArray[np.uint16]:
         jump = self._take_fault(count)
@@ -220,7 +213,7 @@ class SimulatedConverter:
             if at is None or at >= self._next + count or count == 0:
                 continue
             setattr(faults, name, None)
-            self._overrun = self._overrun or name == "overrun_at_sample"
+            self.overrun = self.overrun or name == "overrun_at_sample"
             at = max(at, self._next)
             return at, max(shift, -at)
         return None

@@ -1,21 +1,18 @@
-"""Descriptors of the simulated board, in both enumeration states."""
+"""Descriptors of a simulated board."""
 
 from __future__ import annotations
 
 from types import SimpleNamespace
 
-VENDOR_ID = 0x0622
-PRODUCT_UNLOADED = 0x0470
-PRODUCT_LOADED = 0x2C01
-ENDPOINTS = (0x01, 0x81, 0x82, 0x06)
 SERIAL_STRING_INDEX = 3
 
 
-def device_descriptor(product_id: int, *, address: int, loaded: bool) -> SimpleNamespace:
+def device_descriptor(
+    vendor_id: int, product_id: int, *, address: int, states_serial_number: bool
+) -> SimpleNamespace:
     """Return the device descriptor, with the fields pyusb asks for.
 
-    ``address`` is a new one after each enumeration. ``loaded`` says whether the firmware runs; the
-    bare chip states no serial number.
+    ``address`` is a new one after each enumeration.
     """
     return SimpleNamespace(
         bLength=18,
@@ -25,12 +22,12 @@ def device_descriptor(product_id: int, *, address: int, loaded: bool) -> SimpleN
         bDeviceSubClass=0,
         bDeviceProtocol=0,
         bMaxPacketSize0=64,
-        idVendor=VENDOR_ID,
+        idVendor=vendor_id,
         idProduct=product_id,
         bcdDevice=0x0100,
         iManufacturer=0,
         iProduct=0,
-        iSerialNumber=SERIAL_STRING_INDEX if loaded else 0,
+        iSerialNumber=SERIAL_STRING_INDEX if states_serial_number else 0,
         bNumConfigurations=1,
         address=address,
         bus=1,
@@ -55,17 +52,14 @@ def configuration_descriptor() -> SimpleNamespace:
     )
 
 
-def interface_descriptor(*, loaded: bool) -> SimpleNamespace:
-    """Return the only interface's descriptor, with the fields pyusb asks for.
-
-    ``loaded`` says whether the firmware runs; the bare chip shows no endpoints here.
-    """
+def interface_descriptor(endpoints: int) -> SimpleNamespace:
+    """Return the descriptor of the only interface and its number of endpoints."""
     return SimpleNamespace(
         bLength=9,
         bDescriptorType=4,
         bInterfaceNumber=0,
         bAlternateSetting=0,
-        bNumEndpoints=len(ENDPOINTS) if loaded else 0,
+        bNumEndpoints=endpoints,
         bInterfaceClass=0xFF,
         bInterfaceSubClass=0,
         bInterfaceProtocol=0,
@@ -74,12 +68,12 @@ def interface_descriptor(*, loaded: bool) -> SimpleNamespace:
     )
 
 
-def endpoint_descriptor(index: int) -> SimpleNamespace:
+def endpoint_descriptor(address: int) -> SimpleNamespace:
     """Return a bulk endpoint's descriptor, with the fields pyusb asks for."""
     return SimpleNamespace(
         bLength=7,
         bDescriptorType=5,
-        bEndpointAddress=ENDPOINTS[index],
+        bEndpointAddress=address,
         bmAttributes=2,
         wMaxPacketSize=512,
         bInterval=0,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from drivers.simulated.usb_converter import SimulatedConverter
+from drivers.simulated.usb_eeprom import RANGES_V, BoardErrors
 
 _PACER_CLOCK_HZ = 48.0e6
 _BLOCK_BYTES = 2048
-_SCAN_LIST_EMPTY = 0x0020
+_MORE_THAN_ONE, _VALID, _OVERRUN, _SCANNING, _SCAN_LIST_EMPTY = 0x01, 0x02, 0x04, 0x08, 0x20
 
 
 class SimulatedFpga:
@@ -17,8 +18,9 @@ class SimulatedFpga:
     silent, so a forgotten step shows.
     """
 
-    def __init__(self, converter: SimulatedConverter, *, loaded: bool) -> None:
+    def __init__(self, converter: SimulatedConverter, errors: BoardErrors, *, loaded: bool) -> None:
         self._converter = converter
+        self._errors = errors
         self.loaded = loaded
         self.image = bytearray()
         self.endpoint_on = False
@@ -48,7 +50,7 @@ class SimulatedFpga:
         if not self.loaded:
             return 0xFFFF
         if register == 0x00:
-            return self._converter.status | (0 if self._scan_list else _SCAN_LIST_EMPTY)
+            return self._status()
         return self._words.get(register, 0)
 
     def write_register(self, register: int, value: int) -> None:
@@ -63,6 +65,14 @@ class SimulatedFpga:
             self._dma_on = value == 0x0011
         else:
             self._words[register] = value
+
+    def _status(self) -> int:
+        status = 0 if self._scan_list else _SCAN_LIST_EMPTY
+        status |= _OVERRUN if self._converter.overrun else 0
+        if self._converter.running:
+            due = self._converter.due()
+            status |= _SCANNING | (_VALID if due else 0) | (_MORE_THAN_ONE if due > 1 else 0)
+        return status
 
     def _control(self, value: int) -> None:
         if value < 0x0010:
@@ -84,4 +94,10 @@ class SimulatedFpga:
         entry = self._scan_list[0] | self._scan_list[1] << 16
         words = self._words
         divisor = words.get(2, 0) | words.get(3, 0) << 16 | words.get(5, 0) << 32
-        self._converter.start(_PACER_CLOCK_HZ / (divisor + 1), entry >> 24 & 0x0F)
+        gain_code = entry >> 24 & 0x0F
+        self._converter.start(
+            _PACER_CLOCK_HZ / (divisor + 1),
+            RANGES_V[gain_code],
+            board_gain=self._errors.gain(gain_code),
+            board_offset_v=self._errors.offset_v[gain_code],
+        )

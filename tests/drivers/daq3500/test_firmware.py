@@ -6,7 +6,8 @@ import hashlib
 
 import pytest
 
-from drivers.daq3500.firmware import Image, RamRecord, parse_ram_records
+from drivers.board_image import Image
+from drivers.daq3500.firmware import RamRecord, parse_ram_records
 from drivers.errors import FirmwareError
 
 
