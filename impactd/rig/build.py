@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from drivers.daq3500.device import Daq3500
 from drivers.errors import ConfigurationError
+from impactd.rig.digitizer_board import build_digitizer
 from impactd.rig.relay_board import build_valve
-from impactd.rig.rig import PersonLoader, Rig, digitizer_settings
+from impactd.rig.rig import PersonLoader, Rig
 from impactd.settings.materials import Materials
 from impactd.settings.settings import Settings
 
@@ -24,7 +24,7 @@ def build_rig(settings: Settings, materials: Materials) -> Rig:
     if settings.valve.port is None:
         raise ConfigurationError("valve.port is missing.", remedy="Name the relay's serial port.")
     return Rig(
-        digitizer=Daq3500(digitizer_settings(settings)),
+        digitizer=build_digitizer(settings.digitizer),
         valve=build_valve(settings.valve, settings.valve.port),
         loader=PersonLoader(),
         name=settings.rig.name,

@@ -13,15 +13,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
-from drivers.daq3500.settings import Daq3500Settings
 from drivers.digitizer import Digitizer
 from drivers.valve import Valve
-from impactd.settings.settings import Settings
 
 if TYPE_CHECKING:
     from drivers.simulated.world import World
-
-_SETTLING_CODES = {1: 0, 5: 1, 10: 2, 1000: 3}
 
 
 class Loader(Protocol):
@@ -98,26 +94,3 @@ class Rig:
                 stack.callback(self.closing.pop(0))
             stack.callback(self.valve.close)
             stack.callback(self.digitizer.close)
-
-
-def digitizer_settings(settings: Settings) -> Daq3500Settings:
-    """Return the digitizer's part of the settings as its driver takes it; nothing is added."""
-    section = settings.digitizer
-    return Daq3500Settings(
-        vendor_id=section.vendor_id,
-        product_id_unloaded=section.product_id_unloaded,
-        product_id_loaded=section.product_id_loaded,
-        sample_rate_hz=section.sample_rate_hz,
-        sample_rate_u_hz=section.sample_rate_u_hz,
-        serial_number=section.serial_number,
-        firmware_file=section.firmware_file,
-        fpga_file=section.fpga_file,
-        channel=section.channel,
-        differential=section.differential,
-        range_v=section.range_v,
-        settling_code=_SETTLING_CODES[section.settling_us],
-        pacer_divisor=section.pacer_divisor,
-        ring_seconds=section.ring_seconds,
-        transfer_bytes=section.transfer_bytes,
-        wire_log_file=section.wire_log_file,
-    )

@@ -2,7 +2,7 @@
 
 ::
 
-    settings, materials ──> World ──┬── SimulatedDaq3500 (USB)     <── Daq3500 driver
+    settings, materials ──> World ──┬── SimulatedUsbBoard (USB)    <── Daq3500, Usb2637
                                     ├── RelayTerminal (serial)     <── NumatoValve, LcusValve
                                     └── SimulatedTechnician (hangs spheres)
 
@@ -14,12 +14,12 @@ from __future__ import annotations
 
 import math
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from analysis.campaign import Sphere, Surface
-from drivers.daq3500.device import Daq3500
 from drivers.simulated.effects import EFFECTS, Effect, make_effect
 from drivers.simulated.label_spread import SPREADS
 from drivers.simulated.noise import NoiseSettings
@@ -27,16 +27,23 @@ from drivers.simulated.relay_terminal import RelayTerminal
 from drivers.simulated.rig_model import DEFAULT_RIG
 from drivers.simulated.specimens import SURFACES, CellSpec, SphereSpec, SurfaceSpec
 from drivers.simulated.truth import seal
+from drivers.simulated.usb2637_device import SimulatedUsb2637
+from drivers.simulated.usb_bus import SimulatedUsbBoard
 from drivers.simulated.usb_device import SimulatedDaq3500
 from drivers.simulated.world import World
 from drivers.simulated.world_settings import WorldSettings
+from impactd.rig.digitizer_board import build_digitizer
 from impactd.rig.relay_board import build_valve
-from impactd.rig.rig import Rig, digitizer_settings, in_words
+from impactd.rig.rig import Rig, in_words
 from impactd.settings.materials import Materials
 from impactd.settings.sections import SimulationSection
 from impactd.settings.settings import Settings, SettingsError
 
 SEALED_NAME = "sealed-truth.json"
+_BOARDS: dict[str, Callable[..., SimulatedUsbBoard]] = {
+    "daq3500": SimulatedDaq3500,
+    "usb2637": SimulatedUsb2637,
+}
 
 
 class SimulatedTechnician:
@@ -79,12 +86,14 @@ def build_simulated_rig(settings: Settings, materials: Materials) -> Rig:
     section = settings.simulation
     assert section is not None, "the caller looks for the simulation section"
     world = World(world_settings(settings, materials, section))
+    board = _BOARDS[settings.digitizer.driver]
     terminal = RelayTerminal(world, kind=settings.valve.driver)
     rig = Rig(
-        digitizer=Daq3500(
+        digitizer=build_digitizer(
+            settings.digitizer,
+            backend=board(world, serial_number=f"SIM-{section.seed:04d}"),
             # The count of samples can be held against the clock only where the rig keeps its pace.
-            replace(digitizer_settings(settings), pace_checked=section.clock_speed == 1.0),
-            backend=SimulatedDaq3500(world, serial_number=f"SIM-{section.seed:04d}"),
+            pace_checked=section.clock_speed == 1.0,
         ),
         valve=build_valve(settings.valve, terminal.port),
         loader=SimulatedTechnician(world, section.technician_delay_s),

@@ -50,25 +50,27 @@ def explain(detail: Any, root: type[BaseModel]) -> SettingsFinding:
 
     ``root`` is the model of the whole file.
     """
-    location = tuple(part for part in detail["loc"])
-    path = ".".join(str(part) for part in location)
+    parts, tables = _follow(detail["loc"], root)
+    path = ".".join(parts)
+    owner = tables[-1]
     kind = detail["type"]
     if kind == "extra_forbidden":
-        owner = _model_at(location[:-1], root)
         known = list(owner.model_fields) if owner else []
-        close = difflib.get_close_matches(str(location[-1]), known, n=1, cutoff=0.6)
+        close = difflib.get_close_matches(parts[-1], known, n=1, cutoff=0.6)
         hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
         return SettingsFinding(path, f"unknown key; {hint}")
     if kind == "missing":
-        return SettingsFinding(path, _explain_missing(location, root))
+        return SettingsFinding(path, _explain_missing(parts[-1], owner))
+    if kind == "union_tag_invalid":
+        wrong, known_kinds = detail["ctx"]["tag"], detail["ctx"]["expected_tags"]
+        return SettingsFinding(f"{path}.driver", f"{wrong!r} is not known; known: {known_kinds}")
     if kind == "value_error":
         return SettingsFinding(path, str(detail["ctx"]["error"]))
     return SettingsFinding(path, f"{detail['msg']}, got {detail['input']!r}")
 
 
-def _explain_missing(location: tuple[Any, ...], root: type[BaseModel]) -> str:
-    owner = _model_at(location[:-1], root)
-    field = owner.model_fields.get(str(location[-1])) if owner else None
+def _explain_missing(name: str, owner: type[BaseModel] | None) -> str:
+    field = owner.model_fields.get(name) if owner else None
     if field is None:
         return "missing"
     extra = field.json_schema_extra if isinstance(field.json_schema_extra, dict) else {}
@@ -77,22 +79,29 @@ def _explain_missing(location: tuple[Any, ...], root: type[BaseModel]) -> str:
     return f"missing{meaning}{source}; it has no default"
 
 
-def _model_at(location: tuple[Any, ...], root: type[BaseModel]) -> type[BaseModel] | None:
-    """Return the model that describes the table at a path."""
-    model: type[BaseModel] | None = root
+def _follow(
+    location: tuple[int | str, ...], root: type[BaseModel]
+) -> tuple[list[str], list[type[BaseModel] | None]]:
+    """Return the parts of a path in the file, and the model of the table each of them is in.
+
+    Where a table may be of several kinds, pydantic names the kind in the path, the file does not.
+    """
+    parts: list[str] = []
+    tables: list[type[BaseModel] | None] = []
+    kinds = [root]
     for part in location:
-        if isinstance(part, int):
+        if len(kinds) > 1:
+            kinds = [kind for kind in kinds if kind.model_fields["driver"].default == part]
             continue
-        field = model.model_fields.get(str(part)) if model else None
-        model = _model_in(field.annotation) if field else None
-    return model
+        parts.append(str(part))
+        tables.append(kinds[0] if kinds else None)
+        if isinstance(part, str):
+            field = kinds[0].model_fields.get(part) if kinds else None
+            kinds = _models_in(field.annotation) if field else []
+    return parts, tables or [root]
 
 
-def _model_in(annotation: Any) -> type[BaseModel] | None:
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return annotation
-    for argument in get_args(annotation):
-        found = _model_in(argument)
-        if found is not None:
-            return found
-    return None
+        return [annotation]
+    return [model for argument in get_args(annotation) for model in _models_in(argument)]

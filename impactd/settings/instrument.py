@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import field_validator, model_validator
+from pydantic import Discriminator, Tag, field_validator, model_validator
 
 from impactd.settings.keys import MeasuredValue, Section, choice, key
 
@@ -40,9 +40,49 @@ class RigSection(Section):
         return self
 
 
-class DigitizerSection(Section):
-    """The digitizer: identity on the bus, input, and its calibrated rate."""
+class StreamingSection(Section):
+    """What the settings say of every digitizer: which one, its calibrated rate, its buffers."""
 
+    serial_number: str | None = choice(
+        "Serial number, where two boards are plugged in", default=None
+    )
+    fpga_file: Path | None = choice(
+        "Bit stream for the FPGA, supplied by you; relative to this file", default=None
+    )
+    sample_rate_hz: float = key(
+        "Calibrated sample rate, not the nominal one",
+        "Hz",
+        gt=0,
+        where="measure it against a frequency standard",
+    )
+    sample_rate_u_hz: float = key(
+        "Standard uncertainty of that rate",
+        "Hz",
+        gt=0,
+        where="it comes with the rate's calibration",
+    )
+    ring_seconds: float = key("Length of the ring buffer", "s", gt=0, le=60, default=4.0)
+    transfer_bytes: int = key(
+        "Size of one bulk read, a multiple of 512", "byte", ge=512, multiple_of=512, default=16384
+    )
+    wire_log_file: Path | None = choice(
+        "Where to write every USB transfer, for the first run with a new board", default=None
+    )
+
+    def _check_rate(self, pacer_clock_hz: float, pacer_divisor: int) -> None:
+        nominal_hz = pacer_clock_hz / (pacer_divisor + 1)
+        # Measured clocks are off by up to 1 %; 5 % is a slip of the pen.
+        if abs(self.sample_rate_hz / nominal_hz - 1) > 0.05:
+            raise ValueError(
+                f"sample_rate_hz = {self.sample_rate_hz:g} Hz is more than 5 % away from the "
+                f"{nominal_hz:g} Hz that pacer_divisor = {pacer_divisor} asks for"
+            )
+
+
+class Daq3500Section(StreamingSection):
+    """The Omega OMB-DAQ-3500: identity on the bus, input, and its calibrated rate."""
+
+    driver: Literal["daq3500"] = choice("Kind of digitizer", default="daq3500")
     vendor_id: int = key("USB vendor id", where=_ENUMERATION, ge=1, le=0xFFFF)
     product_id_unloaded: int = key(
         "USB product id before the firmware is loaded", where=_ENUMERATION, ge=1, le=0xFFFF
@@ -50,14 +90,8 @@ class DigitizerSection(Section):
     product_id_loaded: int = key(
         "USB product id once the firmware runs", where=_ENUMERATION, ge=1, le=0xFFFF
     )
-    serial_number: str | None = choice(
-        "Serial number, where two boards are plugged in", default=None
-    )
     firmware_file: Path | None = choice(
         "Intel-hex image for the FX2, supplied by you; relative to this file", default=None
-    )
-    fpga_file: Path | None = choice(
-        "Bit stream for the FPGA, supplied by you; relative to this file", default=None
     )
     channel: int = key(
         "Analogue input the conditioner is wired to",
@@ -79,26 +113,6 @@ class DigitizerSection(Section):
     pacer_divisor: int = key(
         "N of f = 48 MHz / (N + 1); 47 is 1 MHz", ge=1, le=2**31 - 1, default=47
     )
-    sample_rate_hz: float = key(
-        "Calibrated sample rate, not the nominal one",
-        "Hz",
-        gt=0,
-        where="measure it against a frequency standard",
-    )
-    sample_rate_u_hz: float = key(
-        "Standard uncertainty of that rate",
-        "Hz",
-        gt=0,
-        where="it comes with the rate's calibration",
-    )
-    ring_seconds: float = key("Length of the ring buffer", "s", gt=0, le=60, default=4.0)
-    transfer_bytes: int = key(
-        "Size of one bulk read, a multiple of 512", "byte", ge=512, multiple_of=512, default=16384
-    )
-
-    wire_log_file: Path | None = choice(
-        "Where to write every USB transfer, for the first run with a new board", default=None
-    )
 
     @field_validator("range_v")
     @classmethod
@@ -108,15 +122,65 @@ class DigitizerSection(Section):
         return value
 
     @model_validator(mode="after")
-    def _plausible_rate(self) -> DigitizerSection:
-        nominal_hz = 48e6 / (self.pacer_divisor + 1)
-        # The family's measured clocks are off by up to 1 %; 5 % is a slip of the pen.
-        if abs(self.sample_rate_hz / nominal_hz - 1) > 0.05:
-            raise ValueError(
-                f"sample_rate_hz = {self.sample_rate_hz:g} Hz is more than 5 % away from the "
-                f"{nominal_hz:g} Hz that pacer_divisor = {self.pacer_divisor} asks for"
-            )
+    def _plausible_rate(self) -> Daq3500Section:
+        self._check_rate(48e6, self.pacer_divisor)
         return self
+
+
+class Usb2637Section(StreamingSection):
+    """The MCC USB-2637: input, and its calibrated rate."""
+
+    driver: Literal["usb2637"] = choice("Kind of digitizer", default="usb2637")
+    channel: int = key(
+        "Analogue input the conditioner is wired to",
+        ge=0,
+        le=63,
+        where="look where the cable goes",
+    )
+    range_v: float = key("Input range, +/-; the board has one", "V", default=10.0)
+    pacer_divisor: int = key(
+        "N of f = 64 MHz / (N + 1): 63 is 1 MHz, 127 is 500 kHz, 639 is 100 kHz", default=63
+    )
+
+    @field_validator("range_v")
+    @classmethod
+    def _known_range(cls, value: float) -> float:
+        if value != 10.0:
+            raise ValueError(f"the board has the range +/-10 V only, not {value:g} V: set 10.0")
+        return value
+
+    @field_validator("pacer_divisor")
+    @classmethod
+    def _known_rate(cls, value: int) -> int:
+        if value < 63:
+            raise ValueError(
+                f"{value} asks for more than the board's 1 MHz: set 63 for 1 MHz, 127 for 500 kHz"
+            )
+        if value > 639:
+            raise ValueError(
+                f"{value} asks for {64e3 / (value + 1):.3g} kHz, which leaves less than ten "
+                "samples of an impact of 100 us: set 639 (100 kHz) or less, best 63 (1 MHz)"
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _plausible_rate(self) -> Usb2637Section:
+        self._check_rate(64e6, self.pacer_divisor)
+        return self
+
+
+def _driver_of(section: Any) -> str:
+    """Return which digitizer a table describes; one without ``driver`` is of the first kind."""
+    if isinstance(section, dict):
+        return str(section.get("driver", "daq3500"))
+    return str(getattr(section, "driver", ""))
+
+
+DigitizerSection = Annotated[
+    Annotated[Daq3500Section, Tag("daq3500")] | Annotated[Usb2637Section, Tag("usb2637")],
+    Discriminator(_driver_of),
+]
+"""The digitizer, of the kind that its ``driver`` names."""
 
 
 class TriggerSection(Section):

@@ -211,11 +211,11 @@ def _with_absolute_files(settings: Settings, folder: Path) -> Settings:
         update={
             name: folder / value
             for name in ("firmware_file", "fpga_file")
-            if (value := getattr(settings.digitizer, name)) is not None
+            if (value := getattr(settings.digitizer, name, None)) is not None
         }
     )
     materials = settings.materials.model_copy(update={"file": folder / settings.materials.file})
-    found = {"digitizer": digitizer, "materials": materials}
+    found: dict[str, Section] = {"digitizer": digitizer, "materials": materials}
     around = settings.environment
     if around is not None and around.file is not None:
         found["environment"] = around.model_copy(update={"file": folder / around.file})

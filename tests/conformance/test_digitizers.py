@@ -3,7 +3,7 @@
 Real ones: ``pytest --hardware --hardware-config rig.toml tests/conformance``, where the TOML's
 ``[digitizer]`` table holds ``driver`` and that driver's settings, and optionally
 ``impact_timeout_s``: the time the person has to tap the load cell when asked.
-Another board (an MCC USB-2637, say) joins with one line in `DRIVERS` and one in `CASES`.
+Another board joins with one line in `DRIVERS` and some in `CASES`.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from drivers.daq3500.settings import Daq3500Settings
 from drivers.digitizer import Digitizer, TriggerSettings
 from drivers.errors import AbortedError, DriverError, TriggerTimeoutError
 from drivers.simulated.signal_sources import PulseSource
+from drivers.simulated.usb2637_device import SimulatedUsb2637
 from drivers.simulated.usb_device import SimulatedDaq3500
 from drivers.simulated.world import World, WorldSettings
+from drivers.usb2637.device import Usb2637
+from drivers.usb2637.settings import Usb2637Settings
 
 TRIGGER = TriggerSettings(
     level_v=0.2, hysteresis_v=0.1, pre_trigger_samples=5000, record_samples=50_000
@@ -39,37 +42,49 @@ class Case:
     hit_timeout_s: float = 20.0
 
 
-def _open_daq3500(values: dict[str, Any]) -> Digitizer:
-    for name in ("firmware_file", "fpga_file", "wire_log_file"):
-        if name in values:
-            values[name] = Path(values[name])
-    return Daq3500(Daq3500Settings(**values))
+def _with_paths(values: dict[str, Any]) -> dict[str, Any]:
+    return {
+        name: Path(value) if name.endswith("_file") else value for name, value in values.items()
+    }
 
 
 DRIVERS: dict[str, Callable[[dict[str, Any]], Digitizer]] = {
-    "daq3500": _open_daq3500,
-    # "usb2637": _open_usb2637,  (an MCC board streams from endpoint 0x86)
+    "daq3500": lambda values: Daq3500(Daq3500Settings(**_with_paths(values))),
+    "usb2637": lambda values: Usb2637(Usb2637Settings(**_with_paths(values))),
 }
 
 
-def _settings() -> Daq3500Settings:
-    return Daq3500Settings(
+def _daq3500(source: Any) -> Digitizer:
+    settings = Daq3500Settings(
         vendor_id=0x0622,
         product_id_unloaded=0x0470,
         product_id_loaded=0x2C01,
         sample_rate_hz=1.0e6,
         sample_rate_u_hz=10.0,  # with 100 only half a second can be proved whole
     )
+    return Daq3500(settings, backend=SimulatedDaq3500(source))
 
 
-def _pulses(_: dict[str, Any]) -> Case:
-    source = PulseSource()
-    digitizer = Daq3500(_settings(), backend=SimulatedDaq3500(source))
-    return Case(digitizer, lambda: source.fire() and None)
+def _usb2637(divisor: int) -> Callable[[Any], Digitizer]:
+    rate_hz = 64.0e6 / (divisor + 1)
+    settings = Usb2637Settings(
+        sample_rate_hz=rate_hz, sample_rate_u_hz=1e-5 * rate_hz, pacer_divisor=divisor
+    )
+    return lambda source: Usb2637(settings, backend=SimulatedUsb2637(source))
 
 
-def _world(clock_speed: float) -> Callable[[dict[str, Any]], Case]:
-    def make(_: dict[str, Any]) -> Case:
+def _pulses(make: Callable[[Any], Digitizer]) -> Callable[[dict[str, Any]], Case]:
+    def made(_: dict[str, Any]) -> Case:
+        source = PulseSource()
+        return Case(make(source), lambda: source.fire() and None)
+
+    return made
+
+
+def _world(
+    make: Callable[[Any], Digitizer], clock_speed: float = 1.0
+) -> Callable[[dict[str, Any]], Case]:
+    def made(_: dict[str, Any]) -> Case:
         world = World(WorldSettings(clock_speed=clock_speed))
         sphere, surface = next(iter(world.settings.spheres)), next(iter(world.settings.surfaces))
 
@@ -78,9 +93,9 @@ def _world(clock_speed: float) -> Callable[[dict[str, Any]], Case]:
             world.load(sphere, surface, 0.047)
             world.set_vacuum(False)
 
-        return Case(Daq3500(_settings(), backend=SimulatedDaq3500(world)), hit)
+        return Case(make(world), hit)
 
-    return make
+    return made
 
 
 def _real(config: dict[str, Any]) -> Case:
@@ -91,9 +106,12 @@ def _real(config: dict[str, Any]) -> Case:
 
 
 CASES = [
-    pytest.param(_pulses, id="daq3500-pulses"),
-    pytest.param(_world(1.0), id="daq3500-world"),
-    pytest.param(_world(20.0), id="daq3500-world-accelerated"),
+    pytest.param(_pulses(_daq3500), id="daq3500-pulses"),
+    pytest.param(_world(_daq3500), id="daq3500-world"),
+    pytest.param(_world(_daq3500, 20.0), id="daq3500-world-accelerated"),
+    pytest.param(_pulses(_usb2637(63)), id="usb2637-pulses"),
+    pytest.param(_world(_usb2637(63)), id="usb2637-world"),
+    pytest.param(_world(_usb2637(127)), id="usb2637-world-500-kHz"),
     pytest.param(_real, id="real", marks=pytest.mark.hardware),
 ]
 

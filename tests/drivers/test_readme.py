@@ -24,7 +24,7 @@ def test_the_settings_in_the_page_describe_a_board():
 
 def test_every_file_the_pages_name_exists():
     """A renamed file renames its mention."""
-    for page in (FOLDER / "README.md", FOLDER / "daq3500" / "README.md"):
+    for page in (FOLDER / name / "README.md" for name in ("", "daq3500", "usb2637")):
         named = re.findall(r"`([a-z0-9_/]+\.py)`", page.read_text(encoding="utf-8"))
         for name in named:
             paths = (page.parent / name, FOLDER.parent / name)

@@ -15,6 +15,7 @@ from drivers.simulated.world import World
 from impactd.acquisition.service import AcquisitionService
 from impactd.acquisition.transitions import State
 from impactd.rig.build import build_rig
+from impactd.settings.instrument import Usb2637Section
 from impactd.settings.materials import load_materials
 from impactd.settings.sections import EnvironmentSection
 from impactd.settings.settings import Settings, find_config, load_settings
@@ -92,6 +93,8 @@ def laboratory_settings(directory: Path, **changes: dict[str, Any]) -> Settings:
     update: dict[str, Any] = {}
     if "environment" in wanted:  # the simulated rig's file has none
         update["environment"] = EnvironmentSection(**wanted.pop("environment"))
+    if "driver" in wanted.get("digitizer", {}):  # another one than the simulated rig's file has
+        update["digitizer"] = Usb2637Section(**wanted.pop("digitizer"))
     for name, keys in wanted.items():
         update[name] = getattr(settings, name).model_copy(update=keys)
     return settings.model_copy(update=update)

@@ -67,6 +67,14 @@ def test_the_snapshot_is_json_and_keeps_the_simulation_sealed() -> None:
         ("sample_rate_hz = 1.0e6\n", "", "digitizer.sample_rate_hz", "frequency standard"),
         ("sample_rate_hz = 1.0e6", "sample_rate_hz = 1.0e5", "digitizer", "more than 5 %"),
         ("range_v = 10.0", "range_v = 3.0", "digitizer.range_v", "10, 5, 2, 1"),
+        ("range_v = 10.0", "rang_v = 10.0", "digitizer.rang_v", "did you mean range_v"),
+        (
+            "vendor_id = 0x0622",
+            'driver = "usb2673"',
+            "digitizer.driver",
+            "'usb2673' is not known; known: 'daq3500', 'usb2637'",
+        ),
+        ("vendor_id = 0x0622", 'driver = "usb2637"', "digitizer.differential", "unknown key"),
         ("u = 0.19", "u = 0.0", "sensor.hsd_n_per_v.u", "greater than 0"),
         ("value = 35.4e-3", "value = -35.4e-3", "sensor", "must be positive"),
         ("held_above = true\n", "", "valve", "held_above"),
@@ -229,3 +237,30 @@ def test_the_schema_describes_every_key() -> None:
     for name, section in schema["$defs"].items():
         for key, description in section["properties"].items():
             assert description.get("description"), f"{name}.{key}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "path", "words"),
+    [
+        ("pacer_divisor = 47\nsample_rate_hz = 1.0e6", "digitizer.pacer_divisor", "set 63 for 1"),
+        ("pacer_divisor = 999\nsample_rate_hz = 64.0e3", "digitizer.pacer_divisor", "ten samples"),
+        ("pacer_divisor = 127\nsample_rate_hz = 1.0e6", "digitizer", "500000 Hz that pacer_"),
+        ("range_v = 5.0\nsample_rate_hz = 1.0e6", "digitizer.range_v", "+/-10 V only"),
+        ("sample_rate_hz = 1.0e6\nchannel = 64", "digitizer.channel", "less than or equal to 63"),
+        ("", "digitizer.sample_rate_hz", "frequency standard"),
+    ],
+)
+def test_the_second_digitizer_says_which_rates_and_range_it_has(
+    tmp_path: Path, changes: str, path: str, words: str
+) -> None:
+    """What the board cannot do is refused with what it can."""
+    channel = "" if "channel" in changes else "channel = 0\n"
+    lines = f'[digitizer]\ndriver = "usb2637"\nsample_rate_u_hz = 10.0\n{channel}{changes}\n\n'
+    text = find_config("simulated.toml").read_text(encoding="utf-8")
+    text = text[: text.index("[digitizer]")] + lines + text[text.index("[trigger]") :]
+    (tmp_path / "materials.toml").write_bytes(find_config("materials.toml").read_bytes())
+    (tmp_path / "rig.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(SettingsError) as raised:
+        load_settings(tmp_path / "rig.toml")
+    reasons = {finding.path_in_file: finding.reason for finding in raised.value.findings}
+    assert words in reasons[path]
