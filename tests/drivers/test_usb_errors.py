@@ -19,6 +19,10 @@ from drivers.errors import (
     DriverError,
     ProtocolError,
 )
+from drivers.simulated.signal_sources import PulseSource
+from drivers.simulated.usb2637_device import SimulatedUsb2637
+from drivers.usb2637.device import Usb2637
+from drivers.usb2637.settings import Usb2637Settings
 from drivers.usb_errors import translate, translated
 
 CODES = {
@@ -121,3 +125,24 @@ def test_whatever_call_fails_the_error_is_ours_and_the_board_is_stopped(make_ben
             _story(bench.digitizer, bench.source)
         bench.digitizer.close()
         assert not bench.board.converter.running
+
+
+def test_whatever_call_fails_on_a_usb_2637_the_board_is_stopped():
+    """As above, for every second call."""
+
+    def run(at):
+        source = PulseSource()
+        board = SimulatedUsb2637(source)
+        backend = _Failing(board, at, usb.core.USBError("injected", -9, 32))
+        settings = Usb2637Settings(sample_rate_hz=1.0e6, sample_rate_u_hz=10.0)
+        digitizer = Usb2637(settings, backend=backend)
+        try:
+            _story(digitizer, source)
+        finally:
+            digitizer.close()
+            assert not board.converter.running
+        return backend.calls
+
+    for at in range(1, run(0), 2):
+        with contextlib.suppress(DriverError):
+            run(at)
