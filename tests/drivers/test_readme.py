@@ -6,20 +6,30 @@ import re
 import tomllib
 from pathlib import Path
 
+import pytest
+
 import drivers
 from drivers.daq3500.settings import Daq3500Settings
+from drivers.usb2637.settings import Usb2637Settings
 
 FOLDER = Path(drivers.__file__).parent
 
 
-def test_the_settings_in_the_page_describe_a_board():
+@pytest.mark.parametrize(
+    ("page", "driver", "settings"),
+    [
+        ("README.md", "daq3500", Daq3500Settings),
+        ("usb2637/README.md", "usb2637", Usb2637Settings),
+    ],
+)
+def test_the_settings_in_the_page_describe_a_board(page, driver, settings):
     """What a reader copies works."""
-    page = (FOLDER / "README.md").read_text(encoding="utf-8")
-    block = re.search(r"```toml\n(.*?)```", page, flags=re.DOTALL)
+    text = (FOLDER / page).read_text(encoding="utf-8")
+    block = re.search(r"```toml\n(.*?)```", text, flags=re.DOTALL)
     assert block
     values = tomllib.loads(re.sub(r"^ {3}", "", block[1], flags=re.MULTILINE))["digitizer"]
-    assert values.pop("driver") == "daq3500"
-    assert Daq3500Settings(**values).ring_samples > 1_000_000
+    assert values.pop("driver") == driver
+    assert settings(**values).ring_samples > 1_000_000
 
 
 def test_every_file_the_pages_name_exists():
