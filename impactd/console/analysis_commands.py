@@ -14,6 +14,7 @@ import typer
 from analysis.base_models import DEFAULT_BASE
 from impactd.console import completions
 from impactd.console.options import (
+    SIGN_REASON,
     Csv,
     DecisionRule,
     Guard,
@@ -23,6 +24,10 @@ from impactd.console.options import (
     Of,
     Report,
     Rule,
+    SignCertificate,
+    SignPassphrase,
+    SignReason,
+    SignWith,
     Upper,
     Url,
 )
@@ -130,6 +135,10 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
         Path | None, typer.Option("--json", metavar="OUT", help="Write the budgets here; - prints.")
     ] = None,
     report: Report = None,
+    sign_with: SignWith = None,
+    sign_certificate: SignCertificate = None,
+    sign_passphrase_file: SignPassphrase = None,
+    sign_reason: SignReason = SIGN_REASON,
     specimen: Annotated[
         str | None, typer.Option("--specimen", help="Only this material; the one of the limits.")
     ] = None,
@@ -148,7 +157,15 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
 
     asked = Asked(lower, upper, rule, guard, of, specimen)
     budgets.budget(
-        campaign, model, asked, draws=draws, refits=refits, json_out=json_out, report_out=report
+        campaign,
+        model,
+        asked,
+        draws=draws,
+        refits=refits,
+        json_out=json_out,
+        written=budgets.Report.asked_for(
+            report, sign_with, sign_certificate, sign_passphrase_file, sign_reason
+        ),
     )
 
 

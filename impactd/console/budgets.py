@@ -4,20 +4,85 @@
 
 from __future__ import annotations
 
+import getpass
 import json
+import os
+import sys
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from analysis.written_numbers import measured
 from impactd.aliases import Json
 from impactd.console.client import connect
-from impactd.console.decisions import Asked
+from impactd.console.decisions import MEASURANDS, Asked
 from impactd.console.failure import Failure
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json, table
 
+if TYPE_CHECKING:
+    from impactd.reports.pdf_signature import Signatory
+
 SHOWN_SHARE = 1e-3
 """Share of the variance below which a row is only in the JSON."""
 _NAMES = {"plane_strain_modulus_Pa": "E/(1-nu^2)", "youngs_modulus_Pa": "E"}
+
+
+@dataclass(frozen=True)
+class Report:
+    """A report to be written, and who signs it."""
+
+    file: Path | None
+    signatory: Signatory | None
+
+    @classmethod
+    def asked_for(
+        cls,
+        file: Path | None,
+        key: Path | None,
+        certificate: Path | None,
+        passphrase_file: Path | None,
+        reason: str,
+    ) -> Report:
+        """Return it; refuse what cannot be written or signed before anything is computed."""
+        if file is not None and file.suffix.lower() not in (".html", ".pdf"):
+            raise Failure(f"{file} ends in neither .html nor .pdf; a report is one of these.")
+        if key is None:
+            return cls(file, None)
+        if file is None or file.suffix.lower() != ".pdf":
+            raise Failure("--sign-with signs a PDF; name it with --report FILE.pdf.")
+        from impactd.reports.pdf_signature import load_signatory
+
+        passphrase = _passphrase(key, passphrase_file)
+        return cls(file, load_signatory(key, certificate, passphrase, reason))
+
+    def write(self, document: Json, names: list[str], asked: Asked) -> None:
+        """Write the budgets of these materials; signed, that of the one modulus asked for."""
+        if self.file is None:
+            return
+        from impactd.moduli.budget_report import write_budget_report, write_signed_sheet
+
+        if self.signatory is None:
+            write_budget_report(self.file, document, names)
+            return
+        if len(names) != 1:
+            raise Failure(
+                f"A signature stands under one modulus, and there are those of {', '.join(names)}; "
+                "choose one with --specimen."
+            )
+        measurand = MEASURANDS[asked.of]
+        write_signed_sheet(self.file, document, names[0], measurand, self.signatory)
+
+
+def _passphrase(key: Path, file: Path | None) -> str | None:
+    """Return the passphrase of a key: from its file, the environment, or whoever sits there."""
+    if file is not None:
+        return file.read_text("utf-8").rstrip("\r\n")
+    if "IMPACTD_SIGN_PASSPHRASE" in os.environ:
+        return os.environ["IMPACTD_SIGN_PASSPHRASE"]
+    if sys.stdin.isatty():
+        return getpass.getpass(f"Passphrase of {key} (none: press Enter): ")
+    return None
 
 
 def budget(
@@ -28,7 +93,7 @@ def budget(
     draws: int | None,
     refits: int | None,
     json_out: Path | None,
-    report_out: Path | None,
+    written: Report,
 ) -> None:
     """Fit a campaign folder and print the budget of every modulus that was to be found.
 
@@ -44,15 +109,14 @@ def budget(
         Whole fits of redrawn records to compare with.
     json_out : Path or None
         Where the budgets go, all of them; ``-`` prints them instead of the tables.
-    report_out : Path or None
-        Where a report goes; ends in ``.html`` or ``.pdf``.
+    written : Report
+        Where a report goes, and who signs it.
 
     Raises
     ------
     Failure
         If the fit has no moduli, the limits mean nothing, or there are too few draws.
     """
-    _refuse_ending(report_out)
     from analysis import fit_campaign
     from analysis.budget_monte_carlo import FORMAT, monte_carlo
     from analysis.budget_monte_carlo import refits as refitted
@@ -92,7 +156,7 @@ def budget(
         rows = [one.to_json() for one in again]
         document["refits"] = {"format": FORMAT, "draws": refits, "moduli": rows}
     progress("", last=True)
-    _deliver(document, names, report_out)
+    written.write(document, names, asked)
     if json_out == Path("-"):
         print_json(document)
         return
@@ -103,7 +167,7 @@ def budget(
 
 
 def of_the_archive(
-    filters: Json, asked: Asked, *, report_out: Path | None, url: str | None, as_json: bool
+    filters: Json, asked: Asked, *, written: Report, url: str | None, as_json: bool
 ) -> None:
     """Print the budgets of the moduli that all stored shots give.
 
@@ -111,8 +175,8 @@ def of_the_archive(
     ----------
     filters : dict
         ``specimen``, ``since``, ``until``; ``None`` where not given.
-    report_out : Path or None
-        Where a report goes; ends in ``.html`` or ``.pdf``.
+    written : Report
+        Where a report goes, and who signs it.
     as_json : bool
         Print the answer as JSON.
 
@@ -121,7 +185,6 @@ def of_the_archive(
     Failure
         If no modulus is stated.
     """
-    _refuse_ending(report_out)
     with connect(url) as client:
         document = client.get("/v1/moduli/budget", **filters, **asked.query())
     if as_json:
@@ -129,23 +192,9 @@ def of_the_archive(
     if not document["moduli"]:
         raise Failure(" ".join(["No modulus is stated.", *document["warnings"]]))
     names = list(document["moduli"]) if asked.specimen else shown(document, None)
-    _deliver(document, names, report_out)
+    written.write(document, names, asked)
     if not as_json:
         print(report(document, names))
-
-
-def _refuse_ending(report_out: Path | None) -> None:
-    """Refuse before anything is computed for a report of no known kind."""
-    if report_out is not None and report_out.suffix.lower() not in (".html", ".pdf"):
-        raise Failure(f"{report_out} ends in neither .html nor .pdf; a report is one of these.")
-
-
-def _deliver(document: Json, names: list[str], report_out: Path | None) -> None:
-    if report_out is None:
-        return
-    from impactd.moduli.budget_report import write_budget_report
-
-    write_budget_report(report_out, document, names)
 
 
 def shown(document: Json, specimen: str | None) -> list[str]:

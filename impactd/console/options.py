@@ -84,6 +84,31 @@ Report = Annotated[
     Path | None,
     typer.Option("--report", metavar="OUT", help="Write a report here; ends in .html or .pdf."),
 ]
+SignWith = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign-with",
+        metavar="KEY",
+        help="Sign the report, a PDF of one modulus: PKCS#12 (.p12, .pfx), or a key as PEM. The "
+        "passphrase is asked for, or read from IMPACTD_SIGN_PASSPHRASE.",
+    ),
+]
+SignCertificate = Annotated[
+    Path | None,
+    typer.Option(
+        "--sign-certificate",
+        metavar="PEM",
+        help="Certificate, and those of its issuers, if KEY has none.",
+    ),
+]
+SignPassphrase = Annotated[
+    Path | None,
+    typer.Option("--sign-passphrase-file", metavar="FILE", help="Holds only KEY's passphrase."),
+]
+SignReason = Annotated[
+    str, typer.Option("--sign-reason", metavar="WORDS", help="Stands in the signature.")
+]
+SIGN_REASON = "I have checked this result"
 
 
 def settings_of(config: Path | None, data: Path | None) -> Settings:

@@ -12,6 +12,7 @@ import typer
 
 from impactd.console import completions
 from impactd.console.options import (
+    SIGN_REASON,
     Csv,
     DecisionRule,
     Guard,
@@ -21,6 +22,10 @@ from impactd.console.options import (
     Of,
     Report,
     Rule,
+    SignCertificate,
+    SignPassphrase,
+    SignReason,
+    SignWith,
     Upper,
     Url,
 )
@@ -272,6 +277,10 @@ def moduli(  # noqa: PLR0917 - the framework fills them by name
         typer.Option("--budget", help="Show the uncertainty budgets instead."),
     ] = False,
     report: Report = None,
+    sign_with: SignWith = None,
+    sign_certificate: SignCertificate = None,
+    sign_passphrase_file: SignPassphrase = None,
+    sign_reason: SignReason = SIGN_REASON,
     lower: Lower = None,
     upper: Upper = None,
     rule: DecisionRule = Rule.BOTH,
@@ -286,17 +295,20 @@ def moduli(  # noqa: PLR0917 - the framework fills them by name
     With a limit also whether the specimen's modulus passes, fails or is undecided (JCGM 106).
     """
     filters = {"specimen": specimen, "since": since, "until": until}
-    if not (budget or report is not None or lower is not None or upper is not None):
+    if not (budget or report or sign_with or lower is not None or upper is not None):
         from impactd.console.moduli import show
 
         show(filters, csv_out=csv_out, url=url, as_json=as_json)
         return
     if csv_out is not None:
         raise typer.BadParameter("--csv writes moduli only; use --json or --report for a budget")
-    from impactd.console.budgets import of_the_archive
+    from impactd.console import budgets
     from impactd.console.decisions import Asked
 
     asked = Asked(lower, upper, rule, guard, of, specimen)
     if asked.limited and specimen is None:
         raise typer.BadParameter("a limit is for one material; choose it with --specimen")
-    of_the_archive(filters, asked, report_out=report, url=url, as_json=as_json)
+    written = budgets.Report.asked_for(
+        report, sign_with, sign_certificate, sign_passphrase_file, sign_reason
+    )
+    budgets.of_the_archive(filters, asked, written=written, url=url, as_json=as_json)
