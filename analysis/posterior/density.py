@@ -34,15 +34,21 @@ class JointDensity:
     """The log posterior density of all parameters, with its gradient.
 
     ``names`` are the globals as in ``impactd-fit/1``, then each shot's own as ``shot[i].<name>``;
-    ``mode``, shape (n,), is the fit.
+    ``mode``, shape (n,), is the fit. Without ``priors`` it leaves out what was known of the globals
+    before the shots (``problem.prior_mean`` and ``problem.prior_precision``), for whoever states
+    that anew; a shot's own priors, on its speed and restitution, stay.
     """
 
-    def __init__(self, result: FitResult) -> None:
+    def __init__(self, result: FitResult, *, priors: bool = True) -> None:
         require_a_fit(result)
         self.problem, fitted = result.problem, result.fitted
         self._globals = fitted.theta.size
         self._shape = fitted.nuisances.shape
         self._cost = fitted.cost
+        self._blocks = fitted.blocks
+        self._left_out = np.zeros_like(fitted.covariance)
+        if not priors:
+            self._left_out = self.problem.prior_precision
         self.mode = np.concatenate([fitted.theta, fitted.nuisances.ravel()])
         own = self.problem.model.nuisances
         self.names = list(self.problem.names) + [
@@ -54,8 +60,10 @@ class JointDensity:
         return x[: self._globals], x[self._globals :].reshape(self._shape)
 
     def __call__(self, x: Array) -> float:
-        """Return the log density relative to the mode; minus infinity without a trace."""
-        return -0.5 * (total_cost(self.problem, *self.split(x)) - self._cost)
+        """Return the log density relative to the fit's; minus infinity without a trace."""
+        away = x[: self._globals] - self.problem.prior_mean
+        cost = total_cost(self.problem, *self.split(x)) - float(away @ self._left_out @ away)
+        return -0.5 * (cost - self._cost)
 
     def with_gradient(self, x: Array) -> tuple[float, Array]:
         """Return the log density and its gradient, as samplers with gradients take them.
@@ -64,7 +72,7 @@ class JointDensity:
         """
         theta, nuisances = self.split(x)
         away = theta - self.problem.prior_mean
-        pull = self.problem.prior_precision @ away
+        pull = (self.problem.prior_precision - self._left_out) @ away
         cost, slope, own = float(away @ pull), -pull, np.zeros(self._shape)
         for i, item in enumerate(self.problem.shots):
             block = linearise_shot(self.problem, item, theta, nuisances[i])
@@ -75,6 +83,24 @@ class JointDensity:
             slope += block.chain.T @ block.vector[:shared]
             own[i] = block.vector[shared:]
         return -0.5 * (cost - self._cost), np.concatenate([slope, own.ravel()])
+
+    def root(self) -> Array:
+        """Return L with the covariance L L' of Laplace's approximation, priors included.
+
+        Shape (n, n). In z, with x = mode + L z, the density is near a standard Gaussian.
+        """
+        size, own = self._globals, self._shape[1]
+        matrix = np.zeros((self.mode.size, self.mode.size))
+        matrix[:size, :size] = self.problem.prior_precision
+        for i, block in enumerate(self._blocks):
+            s = block.chain.shape[0]
+            at = slice(size + i * own, size + (i + 1) * own)
+            matrix[:size, :size] += block.chain.T @ block.matrix[:s, :s] @ block.chain
+            cross = block.chain.T @ block.matrix[:s, s:]
+            matrix[:size, at] = cross
+            matrix[at, :size] = cross.T
+            matrix[at, at] = block.matrix[s:, s:]
+        return np.asarray(np.linalg.cholesky(np.linalg.inv(matrix)), dtype=np.float64)
 
 
 class GlobalDensity:
@@ -104,6 +130,10 @@ class GlobalDensity:
             )
         self._at_mode = 0.0
         self._at_mode = self(self.mode)
+
+    def root(self) -> Array:
+        """Return L with ``covariance`` L L', shape (g, g)."""
+        return np.asarray(np.linalg.cholesky(self.covariance))
 
     def __call__(self, theta: Array) -> float:
         """Return the log density relative to the mode; minus infinity without a trace."""

@@ -87,10 +87,9 @@ def posterior_draws(
             "Draws from the posterior need emcee: pip install 'impactd[mcmc]'."
         ) from error
     density = JointDensity(result) if every_parameter else GlobalDensity(result)
-    root = _root(result) if every_parameter else _cholesky(result.fitted.covariance)
     mode = density.mode
     path = _Path(density, mode)
-    root = path.signs[:, None] * root
+    root = path.signs[:, None] * density.root()
     rng = np.random.default_rng(seed)
     walkers = WALKERS_PER_DIMENSION * mode.size + 2
     start = rng.standard_normal((walkers, mode.size)) @ root.T
@@ -164,28 +163,6 @@ class _Independent:
         unit = np.linalg.solve(self._root, at.T)
         power = -0.5 * (TAIL_DEGREES + at.shape[1])
         return np.asarray(power * np.log1p(np.sum(unit**2, axis=0) / TAIL_DEGREES))
-
-
-def _cholesky(covariance: Array) -> Array:
-    return np.asarray(np.linalg.cholesky(covariance))
-
-
-def _root(result: FitResult) -> Array:
-    """Return L with the covariance L L' of all parameters, globals first."""
-    fitted, size = result.fitted, result.fitted.theta.size
-    own = fitted.nuisances.shape[1]
-    total = size + fitted.nuisances.size
-    matrix = np.zeros((total, total))
-    matrix[:size, :size] = result.problem.prior_precision
-    for i, block in enumerate(fitted.blocks):
-        s = block.chain.shape[0]
-        at = slice(size + i * own, size + (i + 1) * own)
-        matrix[:size, :size] += block.chain.T @ block.matrix[:s, :s] @ block.chain
-        cross = block.chain.T @ block.matrix[:s, s:]
-        matrix[:size, at] = cross
-        matrix[at, :size] = cross.T
-        matrix[at, at] = block.matrix[s:, s:]
-    return _cholesky(np.asarray(np.linalg.inv(matrix), dtype=np.float64))
 
 
 def interval95(values: Array) -> tuple[float, float]:

@@ -51,9 +51,17 @@ class Report:
             return cls(file, None)
         if file is None or file.suffix.lower() != ".pdf":
             raise Failure("--sign-with signs a PDF; name it with --report FILE.pdf.")
-        from impactd.reports.pdf_signature import load_signatory
+        from impactd.reports.pdf_signature import PassphraseMissingError, load_signatory
 
-        passphrase = _passphrase(key, passphrase_file)
+        passphrase = os.environ.get("IMPACTD_SIGN_PASSPHRASE")
+        if passphrase_file is not None:
+            passphrase = passphrase_file.read_text("utf-8").rstrip("\r\n")
+        try:
+            return cls(file, load_signatory(key, certificate, passphrase, reason))
+        except PassphraseMissingError:
+            if not sys.stdin.isatty():
+                raise
+        passphrase = getpass.getpass(f"Passphrase of {key}: ")
         return cls(file, load_signatory(key, certificate, passphrase, reason))
 
     def write(self, document: Json, names: list[str], asked: Asked) -> None:
@@ -72,17 +80,6 @@ class Report:
             )
         measurand = MEASURANDS[asked.of]
         write_signed_sheet(self.file, document, names[0], measurand, self.signatory)
-
-
-def _passphrase(key: Path, file: Path | None) -> str | None:
-    """Return the passphrase of a key: from its file, the environment, or whoever sits there."""
-    if file is not None:
-        return file.read_text("utf-8").rstrip("\r\n")
-    if "IMPACTD_SIGN_PASSPHRASE" in os.environ:
-        return os.environ["IMPACTD_SIGN_PASSPHRASE"]
-    if sys.stdin.isatty():
-        return getpass.getpass(f"Passphrase of {key} (none: press Enter): ")
-    return None
 
 
 def budget(

@@ -31,6 +31,10 @@ class SigningError(Exception):
     """A sheet cannot be signed; the message says why and what to do."""
 
 
+class PassphraseMissingError(SigningError):
+    """The key needs a passphrase, and none was given."""
+
+
 @dataclass(frozen=True)
 class Signatory:
     """Who signs, with what, and why."""
@@ -110,6 +114,8 @@ def load_signatory(
 
     Raises
     ------
+    PassphraseMissingError
+        If the key needs one.
     SigningError
         If the extra is missing, the passphrase is wrong, or key and certificate do not sign now.
     OSError
@@ -149,10 +155,10 @@ def _read(
 
     content = key_file.read_bytes()
     secret = passphrase.encode() if passphrase else None
-    wrong = SigningError(
-        f"The key in {key_file} cannot be opened: "
-        + ("the passphrase is wrong." if secret else "it needs a passphrase, and none was given.")
-    )
+    closed = f"The key in {key_file} cannot be opened: "
+    wrong = SigningError(f"{closed}the passphrase is wrong.")
+    if secret is None:
+        wrong = PassphraseMissingError(f"{closed}it needs a passphrase, and none was given.")
     try:
         if b"-----BEGIN" in content:
             key: Any = load_pem_private_key(content, secret)

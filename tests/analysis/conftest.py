@@ -308,15 +308,28 @@ def read_campaign_folder() -> Callable[[Path], Campaign]:
 
 
 @pytest.fixture(scope="session")
-def shared_campaign() -> Callable[[str], tuple[Campaign, dict[str, Any]]]:
-    """Return a reader of shared recordings by path below the shared folder; skips where absent."""
+def shared_folder() -> Callable[[str], Path]:
+    """Return a finder of shared recordings by path below the shared folder; skips where absent."""
     default = Path(__file__).resolve().parents[3] / "shared"
     shared = Path(os.environ.get("IMPACTD_SHARED", default))
 
-    def read(path: str) -> tuple[Campaign, dict[str, Any]]:
+    def find(path: str) -> Path:
         folder = shared / path
         if not (folder / "campaign.json").exists():
             pytest.skip(f"{folder} is not here; set IMPACTD_SHARED to the shared recordings")
+        return folder
+
+    return find
+
+
+@pytest.fixture(scope="session")
+def shared_campaign(
+    shared_folder: Callable[[str], Path],
+) -> Callable[[str], tuple[Campaign, dict[str, Any]]]:
+    """Return a reader of shared recordings, with what is true of them."""
+
+    def read(path: str) -> tuple[Campaign, dict[str, Any]]:
+        folder = shared_folder(path)
         truth = folder / "truth.json"
         return _read(folder), json.loads(truth.read_text()) if truth.exists() else {}
 

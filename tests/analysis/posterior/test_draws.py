@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,6 +23,8 @@ from analysis.posterior.density import GlobalDensity, JointDensity
 from analysis.posterior.draws import interval95, laplace_draws, posterior_draws
 from analysis.posterior.inference_data import inference_data
 from tests.analysis.diagnosis.conftest import small_campaign
+
+GUIDE = Path(__file__).parents[3] / "analysis" / "posterior" / "README.md"
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +156,71 @@ def test_laplace_is_right_on_the_clean_campaign(
         assert max(map(abs, off)) < 0.08
     print(f"least effective sample size {least:.0f}, accepted {draws.accepted:.2f}")
     assert least > 200
+
+
+@pytest.mark.integration
+@pytest.mark.timeout(3600)
+def test_pymc_samples_the_density_as_the_guide_says(
+    shared_folder: Callable[[str], Path], tmp_path: Path
+) -> None:
+    """NUTS over all 227 parameters of the clean campaign: means and spreads are Laplace's."""
+    (tmp_path / "my-campaign").symlink_to(shared_folder("campaigns/clean"))
+    (example,) = re.findall(r"```python\n(import numpy.*?)```", GUIDE.read_text(), flags=re.S)
+    code = (
+        example.replace('"kv2"', '"kv"')
+        + """
+from arviz import ess, rhat
+count = len(fit.problem.names)
+walked = draws.posterior["x"][:, :, :count]
+u = np.sqrt(np.diag(fit.fitted.covariance))
+stat = lambda f: np.asarray(f(walked)["x"]).tolist()
+import json
+print(json.dumps({
+    "names": density.names[:count],
+    "off": ((walked.mean(("chain", "draw")) - fit.fitted.theta) / u).values.tolist(),
+    "spread": (walked.std(("chain", "draw")) / u).values.tolist(),
+    "rhat": stat(rhat), "ess": stat(ess),
+    "diverging": int(draws.sample_stats["diverging"].sum()),
+}))
+"""
+    )
+    python = _with_pymc(tmp_path / "environment")
+    made = subprocess.run(
+        [python, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},  # of another numba than ours
+    )  # fmt: skip
+    assert made.returncode == 0, made.stderr
+    found = json.loads(made.stdout.splitlines()[-1])
+    for name, *one in zip(*(found[k] for k in ("names", "off", "spread", "rhat")), strict=True):
+        print(f"{name}: mean off by {one[0]:+.2f} u, spread {one[1]:.2f} u, R-hat {one[2]:.3f}")
+    assert found["diverging"] == 0
+    assert max(found["rhat"]) < 1.02
+    assert min(found["ess"]) > 300
+    assert max(map(abs, found["off"])) < 0.15
+    assert found["spread"] == pytest.approx([1.0] * len(found["spread"]), abs=0.15)
+
+
+def _with_pymc(folder: Path) -> Path:
+    """Return the Python of a new environment with PyMC, whose PyTensor wants an older numba."""
+    python = folder / "bin" / "python"
+    wanted = ["--editable", str(GUIDE.parents[2]), "pymc>=5.20,<6"]
+    subprocess.run([sys.executable, "-m", "venv", folder], check=True)
+    subprocess.run([python, "-m", "pip", "install", "--quiet", *wanted], check=True)
+    return python
+
+
+def test_the_density_without_priors_is_the_likelihood(fit: FitResult) -> None:
+    """It differs by the Gaussian of what was known, and so does its gradient."""
+    whole, likelihood = JointDensity(fit), JointDensity(fit, priors=False)
+    at = whole.mode + whole.root() @ np.random.default_rng(1).standard_normal(whole.mode.size)
+    away = whole.split(at)[0] - fit.problem.prior_mean
+    pull = fit.problem.prior_precision @ away
+    assert likelihood(at) == pytest.approx(whole(at) + 0.5 * away @ pull, abs=1e-6)
+    value, gradient = likelihood.with_gradient(at)
+    assert value == pytest.approx(likelihood(at), abs=1e-6)
+    expected = whole.with_gradient(at)[1]
+    expected[: pull.size] += pull
+    assert gradient == pytest.approx(expected)
 
 
 def test_without_a_solution_there_is_no_posterior(fit: FitResult) -> None:
