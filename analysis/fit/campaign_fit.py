@@ -105,7 +105,9 @@ def heldout_rms(problem: JointProblem, fitted: joint.Fitted) -> float | None:
     def left(fold: list[int]) -> tuple[float, int]:
         """Return the squares that the fit of all others leaves of a fold, and of how many."""
         learned = _fitted_without(problem, fitted, fold)
-        residuals = [refit_nuisances(problem, i, learned.theta, fitted.nuisances[i]) for i in fold]
+        residuals = [
+            refit_nuisances(problem, i, learned.theta, fitted.nuisances[i]) for i in fold
+        ]
         with np.errstate(over="ignore", invalid="ignore"):
             return sum(float(r @ r) for r in residuals), sum(r.size for r in residuals)
 
@@ -122,7 +124,9 @@ def heldout_fits(
         yield fold, _fitted_without(problem, fitted, fold)
 
 
-def _fitted_without(problem: JointProblem, fitted: joint.Fitted, fold: list[int]) -> joint.Fitted:
+def _fitted_without(
+    problem: JointProblem, fitted: joint.Fitted, fold: list[int]
+) -> joint.Fitted:
     kept = [i for i in range(len(problem.shots)) if i not in fold]
     others = dataclasses.replace(problem, shots=[problem.shots[i] for i in kept])
     return joint.fit(

@@ -421,7 +421,9 @@ class _Begin:
     blocks: list[ShotBlock]
 
 
-def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: _Steps) -> Fitted:
+def _descend(
+    problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: _Steps
+) -> Fitted:
     """Return the minimum that lies below a point."""
     theta, nuisances, blocks = begin.theta, begin.nuisances, begin.blocks
     damping = steps.damping

@@ -79,7 +79,9 @@ Guard = Annotated[
         "--guard", metavar="R", min=0, max=10, help="Guard band over the expanded uncertainty."
     ),
 ]
-Of = Annotated[Modulus, typer.Option("--of", help="What the limits are for: E, or E/(1-nu^2).")]
+Of = Annotated[
+    Modulus, typer.Option("--of", help="What limits and signature are for: E, or E/(1-nu^2).")
+]
 Report = Annotated[
     Path | None,
     typer.Option("--report", metavar="OUT", help="Write a report here; ends in .html or .pdf."),

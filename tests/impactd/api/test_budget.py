@@ -11,6 +11,8 @@ from importlib import resources
 import jsonschema_rs
 import pytest
 
+from tests.impactd.reports.laboratory import SECRET, Laboratory
+
 
 def _is_as_its_schema_says(document) -> bool:
     text = resources.files("impactd.schemas").joinpath("budget.json").read_text("utf-8")
@@ -101,3 +103,17 @@ def test_the_command_shows_and_reports_the_archives_budget(measured, tmp_path):
     assert "E of specimen passes" in (tmp_path / "b.html").read_text(encoding="utf-8")
     assert refused.returncode == 2
     assert "--specimen" in refused.stderr
+
+
+def test_a_sheet_of_the_archive_is_signed(measured, tmp_path):
+    """`impactd moduli --report` signs the modulus of the specimen on this side of the wire."""
+    laboratory, sheet = Laboratory.founded_in(tmp_path), tmp_path / "sheet.pdf"
+    named = {"IMPACTD_URL": measured.url, "IMPACTD_TOKEN": measured.token("read", "a terminal")}
+    done = subprocess.run(
+        [sys.executable, "-m", "impactd", "moduli", "--specimen", "specimen", "--report", sheet,
+         "--sign-with", laboratory.pkcs12()],
+        capture_output=True, text=True, check=False,
+        env={**os.environ, **named, "IMPACTD_SIGN_PASSPHRASE": SECRET},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert laboratory.check(sheet.read_bytes()).bottom_line
