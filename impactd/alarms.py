@@ -1,5 +1,7 @@
 """Which events are alarms: they stay on the page until somebody acknowledges them.
 
+Each has a severity, a sentence, and guidance: what to do, step by step.
+
 ::
 
     any thread ── Alarms.publish ──> event bus ──> clients
@@ -35,6 +37,35 @@ _MAJOR = frozenset({"rig.fault", "drop.interrupted", "drop.failed"})
 def severity_of(kind: str) -> Severity:
     """Return the severity of an alarm: ``major`` stops the work, ``minor`` can wait."""
     return "major" if kind in _MAJOR else "minor"
+
+
+_NEXT: dict[str, tuple[str, ...]] = {
+    "rig.fault": (
+        "Look at the rig. Where the status asks for it, confirm on the page under Drop that the "
+        "rig was checked.",
+        "`impactd doctor` tests every part and says how to repair it.",
+    ),
+    "drop.interrupted": (
+        "A series or calibration that it belonged to has ended: begin it again where you need it.",
+    ),
+    "drop.failed": (
+        "The drop left no shot. When the cause is mended, request a new drop.",
+        "`impactd doctor` tests disk, data directory and devices.",
+    ),
+    "calibration.failed": ("The log says how each of its drops ended.",),
+    "job.failed": (
+        "If it fails again, send the lines of the daemon's log (`journalctl -u impactd`) to whoever "
+        "maintains it.",
+    ),
+    "job.lost": ("`impactd fit` with the number of the shot does it.",),
+    "environment.unknown": ("Meanwhile drops continue: give your own readings with each drop.",),
+}
+"""What is to be done after an alarm's own remedy, whatever its cause was."""
+
+
+def guidance_of(kind: str, remedy: str) -> list[str]:
+    """Return what to do about an alarm, one step a sentence; never empty."""
+    return [*filter(None, [remedy]), *_NEXT.get(kind, ("`impactd status` says what is wrong.",))]
 
 
 class Alarms:

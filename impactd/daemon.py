@@ -59,8 +59,9 @@ class Daemon:
         If the archive cannot be opened.
     """
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, *, own_options: str = "") -> None:
         self.settings = settings
+        self.own_options = own_options
         self.lock = DataLock(settings.storage.directory)
         try:
             self.archive = Archive.open(

@@ -137,10 +137,12 @@ def make_server(daemon: Daemon, announce: Callable[[str], None] | None = None) -
     return Server(config, daemon, app.state, announce)
 
 
-def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> None:
+def serve(
+    settings: Settings, announce: Callable[[str], None] | None = None, *, own_options: str = ""
+) -> None:
     """Run the daemon until SIGTERM, SIGINT or SIGHUP.
 
-    ``announce`` is told the address once it listens.
+    ``announce`` is told the address once it listens; ``own_options`` are in commands of its hints.
 
     Raises
     ------
@@ -156,7 +158,7 @@ def serve(settings: Settings, announce: Callable[[str], None] | None = None) -> 
     # because ending on request is a success.
     signals = EndSignals()
     signals.catch()
-    daemon = Daemon(settings)
+    daemon = Daemon(settings, own_options=own_options)
     try:
         listener = listen(settings.server.host, settings.server.port)
         daemon.start()

@@ -20,7 +20,8 @@ def ending_of(run: DropRun, failure: Failure) -> tuple[str, Problem]:
     """Return the final state of a drop, ``failed`` or ``aborted``, and why."""
     if not run.aborting.is_set():
         return "failed", failure.problem
-    detail = f"Drop {run.drop.number} was aborted by {run.aborted_by} while it {run.doing}."
+    step = run.doing.partition(":")[0]  # without what somebody was asked to hang
+    detail = f"Drop {run.drop.number} was aborted by {run.aborted_by} at this step: {step}."
     if failure.problem.type != "aborted":
         detail += f" Besides: {failure.problem.detail}"
     remedy = "The sphere was not released; request a new drop."

@@ -73,7 +73,7 @@ def report_of(
     else:
         what = "No drop was under way."
     if reservation is not None:
-        what += f" The series of {reservation.owner} was ended."
+        what += f" The {reservation.owner} was ended."
     if entering:
         what += " A request that was about to start is refused."
     if troubles:

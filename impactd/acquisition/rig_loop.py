@@ -272,6 +272,8 @@ class RigLoop:
             self.watch.look_again()
             self.watch.look()
         except (DriverError, ArchiveError) as error:
+            if self.ending.is_set():  # the shutdown stopped the devices: that is no fault
+                return
             found = failure_of(error)
             doubt = Doubt.PERSON if found.doubt is Doubt.PERSON else Doubt.RETRY
             self.fault = Failure(found.problem, doubt)

@@ -83,15 +83,12 @@ class AcquisitionService:
             writer=self._writer,
         )
         self._admission = Admission(self._loop, archive, settings)
-        self._interrupted: tuple[int, ...] = ()
 
     # Life
 
     def start(self) -> None:
         """End what a dead daemon left under way, then open the devices in the service's thread."""
-        ended = self._archive.interrupt_unfinished()
-        self._interrupted = tuple(drop.number for drop in ended if drop.state == "interrupted")
-        for drop in ended:
+        for drop in self._archive.interrupt_unfinished():
             self.publish(f"drop.{drop.state}", about_drop(drop))
         self._epoch.open()
         self._loop.start()
@@ -320,7 +317,7 @@ class AcquisitionService:
                 retry_s=self._settings.timeouts.recover_every_s,
                 checks=checks,
                 calibration=calibration,
-                alarms=(*self._interruptions(), *self._admission.alarms(calibration)),
+                alarms=tuple(self._admission.alarms(calibration)),
                 aftermath=aftermath,
             )
         )
@@ -368,9 +365,3 @@ class AcquisitionService:
             _log.warning("an event could not be told", kind=kind, why=error.what)
         except Exception:  # no listener may stop a drop
             _log.exception("an event could not be told", kind=kind)
-
-    def _interruptions(self) -> list[str]:
-        return [
-            f"Drop {number} was interrupted by a restart and is not repeated; see `impactd shots`."
-            for number in self._interrupted
-        ]

@@ -22,6 +22,7 @@ from impactd.api.guess_limit import GuessLimit
 from impactd.api.known_query import refuse_unknown_query
 from impactd.api.links import add_links, mark_open_routes, mark_required_keys
 from impactd.api.metrics import Metrics
+from impactd.api.own_commands import as_typed_here
 from impactd.api.problems import MEDIA_TYPE, ProblemError, document_schema, from_status
 from impactd.api.read_limit import ReadLimit, in_turn
 from impactd.api.routes import (
@@ -47,7 +48,7 @@ from impactd.api.routes import (
     sign_in_codes,
     status,
 )
-from impactd.api.security import Limits, authorize, methods_of
+from impactd.api.security import Limits, authorize, is_local, methods_of
 from impactd.api.sessions import SESSIONS_NAME, Sessions
 from impactd.api.sign_in_codes import SignInCodes
 from impactd.api.token_memory import TokenMemory
@@ -142,6 +143,8 @@ def allowed_hosts(daemon: Daemon) -> list[str]:
 async def _http_problem(request: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
     if isinstance(error, ProblemError):
+        if is_local(request):
+            error.remedy = as_typed_here(error.remedy, request.app.state.daemon.own_options)
         return error.response()
     method, path = request.method, request.url.path
     detail = {
@@ -162,7 +165,7 @@ async def _validation_problem(_request: Request, error: Exception) -> JSONRespon
         return _no_json(first)
     found = [
         {
-            "pointer": _pointer(item["loc"]),
+            **_place(item["loc"]),
             "reason": item["msg"].removeprefix("Value error, "),  # the framework's own words
             "given": without_nan(item.get("input")) if _is_short(item.get("input")) else None,
         }
@@ -180,24 +183,25 @@ def _no_json(item: dict[str, Any]) -> JSONResponse:
         "invalid",
         f"The body cannot be read: {reason}.",
         remedy="Send one JSON object; `/openapi.json` has an example.",
-        errors=[{"pointer": "#/", "reason": reason, "given": None}],
+        errors=[{"pointer": "#", "reason": reason, "given": None}],
     ).response()
 
 
 def _sentence(found: dict[str, Any]) -> str:
     """Return what is wrong with one value, in words."""
-    name = found["pointer"].removeprefix("#/") or "the body"
+    name = f"{found['in']} {found['parameter']}" if "in" in found else found["pointer"][2:]
     given = "" if found["given"] is None else f" is {json.dumps(found['given'])}"
     reason = str(found["reason"]).removesuffix(".")
-    return f"{name}{given}: {reason[:1].lower()}{reason[1:]}"
+    return f"{name or 'the body'}{given}: {reason[:1].lower()}{reason[1:]}"
 
 
-def _pointer(location: tuple[Any, ...]) -> str:
-    """Return the place of a value: a JSON pointer into the body, or the parameter."""
+def _place(location: tuple[Any, ...]) -> dict[str, str]:
+    """Return the place of a value: a JSON pointer (RFC 6901) into the body, or the parameter."""
     place, *rest = location
-    if place == "body":
-        return "#/" + "/".join(str(part) for part in rest)
-    return f"{place} {'/'.join(str(part) for part in rest)}".strip()
+    if place != "body":
+        return {"in": str(place), "parameter": "/".join(map(str, rest))}
+    keys = (str(part).replace("~", "~0").replace("/", "~1") for part in rest)
+    return {"pointer": "#" + "".join(f"/{key}" for key in keys)}
 
 
 def _is_short(value: object) -> bool:

@@ -27,7 +27,9 @@ async def refuse_unknown_query(request: Request) -> None:
         "invalid",
         f"{request.method} {route.path} has no query parameter {unknown[0]!r}.",
         remedy=f"{hint}{listed}",
-        errors=[{"pointer": f"query {name}", "reason": "unknown parameter"} for name in unknown],
+        errors=[
+            {"in": "query", "parameter": name, "reason": "unknown parameter"} for name in unknown
+        ],
     )
 
 

@@ -16,6 +16,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
 from impactd.api.finite import without_nan
+from impactd.api.own_commands import MAKE_TOKEN
 
 MEDIA_TYPE = "application/problem+json"
 URI_PREFIX = "urn:impactd:problem:"
@@ -54,7 +55,7 @@ _TYPES = (
         "token-missing",
         401,
         "A token is required",
-        "`impactd token create --scope operate --name ME` makes one. The command line takes it "
+        f"{MAKE_TOKEN} makes one. The command line takes it "
         "from IMPACTD_TOKEN; other clients send `Authorization: Bearer TOKEN`.",
     ),
     ProblemType(

@@ -190,7 +190,7 @@ async def authorize(
     needed = ROUTE_SCOPES.get(route)
     if needed is None:
         raise ProblemError("scope-too-small", f"{route[0]} {route[1]} is open to nobody.")
-    if needed == PUBLIC or (needed == LOOPBACK and credentials is None and _is_local(request)):
+    if needed == PUBLIC or (needed == LOOPBACK and credentials is None and is_local(request)):
         return Caller("anonymous", None)
     scope = needed if isinstance(needed, Scope) else Scope.READ
     urgent = route in ABORT_ROUTES
@@ -281,7 +281,8 @@ def address_of(request: Request) -> str:
     return request.client.host if request.client else "unknown"
 
 
-def _is_local(request: Request) -> bool:
+def is_local(request: Request) -> bool:
+    """Tell whether a request comes from this computer."""
     if request.client is None:
         return False
     try:

@@ -45,9 +45,14 @@ def serve(
 
     # The daemon locks for itself; asking first refuses at once, before anything heavy is loaded.
     DataLock(settings.storage.directory).release()
+    from impactd.api.own_commands import own_options
     from impactd.server import serve as run
 
-    run(settings.model_copy(update={"server": server}), announce=_announce if as_json else None)
+    run(
+        settings.model_copy(update={"server": server}),
+        announce=_announce if as_json else None,
+        own_options=own_options(config, data),
+    )
 
 
 def _announce(url: str) -> None:

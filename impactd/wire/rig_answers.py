@@ -52,6 +52,9 @@ class StatusAnswer(Answer):
     state: str
     owner: str | None
     drop: int | None
+    token_command: str | None = Field(
+        default=None, description="Makes a token in a shell of the rig's computer; null elsewhere."
+    )
 
 
 class AbortAnswer(Answer):
@@ -76,7 +79,10 @@ class AlarmAnswer(Answer):
     kind: str = Field(description="The event that raised it.")
     severity: str = Field(default="minor", description="major stops the work, minor can wait.")
     sentence: str
-    remedy: str
+    remedy: str = Field(description="What its cause needs; may be empty.")
+    guidance: list[str] = Field(
+        default_factory=list, description="What to do, step by step; begins with the remedy."
+    )
     times: int = Field(description="How often it happened while it was open.")
     first_utc: str
     last_utc: str

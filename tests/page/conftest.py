@@ -17,13 +17,14 @@ import pytest
 
 from impactd.data_lock import read_holder
 from impactd.settings.settings import find_config
+from impactd.storage.archive import Archive
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 TABLET = {"width": 768, "height": 1024}
 DESKTOP = {"width": 1440, "height": 900}
-PATIENCE_MS = 200_000
+PATIENCE_MS = int(os.environ.get("PATIENCE_MS", "200000"))
 """A busy host compiles for a minute before the first fit; less than a test's limit, so that what
 was waited for is named."""
 
@@ -85,6 +86,12 @@ class Daemon:
             check=True,
         )
         return json.loads(made.stdout)
+
+    def raise_alarms(self, *alarms: tuple[str, str, str]) -> None:
+        """Write alarms into the archive of a daemon that does not run."""
+        with Archive.open(self.data, reserve_bytes=0) as archive:
+            for alarm in alarms:
+                archive.alarms.raise_alarm(*alarm)
 
     def kill(self) -> None:
         """End it as a power cut does."""

@@ -26,7 +26,8 @@ TOO_SMALL = """() => [...document.querySelectorAll('a, button, input, select, su
   .map((one) => one.outerHTML.slice(0, 120))"""
 
 
-def _serious(page) -> list[str]:
+def serious(page) -> list[str]:
+    """Return what axe finds serious or critical, in one line each."""
     found = axe.Axe().run(page).response["violations"]
     return [
         f"{one['id']}: {one['help']} ({one['nodes'][0]['html'][:160]})"
@@ -51,7 +52,7 @@ def test_no_view_shuts_anybody_out(daemon, browser, size, scheme):
     page = visitor.page
     page.goto(daemon.url)
     page.get_by_role("heading", name="Sign in").wait_for()
-    assert _serious(page) == []
+    assert serious(page) == []
     visitor.sign_in()
     if not page.evaluate("fetch('/v1/shots').then((a) => a.json())")["items"]:
         visitor.choose("acetal", "specimen", 30)
@@ -60,14 +61,14 @@ def test_no_view_shuts_anybody_out(daemon, browser, size, scheme):
     for view in VIEWS:
         visitor.go(view)
         page.wait_for_timeout(700)  # until the view has asked for what it shows
-        assert _serious(page) == [], view
+        assert serious(page) == [], view
         assert page.evaluate(TOO_SMALL) == [], view
         wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
         assert wide <= 0, view
     visitor.go("Shots")
     page.locator(".shot-link").first.click()
     page.locator(".chart .main-svg").nth(2).wait_for(state="attached")
-    assert _serious(page) == []
+    assert serious(page) == []
     assert page.evaluate(TOO_SMALL) == []
     visitor.context.close()
 

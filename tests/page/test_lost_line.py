@@ -54,7 +54,8 @@ def test_an_alarm_outlives_a_killed_daemon_until_somebody_acknowledges_it(tmp_pa
             daemon.stop()
             daemon.start()
         page.goto(daemon.url)  # a session outlives the restart
-        alarm.get_by_role("button", name="Acknowledge").click()
+        page.get_by_role("button", name="What to do").click()
+        page.get_by_role("button", name="Acknowledge: Drop 1").click()
         alarm.wait_for(state="detached")
         page.reload()
         page.locator("#light[data-light=ready]").wait_for()

@@ -9,7 +9,8 @@ from fastapi import APIRouter, Request
 
 from impactd.api.answers import plain
 from impactd.api.arrivals import Arrivals
-from impactd.api.security import Limits, TheCaller, TheDaemon
+from impactd.api.own_commands import MAKE_TOKEN, as_typed_here
+from impactd.api.security import Limits, TheCaller, TheDaemon, is_local
 from impactd.wire.rig_answers import AbortAnswer, StatusAnswer
 
 router = APIRouter(prefix="/v1", tags=["rig"])
@@ -21,7 +22,8 @@ async def status(request: Request, daemon: TheDaemon) -> StatusAnswer:
     # One change of threads only, and none that waits behind lists and downloads.
     limits: Limits = request.app.state.limits
     found = await anyio.to_thread.run_sync(daemon.status, limiter=limits.status)
-    return StatusAnswer(**plain(found))
+    here = as_typed_here(MAKE_TOKEN, daemon.own_options).strip("`")
+    return StatusAnswer(**plain(found), token_command=here if is_local(request) else None)
 
 
 @router.post("/abort")

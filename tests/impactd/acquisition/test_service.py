@@ -237,7 +237,8 @@ def test_a_drop_interrupted_by_a_restart_is_shown_and_not_repeated(
     assert "released" in drop.problem.detail
     again = second.service.request_drop(REQUEST, owner="ab", idempotency_key="k")
     assert (again.number, again.state) == (1, "interrupted")
-    assert any("Drop 1 was interrupted" in alarm for alarm in second.service.status().alarms)
+    second.wait_told()
+    assert ("drop.interrupted", 1) in [(kind, told.get("number")) for kind, told in second.events]
     assert second.world.truth()["shots"] == []
     assert second.drop().number == 2
 

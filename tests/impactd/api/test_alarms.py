@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from impactd.alarms import Alarms, alarm_words
+from impactd.alarms import Alarms, alarm_words, guidance_of
 from impactd.api.audit import REQUEST
 from impactd.events import EventBus
 from impactd.storage.archive import Archive
@@ -29,7 +29,9 @@ def raised(rig):
 
 
 def test_an_alarm_says_what_happened_and_what_to_do(raised):
-    """In the words of the fault."""
+    """In the words of the fault; the steps of guidance begin with its remedy."""
+    assert raised["guidance"][0] == LOST["remedy"]
+    assert raised["severity"] == "major"
     assert raised["sentence"] == LOST["detail"]
     assert raised["remedy"] == LOST["remedy"]
     assert raised["acknowledged_utc"] is None
@@ -102,6 +104,7 @@ def test_what_reaches_beyond_one_request_is_an_alarm(kind, data):
     sentence, remedy = alarm_words(kind, data)
     assert "7" in sentence
     assert remedy
+    assert guidance_of(kind, "")
 
 
 def test_every_write_is_in_the_log_with_its_caller(rig):

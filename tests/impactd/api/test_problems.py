@@ -79,6 +79,30 @@ def test_a_wrong_member_of_a_body_is_named(rig, change):
     assert document["detail"].endswith(".")
 
 
+@pytest.mark.parametrize(
+    ("body", "pointer"),
+    [
+        (ACETAL_ON_ALUMINIUM | {"a/b~c": 1}, "#/a~1b~0c"),
+        ([], "#"),
+        ({"drops": [ACETAL_ON_ALUMINIUM, {**ACETAL_ON_ALUMINIUM, "force": 1}]}, "#/drops/1/force"),
+    ],
+)
+def test_a_place_in_a_body_is_a_json_pointer(rig, body, pointer):
+    """RFC 6901: escaped, numbers for places in a list, and nothing for the whole."""
+    path = "/v1/series" if "drops" in body else "/v1/drops"
+    document = problem(rig.operator.post(path, json=body, headers=KEY), "invalid")
+    assert document["errors"][0]["pointer"] == pointer
+
+
+@pytest.mark.parametrize(("query", "name"), [("limit=x", "limit"), ("limt=3", "limt")])
+def test_a_wrong_parameter_is_named_as_one(rig, query, name):
+    """It lies in no body: it has a name and where it stands, and no pointer."""
+    document = problem(rig.reader.get(f"/v1/shots?{query}"), "invalid")
+    found = document["errors"][0]
+    assert (found["in"], found["parameter"]) == ("query", name)
+    assert "pointer" not in found
+
+
 @pytest.mark.parametrize("literal", ["NaN", "Infinity", "-Infinity", "1e999"])
 def test_no_infinity_comes_in_and_none_goes_out(rig, literal):
     """NaN and infinity are refused, and the refusal does not repeat them."""

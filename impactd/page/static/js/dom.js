@@ -21,6 +21,9 @@ export function h(tag, attributes = {}, ...children) {
   return element;
 }
 
+/** Return a sentence with what stands in backticks as code: commands, as the daemon writes them. */
+export const withCode = (sentence) => sentence.split("`").map((part, at) => (at % 2 ? h("code", {}, part) : part));
+
 /** Replace what an element holds. */
 export function fill(element, ...children) {
   element.replaceChildren(...children.flat().filter((child) => child !== null && child !== undefined && child !== false));

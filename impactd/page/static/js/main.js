@@ -8,7 +8,8 @@ import { codeOfAddress, forget, resume, session } from "./session.js";
 import { startAbort } from "../parts/abort.js";
 import { startLight } from "../parts/light.js";
 import { showNav } from "../parts/nav.js";
-import { showNotices, startNotices, tell } from "../parts/notices.js";
+import { showAlarms, startAlarms } from "../parts/alarms.js";
+import { startNotices, tell } from "../parts/notices.js";
 import { showRig } from "../views/rig.js";
 import { showShots } from "../views/shots.js";
 import { showShot } from "../views/shot.js";
@@ -41,7 +42,7 @@ function enter() {
   byId("nav").hidden = false;
   showNav();
   live.start({ withEvents: true });
-  showNotices();
+  showAlarms();
   showView();
 }
 
@@ -50,6 +51,7 @@ function leave(why, code) {
   if (first && !why && !code) return;
   signedIn = false;
   forget();
+  showAlarms();
   endView();
   byId("nav").hidden = true;
   live.start({ withEvents: false });
@@ -74,6 +76,7 @@ function follow() {
 async function begin() {
   startLight();
   startNotices(() => signedIn);
+  startAlarms(() => signedIn);
   startAbort(() => signedIn);
   whenSignedOut(() => { if (signedIn) leave("You were signed out: your twelve hours or your token have ended. Nothing is lost."); });
   live.addEventListener("found", async () => { if (!signedIn && await resume().catch(() => false)) enter(); });

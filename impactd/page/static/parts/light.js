@@ -8,6 +8,9 @@ import { clock } from "../js/numbers.js";
 export function startLight() {
   const light = byId("light");
   let said = "";
+  const header = document.querySelector(".top");
+  // What sticks below the header: a long status and an alarm make it higher.
+  new ResizeObserver(() => document.documentElement.style.setProperty("--header", `${header.offsetHeight}px`)).observe(header);
 
   const show = (look, word, why) => {
     light.dataset.light = look;

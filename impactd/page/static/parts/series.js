@@ -62,7 +62,8 @@ class Series extends EventTarget {
 
   #take(found) {
     const alive = found.state === "running" || found.state === "paused";
-    if (this.#running && !alive) tell("info", found.reason[0].toUpperCase() + found.reason.slice(1), { passing: true });
+    // The abort has told it already.
+    if (this.#running && !alive && !found.reason.endsWith("aborted it.")) tell("info", found.reason[0].toUpperCase() + found.reason.slice(1), { passing: true });
     this.#running = alive;
     if (alive || (this.now && !this.now.single)) this.#set(alive ? found : null);
   }

@@ -1,11 +1,12 @@
 // The log: who asked for what and what came of it; alarms that were seen; who is signed in.
 
 import { get } from "../js/api.js";
-import { fill, h } from "../js/dom.js";
+import { fill, h, withCode } from "../js/dom.js";
 import { on } from "../js/live.js";
 import { moment } from "../js/numbers.js";
 import { end, session } from "../js/session.js";
 import { eventSentence } from "../js/words.js";
+import { severityBadge } from "../parts/alarms.js";
 import { choice } from "../parts/fields.js";
 import { tell } from "../parts/notices.js";
 
@@ -54,10 +55,11 @@ export async function showLog(place, { signal }) {
     if (!found || signal.aborted) return;
     const seen = found.acknowledged;
     fill(alarms, h("h2", { id: "alarms-title" }, "Alarms"),
-      h("p", { class: found.open.length ? "wrong" : "soft" }, found.open.length ? `${found.open.length} open; they are shown on every view until somebody acknowledges them.` : "None is open."),
+      h("p", { class: found.open.length ? "wrong" : "soft" }, found.open.length ? `${found.open.length} open; they are in the header of every view until somebody acknowledges them.` : "None is open."),
       seen.length > 0 && h("details", {}, h("summary", { class: "button" }, `Acknowledged alarms (${seen.length})`),
         h("ul", {}, seen.map((alarm) => h("li", { class: "diagnosis" },
-          h("p", {}, alarm.sentence),
+          h("p", {}, severityBadge(alarm), " ", withCode(alarm.sentence)),
+          h("p", {}, withCode(alarm.guidance.join(" "))),
           h("p", { class: "soft" }, `${moment(alarm.first_utc)}${alarm.times > 1 ? `, ${alarm.times} times` : ""}; acknowledged by ${alarm.acknowledged_by}, ${moment(alarm.acknowledged_utc)}`))))));
   };
   about.input.addEventListener("change", load, { signal });

@@ -1,6 +1,7 @@
 // The first visit: a code or a token is shown once and becomes a session.
 
 import { fill, h } from "../js/dom.js";
+import { live } from "../js/live.js";
 import { begin, beginByCode } from "../js/session.js";
 import { field } from "../parts/fields.js";
 
@@ -31,6 +32,9 @@ export function showSignIn(place, { why, code, enter }) {
     }
     enter();
   };
+  const command = h("code", {}, "impactd token create --scope operate --name ME");
+  // With the options of this daemon's own files, where the browser runs on the rig's computer.
+  live.addEventListener("status", ({ detail }) => { command.textContent = detail.token_command ?? command.textContent; }, { once: true });
   const button = h("button", { class: "button main-action large", type: "submit" }, "Sign in");
   fill(place, h("form", { class: "card sign-in", on: { submit } },
     h("h1", {}, "Sign in"),
@@ -42,6 +46,6 @@ export function showSignIn(place, { why, code, enter }) {
     secret, wrong, button,
     h("p", { class: "soft" }, "A code works once and for five minutes. You stay signed in for twelve hours."),
     !code && [h("p", { class: "soft" }, "A token works too. It is not kept in this browser. On the rig's computer this makes one:"),
-      h("p", {}, h("code", {}, "impactd token create --scope operate --name YOU"))]));
+      h("p", {}, command)]));
   (code ? button : secret.input).focus();
 }
