@@ -54,8 +54,7 @@ _NEXT: dict[str, tuple[str, ...]] = {
     ),
     "calibration.failed": ("The log says how each of its drops ended.",),
     "job.failed": (
-        "If it fails again, send the lines of the daemon's log (`journalctl -u impactd`) to whoever "
-        "maintains it.",
+        "If it fails again, `journalctl -u impactd` has the lines that whoever maintains it needs.",
     ),
     "job.lost": ("`impactd fit` with the number of the shot does it.",),
     "environment.unknown": ("Meanwhile drops continue: give your own readings with each drop.",),

@@ -6,7 +6,7 @@ import re
 import shlex
 from pathlib import Path
 
-MAKE_TOKEN = "`impactd token create --scope operate --name ME`"
+SIGN_UP = "`impactd token create --scope operate --name ME`"
 _ON_OUR_FILES = re.compile(
     r"`(impactd (?:token|import|export|verify|reindex|doctor|refit)(?: [^`]*)?)`"
 )

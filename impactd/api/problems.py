@@ -16,7 +16,7 @@ from starlette.exceptions import HTTPException
 from starlette.responses import JSONResponse
 
 from impactd.api.finite import without_nan
-from impactd.api.own_commands import MAKE_TOKEN
+from impactd.api.own_commands import SIGN_UP
 
 MEDIA_TYPE = "application/problem+json"
 URI_PREFIX = "urn:impactd:problem:"
@@ -55,7 +55,7 @@ _TYPES = (
         "token-missing",
         401,
         "A token is required",
-        f"{MAKE_TOKEN} makes one. The command line takes it "
+        f"{SIGN_UP} makes one. The command line takes it "
         "from IMPACTD_TOKEN; other clients send `Authorization: Bearer TOKEN`.",
     ),
     ProblemType(

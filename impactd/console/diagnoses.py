@@ -211,7 +211,8 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
     unit = _unit(document)
     shown = (f"rms / {unit}", f"held out / {unit}", *keys[2:])
     mean = document.get("mean_waveform") or {}
-    models = [(block["model"], *(block.get(key) for key in keys)) for block in blocks]
+    named = _named(blocks)
+    models = [(name, *(block.get(key) for key in keys)) for name, block in named]
     models.append((MEAN_WAVEFORM, *(mean.get(key) for key in keys)))
     parts.append(
         table(("model", *shown), models)
@@ -220,8 +221,8 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         + "".join(f"\n{line}" for line in document.get("noise", {}).get("said", []))
     )
     parts += [
-        f"Moduli under {block['model']}:\n{moduli_table(block['moduli'])}"
-        for block in blocks
+        f"Moduli under {name}:\n{moduli_table(block['moduli'])}"
+        for name, block in named
         if block.get("moduli")
     ]
     tried = [c for c in document["candidates"] if c["delta_log_likelihood"] is not None]
@@ -232,6 +233,14 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         parts.append(_drop_next(document["next_drop"], number))
     parts += [rejected_words(item) for item in document["rejected"]]
     return "\n\n".join(parts)
+
+
+def _named(blocks: list[dict[str, Any]]) -> list[tuple[str, dict[str, Any]]]:
+    """Return each block under its model; one whose model stayed has another stated value."""
+    names = [str(block["model"]) for block in blocks]
+    if len(names) == 2 and names[0] == names[1]:
+        names = [f"{names[0]}, as stated", f"{names[1]}, with what was found"]
+    return list(zip(names, blocks, strict=True))
 
 
 def _set_aside(document: dict[str, Any]) -> list[str]:

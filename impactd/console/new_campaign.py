@@ -100,10 +100,11 @@ def _summary(made: Made) -> str:
     parts = ["Read and assumed:\n" + "\n".join(f"- {one}" for one in made.said), table(head, rows)]
     if len(made.shots) > _SHOWN:
         parts.append(f"... and {len(made.shots) - _SHOWN} more.")
+    path = shlex.quote(str(made.path))
     parts.append(
         f"Written: {made.path}; shots: {len(made.shots)}.\n"
         f"Look at {made.picture}: is each grey band one hit?\n"
-        f"Then: impactd diagnose {shlex.quote(str(made.path))}"
+        f"Then: impactd fit {path}, and impactd diagnose {path} --report diagnosis.html"
     )
     return "\n\n".join(parts)
 

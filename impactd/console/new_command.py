@@ -79,6 +79,14 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
         float | None,
         typer.Option("--threshold", help="A hit exceeds this value; in --unit.", min=0),
     ] = None,
+    values: Annotated[
+        Path | None,
+        typer.Option(
+            "--values",
+            metavar="FILE.json",
+            help="What you measured: the keys of campaign.json, and shots by name.",
+        ),
+    ] = None,
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="Ask nothing; accept all proposals.")
     ] = False,
@@ -98,5 +106,6 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
         scale=scale,
         time_unit=None if time is None else time.value,
         threshold=threshold,
+        values=values,
     )
     new_campaign.run(files, out, choices, yes=yes, as_json=as_json)

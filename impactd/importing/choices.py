@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 ALL = "all"
 
@@ -22,6 +23,8 @@ class Choices:
     """One of the file's numbers in ``unit``."""
     time_unit: str | None = None
     """``s``, ``ms``, ``us`` or ``ns``; counts instead of the file's."""
+    values: Path | None = None
+    """A JSON file of what a person measured."""
     threshold: float | None = None
     """Excursion that counts as a hit, in the file's own numbers times ``scale``."""
 

@@ -12,6 +12,7 @@ from impactd.importing.cutting import Cut, cut_hits, names_of
 from impactd.importing.errors import RecordingError
 from impactd.importing.picture import save_picture
 from impactd.importing.readers import read_recording
+from impactd.importing.stated_values import read_values, state
 from impactd.storage.campaign_folder import (
     JSON_NAME,
     STANDARD_GRAVITY_M_PER_S2,
@@ -23,9 +24,9 @@ _NAMED = 4
 """Files in a sentence."""
 UNKNOWN = (
     "These values are unknown and left out: the body that fell or hit (radius, mass, modulus), "
-    "the surface (modulus, thickness), the drop height, and the sensor. Write what you have "
-    "measured into campaign.json. gravity_m_per_s2 stands there with its standard value, "
-    f"{STANDARD_GRAVITY_M_PER_S2}."
+    "the surface (modulus, thickness), the drop height, and the sensor. Give what you have "
+    "measured with --values, or write it into campaign.json; `impactd schema campaign` lists the "
+    f"keys. gravity_m_per_s2 has its standard value, {STANDARD_GRAVITY_M_PER_S2}."
 )
 
 
@@ -65,6 +66,7 @@ def make_campaign(
     """
     choices = choices or Choices()
     refuse_taken(out)
+    values = read_values(choices.values) if choices.values else {}
     said: list[str] = []
     cuts: list[Cut] = []
     for name, stem in zip(files, names_of(files), strict=True):
@@ -77,12 +79,20 @@ def make_campaign(
         )
     refuse_taken(out, len(cuts))
     said.append(_rule(cuts, choices.threshold))
-    said.append(UNKNOWN)
+    if choices.values is None:
+        said.append(UNKNOWN)
     told = _together(said)
     campaign = Campaign(shots=tuple(_shot(one) for one in cuts))
     path = write_campaign(
         out, campaign, assumptions=told, sources=tuple(_source(one) for one in cuts)
     )
+    if choices.values is not None:
+        try:
+            state(path, values, choices.values)
+        except RecordingError:
+            for one in written_names(len(cuts)):
+                (out / one).unlink(missing_ok=True)
+            raise
     picture = out / PICTURE_NAME
     save_picture(cuts, picture)
     return Made(path, picture, tuple(cuts), told)
@@ -108,14 +118,18 @@ def _few(names: Sequence[str]) -> str:
 
 def refuse_taken(out: Path, count: int = 0) -> None:
     """Raise RecordingError where a file of a folder with so many shots exists already."""
-    names = [JSON_NAME, PICTURE_NAME, *(f"shot{at:03d}.npy" for at in range(count))]
-    taken = [name for name in names if (out / name).exists()]
+    taken = [name for name in written_names(count) if (out / name).exists()]
     if taken:
         raise RecordingError(
             str(out),
             f"holds {taken[0]} already, and nothing is overwritten.",
             "Give another --out.",
         )
+
+
+def written_names(count: int) -> list[str]:
+    """Return the files of a folder with so many shots."""
+    return [JSON_NAME, PICTURE_NAME, *(f"shot{at:03d}.npy" for at in range(count))]
 
 
 def _rule(cuts: Sequence[Cut], threshold: float | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import shlex
@@ -11,13 +12,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+
+from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
 BLOCKS = re.findall(r"```sh\n(.*?)```", README, flags=re.S)
 LINES = [line for block in BLOCKS for line in block.splitlines()]
 SESSION = next(block for block in BLOCKS if "impactd serve" in block)
+OWN_CSV = next(block for block in BLOCKS if "values.json" in block)
 
 
 GUIDES = sorted(str(path.relative_to(ROOT)) for path in (ROOT / "impactd/guides").glob("*.md"))
@@ -116,3 +121,37 @@ def test_the_session_runs_as_printed(tmp_path: Path) -> None:
     assert result.returncode == 0, f"{result.stdout}\n{result.stderr}\n{said}"
     assert "READY" in result.stdout
     assert (tmp_path / "my-campaign" / "campaign.json").is_file()
+
+
+@pytest.mark.slow
+def test_a_stranger_comes_from_a_csv_to_a_modulus_and_a_report(tmp_path: Path) -> None:
+    """README's way from four CSVs of drops, line by line: the true modulus, and a verdict."""
+    usual = CampaignSettings()
+    settings = dataclasses.replace(
+        usual,
+        spheres={"acetal": usual.spheres["acetal"]},
+        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
+        drop_heights_m=(0.02, 0.045),
+        repeats=1,
+    )
+    made = simulate_campaign(settings, seed=3)
+    drops = zip(made["campaign"]["shots"], made["codes"], strict=True)
+    in_order = sorted(drops, key=lambda drop: (drop[0]["surface"], drop[0]["drop_height_m"]))
+    for number, (shot, codes) in enumerate(in_order, start=1):
+        volts = codes * shot["volts_per_code"]
+        columns = np.column_stack((np.arange(volts.size) / shot["sample_rate_Hz"], volts))
+        file = tmp_path / f"drop-{number}.csv"
+        np.savetxt(file, columns, fmt="%.7g", delimiter=",", header="time,volts", comments="")
+    tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    result = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", OWN_CSV], cwd=tmp_path,
+        env={**os.environ, "PATH": tools}, capture_output=True, text=True, check=False, timeout=600,
+    )  # fmt: skip
+    assert result.returncode == 0, f"{result.stdout}\n{result.stderr}"
+    (line,) = (one for one in result.stdout.split("ADEQUATE")[0].splitlines() if " fitted " in one)
+    value, expanded = map(float, re.findall(r"([\d.]+) \+- ([\d.]+)", line)[-1])
+    truth = made["truth"]["surfaces"]["specimen"]
+    plane_strain_gpa = truth["youngs_modulus_Pa"] / (1 - truth["poissons_ratio"] ** 2) / 1e9
+    assert abs(value - plane_strain_gpa) < expanded
+    assert "ADEQUATE" in result.stdout
+    assert "</html>" in (tmp_path / "my-diagnosis.html").read_text()

@@ -9,8 +9,9 @@ from fastapi import APIRouter, Request
 
 from impactd.api.answers import plain
 from impactd.api.arrivals import Arrivals
-from impactd.api.own_commands import MAKE_TOKEN, as_typed_here
+from impactd.api.own_commands import SIGN_UP, as_typed_here
 from impactd.api.security import Limits, TheCaller, TheDaemon, is_local
+from impactd.guides.files import guide_files
 from impactd.wire.rig_answers import AbortAnswer, StatusAnswer
 
 router = APIRouter(prefix="/v1", tags=["rig"])
@@ -22,7 +23,8 @@ async def status(request: Request, daemon: TheDaemon) -> StatusAnswer:
     # One change of threads only, and none that waits behind lists and downloads.
     limits: Limits = request.app.state.limits
     found = await anyio.to_thread.run_sync(daemon.status, limiter=limits.status)
-    here = as_typed_here(MAKE_TOKEN, daemon.own_options).strip("`")
+    here = as_typed_here(SIGN_UP, daemon.own_options).strip("`")
+    found["manual"] = bool(guide_files())
     return StatusAnswer(**plain(found), token_command=here if is_local(request) else None)
 
 

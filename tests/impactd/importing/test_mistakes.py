@@ -245,3 +245,40 @@ def test_a_campaign_of_a_bare_csv_is_fitted(tmp_path: Path, record: Record, out:
     fit = fit_campaign(load_campaign(out), "hsd")
     assert len(fit.shots) == 3
     assert fit.to_json()["shots"][0]["name"] == "a hit 1"
+
+
+def test_what_was_measured_goes_into_the_campaign(
+    tmp_path: Path, record: Record, out: Path
+) -> None:
+    """Values beside the recordings: keys of the campaign, and shots by their names."""
+    file = table(tmp_path / "a.csv", record)
+    values = tmp_path / "values.json"
+    ball = {"radius_m": {"value": 0.005, "u": 1e-5}, "mass_kg": 6e-4}
+    hit = {"sphere": "ball", "drop_height_m": 0.03}
+    values.write_text(json.dumps({"spheres": {"ball": ball}, "shots": {"a hit 2": hit}}))
+    made = make_campaign([str(file)], out, Choices(values=values))
+    campaign = load_campaign(out)
+    assert [shot.drop_height_m for shot in campaign.shots] == [None, 0.03, None]
+    assert campaign.spheres["ball"].mass_kg == 6e-4
+    assert not any("unknown and left out" in one for one in made.said)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("{", "cannot be read as JSON"),
+        ("[]", "no object"),
+        ('{"shots": {"b": {}}}', "no shot 'b'; the shots are a hit 1"),
+        ('{"sphere": {}}', "spheres"),
+        ('{"shots": {"a hit 1": {"drop_height_mm": 30}}}', "drop_height_m"),
+    ],
+)
+def test_values_that_are_none_leave_nothing_behind(
+    tmp_path: Path, record: Record, out: Path, text: str, words: str
+) -> None:
+    """The sentence names the file of values and what is wrong there."""
+    values = tmp_path / "values.json"
+    values.write_text(text)
+    told = refused(table(tmp_path / "a.csv", record), out=out, values=values)
+    assert str(values) in told
+    assert words in told

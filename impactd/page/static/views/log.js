@@ -7,6 +7,7 @@ import { moment } from "../js/numbers.js";
 import { end, session } from "../js/session.js";
 import { eventSentence } from "../js/words.js";
 import { severityBadge } from "../parts/alarms.js";
+import { manualLink } from "../parts/nav.js";
 import { choice } from "../parts/fields.js";
 import { tell } from "../parts/notices.js";
 
@@ -23,7 +24,7 @@ export async function showLog(place, { signal }) {
   fill(place, h("h1", {}, "Log"),
     h("section", { class: "card", "aria-label": "Signed in" }, h("div", { class: "row spread" },
       h("p", {}, "Signed in with the token ", h("strong", {}, session.name), `, scope ${session.scope}.`),
-      h("button", { class: "button", type: "button", on: { click: out } }, "Sign out"))),
+      h("div", { class: "row" }, manualLink({ class: "button" }), h("button", { class: "button", type: "button", on: { click: out } }, "Sign out")))),
     alarms, h("div", {}, about), list);
 
   const load = async () => {
