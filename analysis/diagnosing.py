@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
-from analysis.aliases import Json
+from typing import Any
+
 from analysis.campaign import Campaign
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.progress import MethodStep, Progress, TimeBudget
 from analysis.fit.cores import ONE_CORE, Cores
+from analysis.moduli_html import moduli_html
 from analysis.one_thread import on_one_thread
+
+
+class Diagnosis(dict[str, Any]):
+    """A diagnosis as JSON-ready values; a notebook shows its verdict and the moduli."""
+
+    def _repr_html_(self) -> str:
+        after = self["after"]
+        said = f"{self['verdict'].replace('_', ' ').upper()}. {self['sentence']}"
+        return moduli_html(after["model"], said, after["moduli"])
 
 
 @on_one_thread
@@ -20,7 +31,7 @@ def diagnose(
     progress: Progress | None = None,
     budget: TimeBudget | None = None,
     cores: Cores = ONE_CORE,
-) -> Json:
+) -> Diagnosis:
     """Diagnose a campaign.
 
     Parameters
@@ -40,7 +51,7 @@ def diagnose(
 
     Returns
     -------
-    dict
+    Diagnosis
         ``impactd-diagnosis/1``.
 
     Raises
@@ -62,4 +73,4 @@ def diagnose(
     document["rejected"] = rejected + [
         one for one in document["rejected"] if (one["name"], one["path"]) not in seen
     ]
-    return document
+    return Diagnosis(document)

@@ -9,6 +9,7 @@ from html import unescape
 import pytest
 
 from analysis import fit_campaign
+from analysis.diagnosing import Diagnosis
 from analysis.moduli_html import moduli_html
 from analysis.written_numbers import measured
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
@@ -56,3 +57,11 @@ def test_what_was_typed_is_no_markup_and_what_is_withheld_says_why():
     assert "<td>&lt;b&gt;a&lt;/b&gt;</td><td>withheld</td><td>-</td><td>-</td>" in shown
     assert "State it." in shown
     assert "no modulus" in moduli_html("kv2", "The fit converged.", {})
+
+
+def test_a_diagnosis_is_its_verdict_above_the_moduli(fit):
+    """A dictionary to programs; a notebook shows what it says, escaped."""
+    document = {"verdict": "not_identifiable", "sentence": "u > E.", "after": fit.to_json()}
+    shown = Diagnosis(document)._repr_html_()
+    assert "<b>kv2</b>: NOT IDENTIFIABLE. u &gt; E." in shown
+    assert "<td>specimen</td>" in shown

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import hashlib
 import json
+import re
 
 import h5py
 import pytest
@@ -41,6 +42,11 @@ def test_shots_are_found_compared_and_taken_away(two_shots, tmp_path):
     page.locator(".legendtext").nth(1).wait_for(state="attached")
     names = page.locator(".legendtext").all_text_contents()
     assert names == [f"{first}: acetal on specimen", f"{second}: hdpe on pvc"]
+    apart = page.evaluate(_DIFFERENCE)
+    assert apart == [None, 1.0, 1.5, None]
+    page.locator(".y2title").get_by_text(f"minus shot {first}").wait_for(state="attached")
+    row = page.get_by_role("row").filter(has=page.get_by_role("link", name=str(second), exact=True))
+    assert re.search(r"−\d+ %", row.inner_text())
 
     page.goto(f"{visitor.daemon.url}/#/shots/{first}")
     files = {}
@@ -63,6 +69,10 @@ def test_shots_are_found_compared_and_taken_away(two_shots, tmp_path):
     visitor.assert_clean()
 
 
+_DIFFERENCE = """async () => {
+  const { difference } = await import('/page/charts/compare.js');
+  return difference({ x: [-1, 0, 1.5, 9], y: [1, 1, 3, 3] }, { x: [0, 1, 2], y: [0, 1, 2] });
+}"""
 _WARM_DROP = """async () => {
   const session = await (await fetch('/v1/session')).json();
   const environment = {

@@ -10,7 +10,7 @@ import { readings } from "./readings.js";
 
 const MOST_DROPS = 50;
 
-/** Return the form, filled with what was dropped last; `onGo(request, count)` gets what was chosen. */
+/** Return the form, filled with what was dropped last; `onGo(request, count, note)` gets what was chosen. */
 export function dropForm(rig, latest, onGo) {
   const before = recall("drop", latest ?? {});
   const low = rig.min_drop_height_m * 1e3;
@@ -20,6 +20,7 @@ export function dropForm(rig, latest, onGo) {
   const count = stepper({ label: "Drops", unit: "", value: 1, min: 1, max: MOST_DROPS, step: 1, hint: `1 to ${MOST_DROPS}` });
   const operator = field("Operator", { value: recall("operator", session.name ?? ""), maxlength: 64, required: true, autocomplete: "name" });
   const around = readings();
+  const note = field("Note", { maxlength: 400, autocomplete: "off" });
   const wrong = h("p", { class: "wrong", role: "alert" });
   const go = h("button", { class: "button main-action large", type: "submit" }, "Arm and drop");
 
@@ -56,7 +57,7 @@ export function dropForm(rig, latest, onGo) {
     const request = chosen();
     remember("drop", request);
     remember("operator", request.operator);
-    onGo({ ...request, ...around.chosen() }, Number(count.input.value));
+    onGo({ ...request, ...around.chosen() }, Number(count.input.value), note.input.value.trim());
     around.clear(); // what the room was like then says nothing of the next time
   };
 
@@ -67,6 +68,7 @@ export function dropForm(rig, latest, onGo) {
     h("div", { class: "pair" }, height, count),
     operator,
     around.element,
+    h("details", { class: "readings" }, h("summary", {}, "A note, for a series of drops"), note),
     h("div", { class: "go" }, wrong, go,
       !may("operate") && h("p", { class: "soft" }, `The token ${session.name} may only look; a drop needs a token with scope operate.`)));
 

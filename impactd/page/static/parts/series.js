@@ -29,10 +29,10 @@ class Series extends EventTarget {
   }
 
   /** Make `count` drops: one by itself, several as a series; more are added to the series that runs. */
-  async start(request, count) {
+  async start(request, count, note = "") {
     try {
       if (this.now && !this.now.single) this.#take(await post("/v1/series/drops", { drops: [{ ...request, repeats: count }] }));
-      else if (count > 1) this.#take(await post("/v1/series", { drops: [{ ...request, repeats: count }] }, { key: freshKey() }));
+      else if (count > 1) this.#take(await post("/v1/series", { drops: [{ ...request, repeats: count }], note }, { key: freshKey() }));
       else await this.#one(request);
     } catch (problem) {
       tell("bad", problem.message);

@@ -38,10 +38,10 @@ export async function showRig(place, { signal }) {
     form?.allow(fine && !lost, lost ? "Not connected" : busy ? "A drop is under way" : "Not ready", queue ? "Add to the series" : "Arm and drop");
   };
 
-  const go = (request, count) => {
+  const go = (request, count, note) => {
     both.dataset.underWay = "";
     window.scrollTo(0, 0);
-    series.start(request, count);
+    series.start(request, count, note);
   };
 
   const showShot = async (drop) => {

@@ -102,7 +102,7 @@ function head() {
   const cell = (name, more) => h("th", { scope: "col", ...more }, name);
   return h("thead", {}, h("tr", {},
     cell(h("span", { class: "unseen" }, "Choose")), cell("Shot"), cell("Dropped"), cell("Height", { class: "number" }),
-    cell("E* ± U (95 %)", { class: "number" }), cell("Advice"), cell("Operator", { class: "hide-narrow" }), cell("When", { class: "hide-narrow" })));
+    cell("E* ± U (95 %)", { class: "number" }), cell("Advice"), cell("Operator", { class: "hide-middle" }), cell("When", { class: "hide-narrow" })));
 }
 
 function row(shot, changed) {
@@ -119,6 +119,6 @@ function row(shot, changed) {
     h("td", { class: "number" }, millimetres(shot.drop_height_m)),
     h("td", { class: "number" }, modulus(shot.reduced_modulus_Pa) ?? "–"),
     h("td", {}, advice ? h("span", { class: `badge ${advice.badge}` }, h("span", { "aria-hidden": "true" }, advice.sign), advice.word) : h("span", { class: "badge" }, "not fitted")),
-    h("td", { class: "hide-narrow" }, shot.operator || "–"),
-    h("td", { class: "hide-narrow" }, moment(shot.started_utc)));
+    h("td", { class: "hide-middle" }, shot.operator || "–"),
+    h("td", { class: "hide-narrow when" }, moment(shot.started_utc)));
 }
