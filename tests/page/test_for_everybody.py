@@ -43,6 +43,7 @@ def serious(page) -> list[str]:
         (DESKTOP, "dark"),
         pytest.param(TABLET, "dark", marks=pytest.mark.slow),
         pytest.param(DESKTOP, "light", marks=pytest.mark.slow),
+        pytest.param({"width": 1024, "height": 768}, "light", marks=pytest.mark.slow),
     ],
 )
 def test_no_view_shuts_anybody_out(daemon, browser, size, scheme):

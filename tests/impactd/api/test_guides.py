@@ -107,3 +107,9 @@ def test_only_get_is_known(rig, site):
     answer = rig.anybody.put("/guides/searchindex.js", json={})
     assert answer.status_code == 405
     assert answer.headers["allow"] == "GET, HEAD"
+
+
+def test_the_status_says_whether_there_is_a_manual(rig):
+    """The page links to it only then."""
+    there = rig.anybody.get("/guides", follow_redirects=False).status_code != 404
+    assert rig.anybody.get("/v1/status").json()["manual"] is there

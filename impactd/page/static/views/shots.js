@@ -120,5 +120,5 @@ function row(shot, changed) {
     h("td", { class: "number" }, modulus(shot.reduced_modulus_Pa) ?? "–"),
     h("td", {}, advice ? h("span", { class: `badge ${advice.badge}` }, h("span", { "aria-hidden": "true" }, advice.sign), advice.word) : h("span", { class: "badge" }, "not fitted")),
     h("td", { class: "hide-middle" }, shot.operator || "–"),
-    h("td", { class: "hide-narrow when" }, moment(shot.started_utc)));
+    h("td", { class: "hide-narrow" }, moment(shot.started_utc)));
 }
