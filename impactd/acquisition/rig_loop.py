@@ -271,6 +271,9 @@ class RigLoop:
             self._rows.write_all()
             self.watch.look_again()
             self.watch.look()
+        except AbortedError:  # somebody aborts meanwhile: that is no fault, and it is tried again
+            self._rig.valve.ensure_safe()
+            return
         except (DriverError, ArchiveError) as error:
             if self.ending.is_set():  # the shutdown stopped the devices: that is no fault
                 return

@@ -243,6 +243,21 @@ def test_a_drop_interrupted_by_a_restart_is_shown_and_not_repeated(
     assert second.drop().number == 2
 
 
+@pytest.mark.parametrize("ends", ["stop", "abort"])
+def test_what_ends_a_test_of_the_devices_is_no_fault(build: Callable[..., Laboratory], ends) -> None:
+    """A shutdown or an abort while the rig is connected raises no alarm, and the rig gets ready."""
+    laboratory = build()
+    laboratory.service.start()
+    for _ in range(20):
+        if ends == "abort":
+            laboratory.service.abort(by="cd")
+        time.sleep(0.01)
+    if ends == "abort":
+        assert laboratory.service.wait_ready(10.0)
+    laboratory.service.stop()
+    assert "rig.fault" not in [kind for kind, _ in laboratory.events]
+
+
 def test_shutdown_during_a_drop_leaves_a_safe_valve_and_a_reason(
     build: Callable[..., Laboratory],
 ) -> None:

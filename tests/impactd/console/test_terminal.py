@@ -153,6 +153,7 @@ def test_a_shell_completes_models_and_effects():
     assert complete("impactd fit x.json --model k", 4).split() == ["kv", "kv2"]
     assert "kv2+finite_thickness" in complete("impactd fit x.json --model kv2+finite", 4)
     assert complete("impactd demo --effect ran", 3).split() == ["random"]
+    assert complete("impactd plot 9 --kind tra", 4).split() == ["trace", "traces"]
 
 
 def test_no_table_is_wider_than_its_place():
