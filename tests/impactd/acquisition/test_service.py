@@ -244,7 +244,9 @@ def test_a_drop_interrupted_by_a_restart_is_shown_and_not_repeated(
 
 
 @pytest.mark.parametrize("ends", ["stop", "abort"])
-def test_what_ends_a_test_of_the_devices_is_no_fault(build: Callable[..., Laboratory], ends) -> None:
+def test_what_ends_a_test_of_the_devices_is_no_fault(
+    build: Callable[..., Laboratory], ends: str
+) -> None:
     """A shutdown or an abort while the rig is connected raises no alarm, and the rig gets ready."""
     laboratory = build()
     laboratory.service.start()
