@@ -56,7 +56,7 @@ export async function showLog(place, { signal }) {
     if (!found || signal.aborted) return;
     const seen = found.acknowledged;
     fill(alarms, h("h2", { id: "alarms-title" }, "Alarms"),
-      h("p", { class: found.open.length ? "wrong" : "soft" }, found.open.length ? `${found.open.length} open; they are in the header of every view until somebody acknowledges them.` : "None is open."),
+      h("p", { class: found.open.length ? "wrong" : "soft" }, found.open.length ? `Open: ${found.open.length}, in the header of every view until acknowledged.` : "None is open."),
       seen.length > 0 && h("details", {}, h("summary", { class: "button" }, `Acknowledged alarms (${seen.length})`),
         h("ul", {}, seen.map((alarm) => h("li", { class: "diagnosis" },
           h("p", {}, severityBadge(alarm), " ", withCode(alarm.sentence)),
