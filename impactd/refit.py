@@ -9,7 +9,8 @@ release and program. The same knowledge gives the same run, so that
 - a new calibration is a new run, and the old fits stay beside the new ones.
 
 Orders travel to the workers, results come back; only this process writes. At most a few chunks per
-worker are under way, so memory does not grow with the archive.
+worker are under way, so memory does not grow with the archive. What a lost worker or scheduler had
+is handed out again.
 """
 
 from __future__ import annotations
@@ -19,12 +20,13 @@ import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 from impactd.aliases import Json
-from impactd.jobs.errors import WorkerLostError
+from impactd.jobs.errors import SchedulerLostError, WorkerLostError
+from impactd.jobs.executors import TaskExecutor
 from impactd.jobs.orders import order_without_shots, shot_models, shot_places
 from impactd.jobs.refit_task import fit_chunk
 from impactd.settings.materials import Materials
@@ -69,9 +71,8 @@ def refit(
     archive: Archive,
     settings: Settings,
     materials: Materials,
-    executor: Executor,
+    executor: TaskExecutor,
     *,
-    workers: int,
     models: Sequence[str] | None = None,
     label: str = "",
     progress: Callable[[int, int], None] | None = None,
@@ -91,6 +92,8 @@ def refit(
     ------
     ArchiveError
         If another re-fit of this archive is under way.
+    ClusterError
+        If the scheduler of a cluster is gone and does not come back. What is done is kept.
     """
     wanted = models or shot_models(archive)
     order = order_without_shots(archive, settings, materials, wanted)
@@ -102,7 +105,7 @@ def refit(
         chunks = _chunks(archive, run)
         pending: dict[Future[list[Json]], list[int]] = {}
         while True:
-            while len(pending) < AHEAD * workers and (numbers := next(chunks, None)):
+            while len(pending) < AHEAD * executor.workers and (numbers := next(chunks, None)):
                 _submit(executor, archive, order, numbers, pending)
             if not pending:
                 break
@@ -110,9 +113,11 @@ def refit(
             for future in finished:
                 numbers = pending.pop(future)
                 for again in _take(future, numbers, archive, report):
-                    _submit(executor, archive, order, [again], pending)
+                    _submit(executor, archive, order, again, pending)
                 if progress is not None:
                     progress(report.before + report.fitted + len(report.failed), total)
+        if report.fitted:
+            archive.events.append("refit.done", {"run": run, "fitted": report.fitted})
     report.duration_s = time.monotonic() - started_s
     return report
 
@@ -126,7 +131,7 @@ def _chunks(archive: Archive, run: str) -> Iterator[list[int]]:
 
 
 def _submit(
-    executor: Executor,
+    executor: TaskExecutor,
     archive: Archive,
     order: Json,
     numbers: list[int],
@@ -138,11 +143,13 @@ def _submit(
 
 def _take(
     future: Future[list[Json]], numbers: list[int], archive: Archive, report: RefitReport
-) -> list[int]:
-    """Write the results of a chunk; return the shots to try again, each by itself."""
+) -> list[list[int]]:
+    """Write the results of a chunk; return the chunks to try again."""
     error = future.exception()
+    if isinstance(error, SchedulerLostError):
+        return [numbers]
     if isinstance(error, WorkerLostError) and len(numbers) > 1:
-        return numbers  # one of them took the worker with it; alone it harms no other
+        return [[one] for one in numbers]  # one took the worker with it; alone it harms no other
     if error is not None:
         report.failed.update(dict.fromkeys(numbers, str(error) or type(error).__name__))
         return []

@@ -135,7 +135,6 @@ def _run(
             settings,
             materials,
             executor,
-            workers=workers,
             models=MODELS,
             label=label or secrets.token_hex(8),
         )

@@ -100,6 +100,17 @@ class AsyncConnection:
                     raise
             await anyio.sleep(position.again_after_s)
 
+    async def newest_event(self) -> int:
+        """Return the number of the newest event, 0 before the first."""
+        position = Position(None)
+        with lost_lines_named(self.url):
+            async with self._http.stream(**position.options(self.timeout_s)) as answer:
+                if not answer.is_success:
+                    await answer.aread()
+                position.begin(checked(answer))
+        assert position.last is not None, "a stream says where it begins"
+        return position.last
+
     async def _do(self, step: Ask | Pause) -> Json:
         if isinstance(step, Pause):
             await anyio.sleep(step.seconds)

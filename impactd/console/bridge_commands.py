@@ -15,7 +15,7 @@ from impactd.console.options import Url
 if TYPE_CHECKING:
     from impactd.client.async_rig import AsyncRig
 
-app = typer.Typer(help="Carry events to MQTT or webhooks, or show the rig over OPC UA.")
+app = typer.Typer(help="Carry events to MQTT, webhooks or Tiled, or show the rig over OPC UA.")
 
 _State = Annotated[
     Path | None,
@@ -80,6 +80,36 @@ def webhook(
     told = Receiver(receiver, read_secret(secret_file.read_text("utf-8")), tuple(kind or ()))
     place = Place(state)
     _run(lambda rig: carry(rig, told, place), url)
+
+
+@app.command()
+def tiled(
+    catalogue: Annotated[str, typer.Argument(help="URL of a Tiled server or a container there.")],
+    api_key_file: Annotated[
+        Path, typer.Option("--api-key-file", help="File that holds only a key that may write.")
+    ],
+    name: Annotated[
+        str | None, typer.Option("--name", help="The rig's name there; by default its own.")
+    ] = None,
+    state: _State = None,
+    url: Url = None,
+) -> None:
+    """Keep every stored shot and its modulus in a Tiled server until it is ended.
+
+    Several rigs may share one server. Without a state, all shots are registered first.
+    """
+    from impactd.bridges.catalogue import Catalogue, carry
+    from impactd.bridges.place import Place
+    from impactd.client import talk
+
+    api_key = api_key_file.read_text("utf-8").strip()
+
+    async def work(rig: AsyncRig) -> None:
+        """Carry."""
+        called = name or (await rig.connection.run(talk.get("/v1/rig")))["name"]
+        await carry(rig, Catalogue(catalogue, api_key, called), Place(state))
+
+    _run(work, url)
 
 
 @app.command()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +11,7 @@ from impactd.console.failure import Failure
 from impactd.console.options import settings_of
 from impactd.console.progress_bar import progress
 from impactd.console.tables import print_json
-from impactd.jobs.executors import WorkerExecutor, dask_executor
+from impactd.jobs.executors import TaskExecutor, WorkerExecutor, dask_executor
 from impactd.jobs.tasks import warm_up
 from impactd.jobs.worker_process import WorkerLimits
 from impactd.refit import CHUNK, refit
@@ -69,7 +68,6 @@ def run(
             settings,
             materials,
             executor,
-            workers=workers,
             models=models,
             label=label,
             progress=lambda done, total: progress(
@@ -95,7 +93,7 @@ def run(
 @contextmanager
 def executor_named(
     kind: str, settings: Settings, *, workers: int, scheduler: str | None = None
-) -> Iterator[Executor]:
+) -> Iterator[TaskExecutor]:
     """Provide the executor of a name, warm.
 
     Parameters

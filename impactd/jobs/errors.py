@@ -8,6 +8,7 @@
     │   ├── WorkerCrashedError  it died (a signal, an exit)
     │   ├── TaskTimeoutError    it took too long and was ended
     │   └── TaskMemoryError     it took too much memory and was ended
+    ├── SchedulerLostError      the scheduler of its cluster is gone, and with it what waited there
     ├── StoppedError            the daemon is going down; the task is to run again later
     ├── TaskCancelledError      somebody asked for its end
     └── ClusterError            there is no cluster to run it on
@@ -67,6 +68,10 @@ class TaskMemoryError(WorkerLostError):
             f"The fit took more than {limit_bytes / 1e6:.0f} MB and was ended "
             "(jobs.fit_memory_bytes)."
         )
+
+
+class SchedulerLostError(TaskError):
+    """The scheduler of a cluster is gone, and with it the task; the next one may do it."""
 
 
 class StoppedError(TaskError):

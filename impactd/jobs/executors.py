@@ -2,7 +2,8 @@
 
 `WorkerExecutor` keeps warm, killable processes on this machine. A cluster is another executor,
 `dask_executor`: the same module-level functions and JSON arguments, as paths and hashes travel and
-arrays do not.
+arrays do not. Both end a future with an error of `impactd.jobs.errors` and say how many `workers`
+they have.
 """
 
 # ruff: noqa: PLC0415 - distributed is an optional extra and takes a second to import
@@ -12,6 +13,8 @@ from __future__ import annotations
 import contextlib
 import logging
 import threading
+import time
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future
 from pathlib import Path
@@ -19,12 +22,30 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from impactd import blas_threads
-from impactd.jobs.errors import ClusterError, StoppedError, TaskError
+from impactd.jobs.errors import (
+    ClusterError,
+    SchedulerLostError,
+    StoppedError,
+    TaskError,
+    WorkerCrashedError,
+)
 from impactd.jobs.worker_process import WorkerLimits, WorkerProcess
 
 START_PAUSE_S = 5.0
 """After a worker that would not start; a broken installation must not spin."""
-CONNECT_LIMIT_S = 30.0
+CONNECT_LIMIT_S = 60.0
+"""For a scheduler to answer, at first and after it is gone: a machine that boots is longer away."""
+RECOUNT_S = 5.0
+"""After which a cluster's workers are counted again; they come and go in minutes."""
+
+
+class TaskExecutor(Executor):
+    """An executor that says how many tasks it can run at once."""
+
+    @property
+    @abstractmethod
+    def workers(self) -> int:
+        """Return how many tasks run at once."""
 
 
 class _Submission:
@@ -36,7 +57,7 @@ class _Submission:
         self.future: Future[Any] = Future()
 
 
-class WorkerExecutor(Executor):
+class WorkerExecutor(TaskExecutor):
     """Runs module-level functions of JSON values in warm, killable worker processes.
 
     A crash, a hang or too much memory ends one future with a `WorkerLostError` and one process,
@@ -82,6 +103,11 @@ class WorkerExecutor(Executor):
         ]
         for thread in self._threads:
             thread.start()
+
+    @property
+    def workers(self) -> int:
+        """Return how many processes there are."""
+        return len(self._processes)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Queue a task: a module-level function of JSON values.
@@ -215,13 +241,64 @@ def _dask_settings() -> dict[str, Any]:
     }
 
 
+class _ClusterExecutor(TaskExecutor):
+    """The executor of a Dask client, with the errors of this program."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._inner = client.get_executor(pure=False, retries=0)
+        self._counted, self._counted_s = 1, -RECOUNT_S
+
+    @property
+    def workers(self) -> int:
+        """Return how many threads the cluster's workers have, 1 while there are none."""
+        if self._client.status == "running" and time.monotonic() > self._counted_s + RECOUNT_S:
+            with contextlib.suppress(OSError):  # the scheduler is going: the old number will do
+                self._counted = max(1, sum(self._client.nthreads().values()))
+            self._counted_s = time.monotonic()
+        return self._counted
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        """Queue a task; while the scheduler is away it waits here.
+
+        Raises ClusterError if the scheduler did not come back.
+        """
+        from distributed.client import ClosedClientError
+
+        inner = None
+        with contextlib.suppress(ClosedClientError):
+            inner = self._inner.submit(fn, *args, **kwargs)
+        if inner is None or self._client.status in ("closing", "closed"):
+            raise ClusterError(
+                f"The Dask scheduler has been away for {CONNECT_LIMIT_S:g} s. Start it and its "
+                "workers, then run the same command again: it goes on with what is not done."
+            )
+        outer: Future[Any] = Future()
+        inner.add_done_callback(lambda done: _pass_on(done, outer))
+        return outer
+
+
+def _pass_on(inner: Future[Any], outer: Future[Any]) -> None:
+    """End a future as Dask ended its own."""
+    from distributed import KilledWorker
+
+    if inner.cancelled():  # nobody here cancels: the client does so when its scheduler is gone
+        outer.set_exception(SchedulerLostError("The Dask scheduler is gone."))
+    elif isinstance(error := inner.exception(), KilledWorker):
+        outer.set_exception(WorkerCrashedError(f"on each of {error.allowed_failures + 1} workers"))
+    elif error is not None:
+        outer.set_exception(error)
+    else:
+        outer.set_result(inner.result())
+
+
 @contextlib.contextmanager
 def dask_executor(
     *,
     workers: int = 2,
     scheduler: str | None = None,
     warm_up: Callable[[], object] | None = None,
-) -> Iterator[Executor]:
+) -> Iterator[TaskExecutor]:
     """Run tasks in a Dask cluster, behind the same interface.
 
     Parameters
@@ -236,7 +313,7 @@ def dask_executor(
 
     Yields
     ------
-    concurrent.futures.Executor
+    TaskExecutor
         Shut down, with a cluster of our own, at the end of the block.
 
     Raises
@@ -246,8 +323,10 @@ def dask_executor(
 
     Notes
     -----
-    ``pure=False``: a task is not looked up by its arguments. ``retries=0``: the caller knows which
-    results were written and decides what is done again.
+    A task of a worker that died is given to another, up to three times. When the scheduler is
+    gone, so are its tasks (`SchedulerLostError`); the next ones wait for it. ``pure=False``: a task
+    is not looked up by its arguments. ``retries=0``: a task that raised is not repeated; the caller
+    knows which results were written and decides what is done again.
     """
     try:
         import dask
@@ -278,4 +357,4 @@ def dask_executor(
             ) from error
         if warm_up is not None:
             client.run(warm_up)
-        yield client.get_executor(pure=False, retries=0)
+        yield _ClusterExecutor(client)

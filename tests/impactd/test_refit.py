@@ -50,7 +50,7 @@ def run(archive: Archive, settings: Settings, kind: str = "process", **options: 
     """Re-fit with one worker and the model kv."""
     materials = load_materials(settings.materials.file)
     with executor_named(kind, settings, workers=1) as executor:
-        return refit(archive, settings, materials, executor, workers=1, models=("kv",), **options)
+        return refit(archive, settings, materials, executor, models=("kv",), **options)
 
 
 def fits_per_shot(archive: Archive) -> Counter[int | None]:

@@ -63,8 +63,9 @@ def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
         pytest.skip("Debian 12 has Python 3.11, and a package fits the Python it was built with")
     out = tmp_path_factory.mktemp("deb")
     tools = Path(sys.executable).parent
+    words = ["deb", "-o", f"{tools}/python", f"BIN={tools}", f"DEB={out}"]
     built = subprocess.run(
-        ["make", "-o", f"{tools}/python", "deb", f"BIN={tools}", f"DEB={out}"],
+        ["make", "--no-print-directory", *words],  # under another make it would say where it is
         cwd=ROOT,
         capture_output=True,
         text=True,
