@@ -17,7 +17,7 @@ from impactd.bench.figure import Figure
 
 BENCHMARKS = ("solver", "stream", "store", "fit_speed", "scale")
 """Modules of this package, in the order they run; each has ``measure() -> list[Figure]``."""
-LONG = ("refit", "readers", "coverage", "blind")
+LONG = ("refit", "study", "readers", "coverage", "blind")
 """Benchmarks of minutes, which run when they are named."""
 
 _WIDTH_IN_A_PIPE = 120

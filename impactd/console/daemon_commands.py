@@ -113,7 +113,7 @@ def bench(
         typer.Argument(
             metavar="[NAME]...",
             help="solver, stream, store, fit_speed, scale: all without a name; "
-            "refit, coverage, blind: minutes.",
+            "refit, study, readers, coverage, blind: minutes.",
         ),
     ] = None,
     json_out: Annotated[
