@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,12 +13,13 @@ import pytest
 from impactd.bench import study
 from impactd.bench.cluster import SCHEDULER, Cluster
 from impactd.jobs import executors
-from impactd.jobs.errors import ClusterError
+from impactd.jobs.errors import ClusterError, WorkerCrashedError
 from impactd.settings.settings import find_config, load_settings
 from impactd.storage.archive import Archive
 
 pytestmark = [pytest.mark.integration, pytest.mark.timeout(900)]
 WORKERS = 2
+LIVELINESS_S = 300.0
 
 
 def test_a_killed_worker_and_a_restarted_scheduler_cost_no_shot_and_fit_none_twice(
@@ -73,3 +75,13 @@ def test_a_scheduler_that_stays_away_ends_the_study_which_goes_on_later(
     assert report["before"] + report["fitted"] == shots
     with Archive.open(settings.storage.directory, reserve_bytes=0) as archive:
         assert archive.fits.rows_in_run(report["run"]) == shots
+
+
+def test_a_task_that_kills_its_workers_ends_as_a_lost_worker_and_the_next_one_is_done() -> None:
+    """Dask tries four workers; then the re-fit hears the same error as from a process here."""
+    with executors.dask_executor(workers=1) as executor:
+        assert executor.workers == 1
+        bad = executor.submit(os._exit, 3)
+        with pytest.raises(WorkerCrashedError, match="4 workers"):
+            bad.result(LIVELINESS_S)
+        assert executor.submit(abs, -1).result(LIVELINESS_S) == 1
