@@ -18,6 +18,8 @@ blas_threads.keep_to_one()  # as in every process of the program; before anythin
 
 from impactd.storage.lasting import why_not_lasting  # noqa: E402 - see above
 
+CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
+
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """Add the two options."""
@@ -45,6 +47,28 @@ def hardware_config(request: pytest.FixtureRequest) -> dict[str, Any]:
     if path is None:
         pytest.skip("needs --hardware-config FILE")
     return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+@pytest.fixture(scope="session")
+def chromium() -> str:
+    """Where Debian's chromium is."""
+    if CHROMIUM is None:
+        pytest.skip("needs chromium; on Debian: apt install chromium")
+    return CHROMIUM
+
+
+# One for each file: Playwright's event loop runs in the main thread as long as it lives,
+# and a test of another folder that runs its own there would be refused.
+@pytest.fixture(scope="module")
+def browser(chromium: str) -> Iterator[object]:
+    """Debian's chromium, without a window."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
+    with playwright.sync_playwright() as engine:
+        # Chromium refuses its own sandbox to root, who runs the tests in a container.
+        options = ["--no-sandbox"] if os.geteuid() == 0 else []
+        found = engine.chromium.launch(executable_path=chromium, args=options)
+        yield found
+        found.close()
 
 
 @pytest.fixture

@@ -10,10 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from impactd import __version__
+from impactd.aliases import Json
 from impactd.demo import words
 from impactd.demo.outcome import CLOSED, Outcome
 from impactd.demo.sealed_effects import compared_effects
+from impactd.diagnosis.interactive import error_chart, signal_chart
 from impactd.diagnosis.repair import MEAN_WAVEFORM
+from impactd.diagnosis.unit import unit_of
+from impactd.reports.charts import with_library
 from impactd.reports.templating import render
 
 
@@ -32,12 +36,27 @@ def write_report(file: Path, outcome: Outcome, pictures: Mapping[str, Path]) -> 
         outcome=outcome,
         effects=compared_effects(outcome.truth, outcome.diagnosis["effects"]),
         sensor=_sensor(outcome),
+        charts=_charts(outcome),
         pictures={name: _inline(picture) for name, picture in pictures.items()},
         words=words,
         software=f"impactd {__version__}",
         MEAN_WAVEFORM=MEAN_WAVEFORM,
     )
-    file.write_text(page, encoding="utf-8")
+    file.write_text(with_library(page), encoding="utf-8")
+
+
+def _charts(outcome: Outcome) -> dict[str, Json]:
+    """Return the held-out error of every model, and the shots with the last two."""
+    found = outcome.diagnosis
+    unit = unit_of(found)
+    errors = {rung.name: rung.heldout_rms_v for rung in outcome.rungs}
+    errors[MEAN_WAVEFORM] = outcome.mean_waveform_rms_v
+    held = {"held-out drops": list(errors.values())}
+    charts = {
+        "signal": signal_chart(found, unit),
+        "error": error_chart(list(errors), held, found["noise_rms_V"], unit),
+    }
+    return {name: chart for name, chart in charts.items() if chart}
 
 
 @dataclass(frozen=True)

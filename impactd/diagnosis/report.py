@@ -12,10 +12,12 @@ from analysis.diagnosis.document.wording import FAMILIES
 from analysis.plots.span import span_us
 from impactd.aliases import Json
 from impactd.diagnosis import closure_figures, figures
+from impactd.diagnosis.interactive import charts
 from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.set_aside import set_aside, shot_words
 from impactd.diagnosis.unit import Unit, unit_of
 from impactd.effect_list import effect_list
+from impactd.reports.charts import with_library
 from impactd.reports.rejected import rejected_words
 from impactd.reports.templating import render
 
@@ -25,18 +27,18 @@ OWNERS = {"rig": "one set for all shots", "shot": "numbers of its own in every s
 
 
 def write_report(file: Path, document: Json) -> None:
-    """Write the page.
+    """Write the page, with the library that draws its charts.
 
     Parameters
     ----------
     document : dict
         ``impactd-diagnosis/1``.
     """
-    file.write_text(page(document), encoding="utf-8")
+    file.write_text(with_library(page(document)), encoding="utf-8")
 
 
 def page(document: Json) -> str:
-    """Return the page.
+    """Return the page, without the library that draws its charts.
 
     Parameters
     ----------
@@ -60,6 +62,7 @@ def page(document: Json) -> str:
         largest_coefficients=sorted(coefficients.items(), key=lambda item: -abs(item[1])),
         conditions=_conditions(document, unit),
         pictures=_pictures(document, unit, drawn),
+        charts=charts(document, unit),
         FAMILIES=FAMILIES,
         MEAN_WAVEFORM=MEAN_WAVEFORM,
         OWNERS=OWNERS,

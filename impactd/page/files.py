@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+
+from impactd.reports.charts import plotly_file
 
 STATIC = Path(__file__).parent / "static"
 PLOTLY_NAME = "vendor/plotly.min.js"
@@ -49,7 +50,7 @@ def page_files() -> dict[str, PageFile]:
         says so in place of its charts.
     """
     found = files_below(STATIC, _MEDIA_TYPES)
-    plotly = _plotly()
+    plotly = plotly_file()
     if plotly is not None:
         found[PLOTLY_NAME] = _page_file(plotly, _MEDIA_TYPES[".js"])
     return found
@@ -78,12 +79,3 @@ def _page_file(path: Path, media_type: str) -> PageFile:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return PageFile(path, media_type, f'"{digest[:32]}"')
-
-
-def _plotly() -> Path | None:
-    # Found, never imported: the daemon needs one file of the package and none of its code.
-    spec = importlib.util.find_spec("plotly")
-    if spec is None or spec.origin is None:
-        return None
-    path = Path(spec.origin).parent / "package_data" / "plotly.min.js"
-    return path if path.is_file() else None

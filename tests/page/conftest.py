@@ -19,9 +19,6 @@ from impactd.data_lock import read_holder
 from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
 
-playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
-
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 TABLET = {"width": 768, "height": 1024}
 DESKTOP = {"width": 1440, "height": 900}
 PATIENCE_MS = int(os.environ.get("PATIENCE_MS", "200000"))
@@ -164,27 +161,6 @@ class Visitor:
         """Nothing was complained of, nobody else was asked."""
         assert self.complaints == []
         assert self.hosts == {self.daemon.url.removeprefix("http://")}
-
-
-@pytest.fixture(scope="session")
-def chromium() -> str:
-    """Where Debian's chromium is."""
-    if CHROMIUM is None:
-        pytest.skip("needs chromium; on Debian: apt install chromium")
-    return CHROMIUM
-
-
-# One for each file: Playwright's event loop runs in the main thread as long as it lives,
-# and a test of another folder that runs its own there would be refused.
-@pytest.fixture(scope="module")
-def browser(chromium: str) -> Iterator[object]:
-    """Debian's chromium, without a window."""
-    with playwright.sync_playwright() as engine:
-        # Chromium refuses its own sandbox to root, who runs the tests in a container.
-        options = ["--no-sandbox"] if os.geteuid() == 0 else []
-        found = engine.chromium.launch(executable_path=chromium, args=options)
-        yield found
-        found.close()
 
 
 @pytest.fixture(scope="session")

@@ -13,7 +13,8 @@ from pathlib import Path
 
 from playwright.sync_api import sync_playwright
 
-from tests.page.conftest import CHROMIUM, DESKTOP, TABLET, Daemon, Visitor
+from tests.conftest import CHROMIUM
+from tests.page.conftest import DESKTOP, TABLET, Daemon, Visitor
 
 _VIEWS = (
     "rig",

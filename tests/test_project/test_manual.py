@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import os
-import shutil
 import subprocess
 import sys
 import threading
@@ -29,7 +27,6 @@ from impactd.guides.mathml import mathml_of
 
 ROOT = Path(__file__).parents[2]
 GUIDES = ROOT / "impactd" / "guides"
-CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
 FETCHED = {
     "script": "src", "img": "src", "link": "href", "iframe": "src", "source": "src", "use": "href",
 }  # fmt: skip
@@ -181,27 +178,21 @@ def address(site: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         files._files.cache_clear()
 
 
-@pytest.mark.skipif(CHROMIUM is None, reason="needs chromium; on Debian: apt install chromium")
-def test_a_browser_shows_and_searches_the_manual_without_complaint(address: str) -> None:
+def test_a_browser_shows_and_searches_the_manual_without_complaint(address, browser) -> None:
     """Nothing is refused by the policy, nobody else is asked, and the search finds a page."""
-    playwright = pytest.importorskip("playwright.sync_api", reason="needs the package playwright")
     complaints: list[str] = []
     asked: set[str] = set()
-    with playwright.sync_playwright() as engine:
-        # Chromium refuses its own sandbox to root, who runs the tests in a container.
-        options = ["--no-sandbox"] if os.geteuid() == 0 else []
-        browser = engine.chromium.launch(executable_path=CHROMIUM, args=options)
-        tab = browser.new_page()
-        tab.on("console", lambda message: complaints.append(message.text))
-        tab.on("pageerror", lambda error: complaints.append(str(error)))
-        tab.on("request", lambda request: asked.add(request.url.split("/")[2]))
-        tab.goto(f"{address}/guides")
-        tab.get_by_role("link", name="Theory of operation").first.click()
-        tab.get_by_role("heading", name="Theory of operation").wait_for()
-        tab.get_by_placeholder("Search").first.fill("Schur")
-        tab.get_by_placeholder("Search").first.press("Enter")
-        tab.locator("ul.search a", has_text="0007").first.wait_for()
-        browser.close()
+    tab = browser.new_page()
+    tab.on("console", lambda message: complaints.append(message.text))
+    tab.on("pageerror", lambda error: complaints.append(str(error)))
+    tab.on("request", lambda request: asked.add(request.url.split("/")[2]))
+    tab.goto(f"{address}/guides")
+    tab.get_by_role("link", name="Theory of operation").first.click()
+    tab.get_by_role("heading", name="Theory of operation").wait_for()
+    tab.get_by_placeholder("Search").first.fill("Schur")
+    tab.get_by_placeholder("Search").first.press("Enter")
+    tab.locator("ul.search a", has_text="0007").first.wait_for()
+    tab.close()
     assert complaints == []
     assert asked == {address.removeprefix("http://")}
 

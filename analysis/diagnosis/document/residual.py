@@ -346,7 +346,8 @@ def _by_pair(
 def stacks_json(shots: Sequence[ShotFit]) -> Json:
     """Return the mean residual of each pair and height, and of early, middle and late shots.
 
-    Over ``time_us``, null where a bin is empty [unit of the signal]; of shots in order of time.
+    Of a pair and height the mean ``signal``, too. Over ``time_us``, null where a bin is empty
+    [unit of the signal]; of shots in order of time.
     """
     edges_us = bin_edges_us(shots)
     groups = _by_pair(shots, by_height=True)
@@ -363,11 +364,15 @@ def stacks_json(shots: Sequence[ShotFit]) -> Json:
         mean = mean_in_bins(edges_us, own, [s.residual for s in own])
         return {"shots": len(own), "mean": _rounded(mean)}
 
+    def signal(own: Sequence[ShotFit]) -> list[float | None]:
+        """Return the mean signal of some shots."""
+        return _rounded(mean_in_bins(edges_us, own, [s.prediction + s.residual for s in own]))
+
     return {
         "time_us": _rounded((edges_us[1:] + edges_us[:-1]) / 2),
         "contact_us": _contact_us(shots),
         "by_pair_and_height": [
-            {"pair": pair, "drop_height_m": height} | stack(own)
+            {"pair": pair, "drop_height_m": height, "signal": signal(own)} | stack(own)
             for (pair, height), own in groups.items()
         ],
         "by_order": [{"part": name} | stack(own) for name, own in parts.items() if own],

@@ -13,6 +13,7 @@ from impactd.api.routes.drops import begin_drop, environment_of, required_key
 from impactd.api.schemas import Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
+from impactd.reports.charts import SCRIPT_POLICY, with_library
 from impactd.storage.drops import DropRequest
 from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.wire.answers import DropAnswer
@@ -21,9 +22,10 @@ from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisPage
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
 
 REPORT_POLICY = (
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'"
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
+    + SCRIPT_POLICY
 )
-"""A report is complete in itself: its styles and pictures are inside, and it has no script."""
+"""A report is complete in itself: its styles, its pictures and the one script are inside."""
 
 
 @router.post("", status_code=202)
@@ -111,9 +113,8 @@ def report(diagnosis_id: Number, daemon: TheDaemon) -> HTMLResponse:
     job = _job(daemon, diagnosis_id)
     if job.result is None:
         raise ProblemError("not-found", f"Diagnosis {diagnosis_id} is {job.state}; no report yet.")
-    return HTMLResponse(
-        job.result["report_html"], headers={"Content-Security-Policy": REPORT_POLICY}
-    )
+    page = with_library(job.result["report_html"])
+    return HTMLResponse(page, headers={"Content-Security-Policy": REPORT_POLICY})
 
 
 def _job(daemon: Daemon, number: int) -> Job:

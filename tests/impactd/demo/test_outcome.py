@@ -89,8 +89,9 @@ def test_the_page_is_complete_but_for_the_diagnosis_beside_it(
     picture = tmp_path / "moduli.png"
     draw_moduli(picture, outcome)
     write_report(tmp_path / "report.html", outcome, {"moduli": picture, "trace": picture})
-    page = (tmp_path / "report.html").read_text()
+    page, _, script = (tmp_path / "report.html").read_text().partition("<script")
     assert page.count("data:image/png;base64,") == 2
+    assert page.count('data-chart="error"') == script.count('id="plotly"') == 1
     assert page.count("href=") == 1
     assert 'href="diagnosis.html"' in page
     assert "x_sphere_spin" in page
