@@ -5,11 +5,15 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
+import statistics
 
 import pytest
 
 from analysis.campaign import Uncertainty
 from analysis.diagnosis.document.diagnosis_json import _provisos, diagnosis_json
+from analysis.diagnosis.document.wording import heldout_sentences, verdict_sentence
+from analysis.diagnosis.held_out import as_fit_result
 from analysis.diagnosis.localisation import locate
 from analysis.diagnosis.procedure import _judge, diagnose_campaign
 from analysis.diagnosis.progress import Watch
@@ -23,6 +27,7 @@ KEYS = {
     "format", "verdict", "p_value", "noise_rms_V", "effects", "slot", "before", "after",
     "remaining", "candidates", "next_drop", "rejected", "software",
 }  # fmt: skip
+VERDICTS = "adequate", "identified", "family", "partial", "unknown", "not_identifiable"
 BLOCK = {"model", "rms_V", "nrmse", "r2", "chi2_per_dof", "heldout_rms_V", "moduli"}
 
 
@@ -122,6 +127,24 @@ def test_an_error_on_held_out_shots_above_the_noise_is_explained(tmp_path):
         f"On held-out shots its error is {held:.2f} mV rather than {rms:.2f} mV"
         in (found["sentence"])
     )
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+@pytest.mark.parametrize("times", [1.06, 1.6, 2.4])
+def test_every_verdict_explains_an_error_on_held_out_shots_above_the_noise(leaky, verdict, times):
+    """What leaves noise says why it predicts worse; every other verdict is about what remains."""
+    step = leaky.steps[-1]
+    judged = dataclasses.replace(leaky, verdict=verdict)
+    noise = math.sqrt(statistics.fmean(item.noise.rms**2 for item in step.problem.shots))
+    said = heldout_sentences(judged, {"rms_V": noise, "heldout_rms_V": times * noise}, step.problem)
+    if verdict in ("partial", "unknown"):
+        before, after = (as_fit_result(one.problem, one.fitted) for one in (leaky.steps[0], step))
+        assert said == []
+        assert re.search(", but |misses something", verdict_sentence(judged, before, after, []))
+    else:
+        (sentence,) = said
+        assert f"error is {1e3 * times * noise:.2f} mV rather than {1e3 * noise:.2f} mV" in sentence
+        assert "more drop heights and repetitions" in sentence
 
 
 def test_every_library_effect_has_a_line_and_only_the_taken_one_no_reason(leaky_json):
