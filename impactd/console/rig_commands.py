@@ -32,6 +32,7 @@ from impactd.console.options import (
 
 _TALL_M = 2.0
 """Nobody hangs a sphere so high above a load cell; millimetres were meant."""
+_NO_TOKEN, _LOW_SCOPE = 401, 403
 
 _Since = Annotated[str | None, typer.Option("--since", help="Begin of the period, ISO 8601.")]
 _Until = Annotated[
@@ -46,20 +47,45 @@ def add_to(app: typer.Typer) -> None:
 
 
 def status(url: Url = None, as_json: Json = False) -> None:
-    """Say READY or NOT READY, why, and what to do."""
+    """Say READY or NOT READY, why, and what to do; then every open alarm."""
+    from impactd.client.errors import ProblemError
     from impactd.console.client import connect
     from impactd.console.tables import paint, print_json
 
     with connect(url) as client:
         answer = client.get("/v1/status")
+        try:
+            alarms = client.get("/v1/alarms")["open"]
+        except ProblemError as error:
+            if error.status not in (_NO_TOKEN, _LOW_SCOPE):
+                raise
+            alarms = None  # the status is for everybody on this computer, alarms need a token
     if as_json:
-        print_json(answer)
+        print_json({**answer, "alarms": alarms})
         return
     light = "READY" if answer["ready"] else "NOT READY"
     colour = "green" if answer["ready"] else "red"
     print(answer["sentence"].replace(light, paint(light, colour), 1))
     if answer["drop"]:
         print(f"Drop {answer['drop']} of {answer['owner']}: {answer['state']}.")
+    for alarm in alarms or []:
+        _print_alarm(alarm)
+    if alarms:
+        print("\nAcknowledge alarms on the page, at the top of each view.")
+    if alarms is None:
+        print("Open alarms are shown to a token: set IMPACTD_TOKEN or IMPACTD_TOKEN_FILE.")
+
+
+def _print_alarm(alarm: dict[str, Any]) -> None:
+    from impactd.console.tables import paint, wrapped
+
+    colour = "red" if alarm["severity"] == "major" else "yellow"
+    times = f", {alarm['times']} times" if alarm["times"] > 1 else ""
+    head = f"Alarm {alarm['id']} ({alarm['severity']}{times}, since {alarm['first_utc'][:16]} UTC)"
+    print(f"\n{paint(head, colour)}")
+    print(wrapped(alarm["sentence"]))
+    for number, step in enumerate(alarm["guidance"], 1):
+        print(wrapped(step, f"  {number}. "))
 
 
 def drop(  # noqa: PLR0917 - the framework fills them by name

@@ -51,6 +51,17 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     return "\n".join([paint(lines[0]), *lines[1:]])
 
 
+def wrapped(text: str, begin: str = "") -> str:
+    """Return a text in lines that fit a terminal, all but the first as far in as ``begin``."""
+    return textwrap.fill(
+        text,
+        WIDTH,
+        initial_indent=begin,
+        subsequent_indent=" " * len(begin),
+        break_on_hyphens=False,
+    )
+
+
 def _wrapped(row: list[str], width: int) -> list[list[str]]:
     """Return a row, and below it rows with what its last cell has no room for."""
     parts = textwrap.wrap(row[-1], max(width, 1), break_long_words=False) or [""]

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import json
+import os
+import subprocess
+import sys
+
 import pytest
 
 from impactd.alarms import Alarms, alarm_words, guidance_of
 from impactd.api.audit import REQUEST
+from impactd.console.tables import WIDTH
 from impactd.events import EventBus
 from impactd.storage.archive import Archive
 from tests.impactd.api.conftest import until
@@ -35,6 +41,38 @@ def test_an_alarm_says_what_happened_and_what_to_do(raised):
     assert raised["sentence"] == LOST["detail"]
     assert raised["remedy"] == LOST["remedy"]
     assert raised["acknowledged_utc"] is None
+
+
+def status(rig, *options, **environment):
+    """Return what `impactd status` prints."""
+    clean = {k: v for k, v in os.environ.items() if not k.startswith("IMPACTD_")}
+    return subprocess.run(
+        [sys.executable, "-m", "impactd", "status", *options],
+        env={**clean, "IMPACTD_URL": rig.url, **environment},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout
+
+
+def test_the_terminal_shows_open_alarms_with_their_guidance(rig, raised):
+    """Sentence and numbered steps, as the page has them; the same in the JSON."""
+    token = {"IMPACTD_TOKEN": rig.token("read")}
+    said = status(rig, **token)
+    assert f"Alarm {raised['id']} (major, since {raised['first_utc'][:16]} UTC)" in said
+    assert LOST["detail"] in said
+    plain = " ".join(said.split())
+    for number, step in enumerate(raised["guidance"], 1):
+        assert f"{number}. {step}" in plain
+    assert raised in json.loads(status(rig, "--json", **token))["alarms"]
+    assert max(map(len, said.splitlines()[1:])) <= WIDTH
+
+
+def test_without_a_token_the_terminal_says_why_it_shows_no_alarm(rig, raised):
+    """The status is for everybody on the rig's computer; null is not none."""
+    assert "Open alarms are shown to a token" in status(rig)
+    assert json.loads(status(rig, "--json"))["alarms"] is None
+    assert raised["sentence"] not in status(rig)
 
 
 def test_a_flapping_device_is_one_alarm(rig, raised):
