@@ -19,6 +19,8 @@ LARGE_READS = frozenset(
         "/v1/results",
         "/v1/results/chart",
         "/v1/results/export",
+        "/v1/results/report.html",
+        "/v1/diagnoses/{diagnosis_id}/report.html",
         "/v1/calibrations",
         "/v1/shots/{number}.h5",
         "/v1/shots/{number}.csv",

@@ -68,6 +68,7 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("GET", "/v1/results"): Scope.READ,
     ("GET", "/v1/results/chart"): Scope.READ,
     ("GET", "/v1/results/export"): Scope.READ,
+    ("GET", "/v1/results/report.html"): Scope.READ,
     ("POST", "/v1/calibrations"): Scope.OPERATE,
     ("GET", "/v1/calibrations"): Scope.READ,
     ("GET", "/v1/calibrations/current"): Scope.READ,

@@ -69,6 +69,11 @@ def test_pairs_have_charts_and_a_selection_is_taken_away(visitor):
     row.get_by_role("button", name="Chart of acetal on polycarbonate").click()
     page.get_by_role("heading", name="Control chart of acetal on polycarbonate").wait_for()
     page.locator("section .chart .main-svg").first.wait_for(state="attached")
+    with page.expect_popup() as opened:
+        page.get_by_role("link", name="Report of this period").click()
+    report = opened.value
+    report.get_by_role("img", name="Control chart of acetal on polycarbonate").wait_for()
+    report.close()
     taken = page.get_by_role("region", name="Take away")
     taken.get_by_label("Pair").select_option(label="acetal on polycarbonate")
     shots = row.get_by_role("cell").first

@@ -12,16 +12,18 @@ from datetime import UTC, datetime
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
-from fastapi.responses import StreamingResponse
+from fastapi.responses import HTMLResponse, StreamingResponse
 
 from impactd.api.answers import timestamp
 from impactd.api.finite import without_nan
 from impactd.api.problems import ProblemError
+from impactd.api.routes.diagnoses import REPORT_POLICY
 from impactd.api.schemas import Moment
 from impactd.api.security import TheDaemon
 from impactd.daemon import Daemon
 from impactd.moduli.control_chart import PairChart, trend
 from impactd.reports import selection
+from impactd.reports.campaign import campaign_page
 from impactd.storage.version import software
 from impactd.wire.results_answers import (
     ChartAnswer,
@@ -48,6 +50,7 @@ _SHARED = (
 )
 """What the answer has in common with ``GET /v1/moduli``."""
 _TOLD_OUTSIDE = 20
+_REPORTED_POINTS = 400
 _Text = Annotated[str | None, Query(min_length=1, max_length=200)]
 
 
@@ -113,6 +116,31 @@ def chart(  # noqa: PLR0917 - the framework fills them by name
         u_Pa=[one * u for one, u in zip(value, found.u_random[places].tolist(), strict=True)],
         control=_control(found),
     )
+
+
+@router.get("/report.html", response_class=HTMLResponse)
+def report(
+    daemon: TheDaemon, since: Moment = None, until: Moment = None, model: _Text = None
+) -> HTMLResponse:
+    """Show all results of a period as one page: moduli, network, pairs, control charts, budgets.
+
+    The parameters are those of `GET /v1/results`.
+    """
+    found = results(daemon, since, until, model)
+    charts = [
+        chart(daemon, one.sphere, one.surface, since, until, model, _REPORTED_POINTS)
+        for one in found.pairs
+    ]
+    budget = daemon.moduli_budget(
+        specimen=None,
+        since=timestamp("since", since),
+        until=timestamp("until", until),
+        model=model,
+    )
+    page = campaign_page(
+        found.model_dump(), [one.model_dump() for one in charts], without_nan(budget)
+    )
+    return HTMLResponse(page, headers={"Content-Security-Policy": REPORT_POLICY})
 
 
 @router.get("/export", response_class=Response)

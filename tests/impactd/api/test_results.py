@@ -13,6 +13,9 @@ import zipfile
 
 import pyarrow.parquet
 
+from impactd.reports.campaign import campaign_page
+from impactd.reports.templating import gigapascals
+
 
 def test_a_pair_has_mean_scatter_and_chart(rig, shot):
     """The mean is that of the moduli; the chart holds each shot with its time."""
@@ -32,6 +35,59 @@ def test_a_pair_has_mean_scatter_and_chart(rig, shot):
     fit = next(one for one in shot["fits"] if one["model"] == "kv2")
     modulus = fit["result"]["reduced_modulus_Pa"]["value"]
     assert math.isclose(chart["reduced_modulus_Pa"][at], modulus, rel_tol=1e-9)
+
+
+def test_the_report_of_a_period_has_the_numbers_of_the_results(rig, shot):
+    """Moduli, pairs, each shot in its control chart, budgets: as the answers have them."""
+    read = ["/v1/results", "/v1/results/report.html"]
+    before = None
+    while before != shot:  # a calibration may have it fitted again between two answers
+        before = shot
+        found, page = (rig.reader.get(path) for path in read)
+        shot = rig.reader.get(f"/v1/shots/{shot['number']}").json()
+    assert page.headers["content-type"].startswith("text/html")
+    assert "script-src 'sha256-" in page.headers["content-security-policy"]
+    found, text = found.json(), page.text
+    pair = next(one for one in found["pairs"] if one["surface"] == shot["surface"])
+    row = f"<td>{pair['sphere']} on {pair['surface']}</td><td>{pair['shots']}</td>"
+    assert f"{row}<td>{gigapascals(pair['reduced_modulus_Pa'])}</td>" in text
+    for name, one in found["moduli"].items():
+        modulus = gigapascals(one["youngs_modulus_Pa"])
+        assert f"<tr><td>{name}</td><td>{one['status']}</td><td>{modulus}</td>" in text
+        if one["youngs_modulus_Pa"]:
+            assert f"E of {name} = {modulus} GPa (95 %)" in text
+    fit = next(one for one in shot["fits"] if one["model"] == found["model"])
+    value = fit["result"]["reduced_modulus_Pa"]["value"]
+    assert f"<title>shot {shot['number']}, " in text
+    assert f"UTC: {value / 1e9:.5g} GPa</title>" in text
+    empty = rig.reader.get("/v1/results/report.html", params={"until": "2000-01-01"})
+    assert "There is no modulus yet" in empty.text
+    assert "Moduli from 0 shots" in empty.text
+
+
+def test_the_chart_in_a_report_marks_what_is_outside_its_limits():
+    """Limits are lines, and shots beyond them have another class; a single shot is drawn, too."""
+    chart = {
+        "sphere": "<b>", "surface": "specimen", "shots": 2, "decimated": False, "numbers": [1, 2],
+        "started_utc": ["2026-01-01T00:00:00Z"] * 2, "reduced_modulus_Pa": [1e9, 2e9],
+        "control": {"centre_Pa": 1.1e9, "lower_Pa": 0.9e9, "upper_Pa": 1.3e9},
+    }  # fmt: skip
+    pair = {
+        "sphere": "<b>", "surface": "specimen", "shots": 2, "reduced_modulus_Pa": None,
+        "scatter_relative": 0.01, "expected_scatter_relative": 0.01, "trend": None,
+        "control": {"outside_count": 1},
+    }  # fmt: skip
+    found = {
+        "shots": 2, "model": "kv2", "since": None, "until": None, "warnings": [], "moduli": {},
+        "network": None, "pairs": [pair], "software": "impactd",
+    }  # fmt: skip
+    page = campaign_page(found, [chart], {"moduli": {}})
+    assert page.count("<line ") == 3
+    assert page.count('<circle class="outside"') == page.count('<circle class="inside"') == 1
+    assert "<b>" not in page
+    alone = {**chart, "numbers": [1], "control": None}
+    alone |= {"started_utc": ["2026"], "reduced_modulus_Pa": [1e9]}
+    assert "Limits are drawn from eight shots on." in campaign_page(found, [alone], {"moduli": {}})
 
 
 def test_a_pair_that_was_never_dropped_is_not_found(rig, shot):

@@ -16,6 +16,7 @@ export async function showResults(place, { signal }) {
   const since = field("From", { type: "date" });
   const until = field("Until", { type: "date" });
   const about = h("p", {});
+  const report = h("a", { class: "button not-printed", target: "_blank", rel: "noopener" }, "Report of this period");
   const warnings = h("ul", { class: "soft" });
   const list = h("div", { class: "cards two" });
   const network = h("p", { class: "soft" });
@@ -24,7 +25,7 @@ export async function showResults(place, { signal }) {
   const takeAway = h("section", { class: "card not-printed", "aria-labelledby": "export-title" });
   fill(place, h("h1", {}, "Results"),
     h("form", { class: "card filters not-printed", "aria-label": "Which shots", on: { submit: (event) => event.preventDefault() } }, since, until),
-    about, warnings, list, network, pairs, chart, takeAway);
+    about, h("div", { class: "row" }, report), warnings, list, network, pairs, chart, takeAway);
 
   const times = () => ({ since: since.input.value, until: dayAfter(until.input.value) });
   const offerPairs = exportForm(takeAway, times);
@@ -43,6 +44,7 @@ export async function showResults(place, { signal }) {
   let turn = 0;
   const load = async () => {
     const mine = (turn += 1);
+    report.href = withQuery("/v1/results/report.html", times());
     try {
       const found = await get(withQuery("/v1/results", times()));
       if (signal.aborted || mine !== turn) return;
