@@ -18,6 +18,35 @@ def _latest(visitor) -> int:
     return drops["items"][0]["number"] if drops["items"] else 0
 
 
+_OUT_OF_REACH = r"""() => [...document.querySelectorAll('.drop-form :is(input, button)')]
+  .filter((one) => one.checkVisibility())
+  .filter((one) => {
+    const { left, right, top, bottom } = one.getBoundingClientRect();
+    const seen = document.elementFromPoint((left + right) / 2, bottom - 2);
+    const inside = top >= 0 && bottom <= innerHeight && right <= innerWidth;
+    return !inside || (seen !== one && !seen?.contains(one));
+  })
+  .map((one) => one.ariaLabel || one.labels?.[0]?.innerText || one.innerText)"""
+
+
+@pytest.mark.parametrize(("width", "height"), [(1024, 768), (1440, 900)])
+def test_the_whole_form_and_its_button_are_in_reach(visitor, width, height):
+    """Nothing to fill in or to press is below the screen or under the button."""
+    page = visitor.page
+    page.set_viewport_size({"width": width, "height": height})
+    visitor.sign_in()
+    page.get_by_role("button", name="Arm and drop").wait_for()
+    assert page.get_by_role("group", name="Sphere").get_by_role("radio").count() == 7
+    assert page.evaluate(_OUT_OF_REACH) == []
+    visitor.choose("acetal", "polycarbonate", 25)
+    visitor.arm_and_drop()
+    page.locator(".modulus").first.wait_for()
+    page.evaluate("scrollTo(0, 0)")
+    assert page.evaluate(_OUT_OF_REACH) == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    visitor.assert_clean()
+
+
 def test_a_series_tells_its_progress_and_ends_by_itself(calm_hands):
     """Two drops from one press: progress, how long to go, both shots."""
     visitor = calm_hands
