@@ -45,7 +45,7 @@ def without_needless(selection: Selection) -> Selection:
         shorter = _reduced(selection.last, old.effect)
         if shorter is None or shorter.impossible:
             continue
-        if shorter.fitted.cost - selection.last.fitted.cost < CRITERIA.comparison.least_lead:
+        if shorter.fitted.cost - selection.last.fitted.cost < CRITERIA.least_lead:
             others = [c for at, c in enumerate(selection.chosen) if at != place]
             steps = [*selection.steps[: len(others)], shorter]
             gain = steps[-2].fitted.cost - shorter.fitted.cost
@@ -70,7 +70,7 @@ def revised(selection: Selection) -> Selection:
         if turned is None:
             continue
         beside, now = Selection(turned.steps[:-1], turned.chosen[:-1]), turned.chosen[-1]
-        needless = now.score() <= CRITERIA.comparison.least_lead
+        needless = now.score() <= CRITERIA.least_lead
         if needless and not beside.last.impossible:
             selection = _as_last(beside, beside.chosen[-1]) or beside
             continue
@@ -93,7 +93,7 @@ def held_against_unfinished(selection: Selection) -> Selection:
         for r in step.refits
         if r.effect.slot == taken.effect.slot
         and not (r.on_all_shots or r.at_bound)
-        and r.gain > CRITERIA.stepwise.partly_fitted_share * taken.gain
+        and r.gain > CRITERIA.half * taken.gain
     }
     return (
         held_against_others(selection, effect_ids - {taken.effect_id}) if effect_ids else selection
@@ -243,11 +243,11 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
     score = taken.score() + selection.last.residual.gain_of_inexactness
     near = []
     for at, one in enumerate(step.refits):
-        within = CRITERIA.stepwise.confusable_within
-        if behind(taken, one) < CRITERIA.stepwise.unfinished_within and not one.fitted.converged:
+        within = CRITERIA.least_lead
+        if behind(taken, one) < CRITERIA.clear_lead and not one.fitted.converged:
             step.refits[at] = further = continued(step.fitted, one)
             if not further.fitted.converged:
-                within += CRITERIA.stepwise.unfinished_growth * (further.gain - one.gain)
+                within += CRITERIA.twice * (further.gain - one.gain)
         other = step.refits[at]
         if other.at_bound or other.effect_id == taken.effect_id or not other.on_all_shots:
             continue
@@ -283,11 +283,11 @@ def _near(step: Step, taken: Refit) -> Iterator[str]:
     for one in step.refits:
         if one.at_bound or one.effect_id == taken.effect_id:
             continue
-        open_end = CRITERIA.stepwise.unfinished_within * (not one.fitted.converged)
-        if behind(taken, one) < max(CRITERIA.stepwise.confusable_within, open_end) or (
+        open_end = CRITERIA.clear_lead * (not one.fitted.converged)
+        if behind(taken, one) < max(CRITERIA.least_lead, open_end) or (
             one.effect.slot == taken.effect.slot
             and not one.on_all_shots
-            and one.gain > CRITERIA.stepwise.partly_fitted_share * taken.gain
+            and one.gain > CRITERIA.half * taken.gain
         ):
             yield one.effect_id
 

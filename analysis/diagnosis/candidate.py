@@ -83,7 +83,7 @@ class Refit:
         paid = self.price.shared + shared * math.log(factor) + self.price.shots * factor
         paid += self.price.grouping
         if self.common > 0.0:  # around a size that they share, the shots' own only scatter
-            paid += CRITERIA.comparison.price_of_number
+            paid += CRITERIA.price_of_number
         return gain - paid - price_of_scatter(own, gain - self.common * factor)
 
 
@@ -95,7 +95,7 @@ def price_of_scatter(own: int, gain: float) -> float:
     """
     if not own:
         return 0.0
-    width = CRITERIA.comparison.price_of_number
+    width = CRITERIA.price_of_number
     return width + own * (1.0 + math.log(max(gain / own, 1.0)))
 
 
@@ -187,12 +187,9 @@ def refit(
             if at == proposal.amplitude:
                 found = coefficients.get(group, coordinate)
                 # an outlandish first-order size only says "large": start from the usual one
-                large = CRITERIA.search.outlandish_ratio * abs(coordinate)
+                large = CRITERIA.far_larger * abs(coordinate)
                 value = found if abs(found) < large else coordinate
-            elif (
-                parameter.threshold
-                and coefficients.get(group, 1.0) < CRITERIA.search.group_present_share
-            ):
+            elif parameter.threshold and coefficients.get(group, 1.0) < CRITERIA.half:
                 value = 0.0
             start[of_effect(effect.id, parameter.name, group)] = value
     larger, theta, nuisances = extended(problem, begin or fitted, effect, start)
@@ -275,8 +272,7 @@ def refitted(found: Refit, problem: JointProblem, base: joint.Fitted) -> Refit:
         at_bound=result.failed
         or left_its_range(found.problem, result, found.effect)
         or (
-            found.effect.basis is None
-            and base.cost - result.cost < CRITERIA.comparison.least_gain_per_shot * own
+            found.effect.basis is None and base.cost - result.cost < CRITERIA.price_of_number * own
         ),
         own=own,
         price=_price(found, base),
@@ -370,10 +366,10 @@ def continued(base: joint.Fitted, found: Refit, *, max_iterations: int = 30) -> 
 def _alike(sizes: Array, groups: Sequence[float | None]) -> bool:
     """Tell whether the shots of a group have much of a signal in common."""
     members = [[at for at, g in enumerate(groups) if g == one] for one in set(groups)]
-    if len(sizes) < CRITERIA.free_signal.fewest_phases * len(members):
+    if len(sizes) < CRITERIA.least_shots * len(members):
         return False
     common = sum(len(own) * float((sizes[own].mean(axis=0) ** 2).sum()) for own in members)
-    return common > CRITERIA.free_signal.common_phase_share * max(float((sizes**2).sum()), 1e-300)
+    return common > CRITERIA.half * max(float((sizes**2).sum()), 1e-300)
 
 
 def left_its_range(problem: JointProblem, fitted: joint.Fitted, effect: Effect) -> bool:
@@ -403,7 +399,7 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
     seen, promised = [], []
     for item, size in zip(shots, sizes, strict=True):
         quiet, samples = quiet_part(item.shot), item.window.signal.size
-        if quiet.size < CRITERIA.free_signal.least_quiet_samples:
+        if quiet.size < CRITERIA.least_quiet_samples:
             continue
         context = _sampled(item.frame.sample_rate_hz)
         columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
@@ -416,8 +412,8 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
     if not seen:
         return True
     deviation = math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
-    chance = 1.0 - CRITERIA.free_signal.quiet_power_deviations * deviation
-    return bool(np.mean(seen) - chance > CRITERIA.free_signal.quiet_power_share * np.mean(promised))
+    chance = 1.0 - CRITERIA.excess_deviations * deviation
+    return bool(np.mean(seen) - chance > CRITERIA.little * np.mean(promised))
 
 
 def _sampled(rate_hz: float) -> ShotContext:

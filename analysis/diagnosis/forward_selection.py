@@ -91,7 +91,7 @@ def _ends_in_noise(found: Refit) -> bool:
 
 def useful(step: Step) -> list[Refit]:
     """Return the refits of a step that may be taken, best first."""
-    return [r for r in step.refits if r.usable and r.score() >= CRITERIA.comparison.least_lead]
+    return [r for r in step.refits if r.usable and r.score() >= CRITERIA.least_lead]
 
 
 def select(
@@ -128,7 +128,7 @@ def _ways(start: Selection, usual: joint.Fitted, progress: Progress) -> Iterator
     the second-best effect.
     """
     firsts = useful(start.last)[:FIRSTS_TRIED]
-    firsts = [f for f in firsts if f.gain >= CRITERIA.stepwise.first_effect_share * firsts[0].gain]
+    firsts = [f for f in firsts if f.gain >= CRITERIA.little * firsts[0].gain]
     for first in firsts[:1]:
         yield from _from_first(start, first, usual, progress)
     apart = _split_by_material(start, usual, progress)
@@ -222,7 +222,7 @@ def _nearly(start: Selection, end: Selection) -> bool:
     """Tell whether a selection has taken up so much that one more effect could be the rest."""
     samples = sum(s.white.size for s in start.last.residual.shots)
     had, left = start.last.residual.chi2 - samples, end.last.residual.chi2 - samples
-    return left < CRITERIA.stepwise.third_effect_share * had
+    return left < CRITERIA.little * had
 
 
 def searched(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:

@@ -118,7 +118,7 @@ def promises_other_grouping(found: Refit) -> bool:
         sizes = sizes_of(found, kind)
         if sizes is None:
             continue
-        each = sizes.gain - CRITERIA.comparison.price_of_number * (len(sizes.names) - 1)
+        each = sizes.gain - CRITERIA.price_of_number * (len(sizes.names) - 1)
         sets = sizes.candidates(either_sign=can_be_negative(found.effect))
         others = [each]
         if only is not None and only.kind == kind:

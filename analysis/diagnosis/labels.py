@@ -55,7 +55,7 @@ def likely_labels(problem: JointProblem) -> list[Relabelled]:
         for pair, place in by_pair.items():
             others = [at for at in few if at != place]
             # a pair whose name is wrong is one that the others do without
-            if _squares(problem, problem.campaign, others) < CRITERIA.search.far_squares_per_sample:
+            if _squares(problem, problem.campaign, others) < CRITERIA.far_squares_per_sample:
                 near += _near(problem, _of_one_pair(problem.campaign, pair), few)
     near.sort(key=lambda found: found[0])
     return [one for _, one in near[:TRIED]]
@@ -67,7 +67,7 @@ def _near(
     """Return the squares of those labels under which some shots are nearly noise, and these."""
     ways = list(tried)
     asked = problem.each(lambda one: _squares(problem, one.campaign, places), ways)
-    most = CRITERIA.search.far_squares_per_sample
+    most = CRITERIA.far_squares_per_sample
     return [found for found in zip(asked, ways, strict=True) if found[0] < most]
 
 

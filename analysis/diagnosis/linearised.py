@@ -172,7 +172,7 @@ class Linearised:
         if scope == "shot":
             by_shot, dof = self.of_each_shot(at, [shot.vector for shot in self.shots])
             gain = float(by_shot)
-            held = gain - CRITERIA.discrepancy.price_of_coefficient * dof
+            held = gain - CRITERIA.price_of_coefficient * dof
             return Explained(family, scope, gain, dof, p_of(gain, dof), held, {})
         system = self.system([(family, scope)])
         found = Projection(system.whole, system.globals_)
@@ -296,7 +296,7 @@ def _heldout_gain(folds: list[list[int]], system: System) -> float:
     shared parameter: it is fitted to the held-out shots, with the columns and without.
     """
     whole, globals_ = system.whole, system.globals_
-    least = CRITERIA.discrepancy.fold_own_weight * np.diag(whole)
+    least = CRITERIA.nothing * np.diag(whole)
     total, covered = 0.0, 0
     ridge = np.zeros(whole.shape[0])
     ridge[globals_:] = RIDGE**-2

@@ -168,12 +168,12 @@ class Located:
     @property
     def hardly_anywhere(self) -> bool:
         """Whether even the best slot's discrepancy explains little of the structure."""
-        return self.gains[self.slot] < CRITERIA.slot.explained_share * self.structure
+        return self.gains[self.slot] < CRITERIA.half * self.structure
 
     @property
     def also(self) -> list[str]:
         """Return the other slots that the data cannot rule out."""
-        least = CRITERIA.slot.named_beside_share * self.probabilities[self.slot]
+        least = CRITERIA.named_beside * self.probabilities[self.slot]
         odds = sorted(self.probabilities.items())
         return [slot for slot, p in odds if slot != self.slot and p >= least]
 
@@ -222,7 +222,7 @@ def gains_by_family(linearised: Linearised) -> dict[Part, float]:
             answer = linearised.explain(family, scope, heldout=False)
         except np.linalg.LinAlgError:
             continue
-        price = CRITERIA.discrepancy.price_of_coefficient * answer.dof
+        price = CRITERIA.price_of_coefficient * answer.dof
         found[family, scope] = max(answer.gain - price, 0.0)
     return found
 
@@ -273,7 +273,7 @@ def _explains_most(linearised: Linearised, gains: Mapping[Part, float]) -> Expla
     shared = [part for part in gains if part[1] != "shot" and part[0] != "speed"]
     most = max(shared, key=lambda part: gains[part])
     common = (most[0], "rig")
-    if common in gains and CRITERIA.discrepancy.owned_lead_ratio * gains[common] >= gains[most]:
+    if common in gains and (1.0 + CRITERIA.nothing) * gains[common] >= gains[most]:
         most = common
     return linearised.explain(*most)
 
@@ -321,6 +321,6 @@ def formula(linearised: Linearised, discrepancy: Explained) -> list[tuple[str, f
             tried[j] = trial.explain("trial", discrepancy.scope)
         best = max(tried, key=lambda j: tried[j].heldout_gain)
         chosen.append(best)
-        if tried[best].heldout_gain > CRITERIA.slot.formula_share * discrepancy.heldout_gain:
+        if tried[best].heldout_gain > CRITERIA.nearly_all * discrepancy.heldout_gain:
             return list(tried[best].coefficients.items())
     return []

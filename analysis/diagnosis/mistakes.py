@@ -94,7 +94,7 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
     for likely in (*_likeliest(step), *_labels(step)):
         progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
         problem, fitted = fit_base(likely.restated)
-        paid = CRITERIA.comparison.price_of_number * max(1, len(likely.parameters))
+        paid = CRITERIA.price_of_number * max(1, len(likely.parameters))
         cost = cost_with_free_inputs(problem, fitted) + paid
         tried.append((dataclasses.replace(likely, cost=cost), problem, fitted))
     found: list[tuple[Mistake, Step]] = []
@@ -107,7 +107,7 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
             continue
         if again.structured:
             break
-        enough = min(enough, one.cost + CRITERIA.stepwise.confusable_within)
+        enough = min(enough, one.cost + CRITERIA.least_lead)
         found.append((one, again))
     if not found:
         return None
@@ -118,7 +118,7 @@ def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None
 def _labels(step: Step) -> list[Mistake]:
     """Return names that are wrong in a whole group, asked where they can be: far from noise."""
     samples = sum(item.data for item in step.problem.shots)
-    if step.fitted.cost < CRITERIA.search.far_squares_per_sample * samples:
+    if step.fitted.cost < CRITERIA.far_squares_per_sample * samples:
         return []
     return [
         Mistake("wrong_label", one.side, one.group, {}, one.sentence, one.campaign)
@@ -135,9 +135,7 @@ def _likeliest(step: Step) -> list[Mistake]:
     known = _Known.at(step)
     if known is None:
         return []
-    least = CRITERIA.structure.odd_part * max(
-        step.score_test.left - known.fall_within_statements, 0.0
-    )
+    least = CRITERIA.half * max(step.score_test.left - known.fall_within_statements, 0.0)
     ways = [*_numbers(known), *_moduli(known), *_changes(known)]
     ways.sort(key=lambda way: -way[0])
     found: list[Mistake] = []
@@ -279,7 +277,7 @@ def _numbers(known: _Known) -> Iterator[Promise]:
         else:
             prior = float(known.matrix[at, at]) - own
             fall = known.fall_without_statement(j, own, load, prior=prior, but=at)
-        yield fall - CRITERIA.comparison.price_of_number, partial(_number, known, one)
+        yield fall - CRITERIA.price_of_number, partial(_number, known, one)
 
 
 def _number(known: _Known, one: Input) -> Mistake | None:
@@ -338,7 +336,7 @@ def _moduli(known: _Known) -> Iterator[Promise]:
             away = float(known.fitted.theta[j] - problem.prior_mean[j])
             own, load = known.matrix[j, j] - prior, known.vector[j] + prior * away
             fall = known.fall_without_statement(j, own, load, prior=prior, away=away, but=j)
-            yield fall - CRITERIA.comparison.price_of_number, partial(_modulus, known, side, name)
+            yield fall - CRITERIA.price_of_number, partial(_modulus, known, side, name)
 
 
 def _modulus(known: _Known, side: Side, name: str) -> Mistake | None:
@@ -376,7 +374,7 @@ def _changes(known: _Known) -> Iterator[Promise]:
     problem = known.problem
     places = np.array([item.frame.place for item in problem.shots])
     order = np.argsort(places)
-    paid = 2.0 * CRITERIA.comparison.price_of_number
+    paid = 2.0 * CRITERIA.price_of_number
 
     def promised(column: int, weights: Array) -> float:
         cross, load, own = np.zeros(known.vector.size), 0.0, 0.0

@@ -234,7 +234,7 @@ def _clipping(shots: Sequence[FitShot]) -> Shown | None:
         return None
     agree = float(np.std(np.log(levels)))
     differ = float(np.std(np.log(slopes)))
-    if agree > CRITERIA.model_free.same_level * differ:
+    if agree > CRITERIA.little * differ:
         return None
     ceiling = float(np.median(levels))
     return Shown(
@@ -258,7 +258,7 @@ def _flat(x: Array, top: int, share: float) -> bool:
     if WIDER * share > DEEPEST:
         return False  # noise hides it
     near, far = _width(x, top, share), _width(x, top, WIDER * share)
-    return near > CRITERIA.model_free.flat_width * far
+    return near > CRITERIA.half * far
 
 
 def _around(x: Array, top: int, share: float) -> slice:
@@ -303,10 +303,7 @@ def _highpass(shots: Sequence[FitShot]) -> Shown | None:
     found = minimize_scalar(unexplained, bounds=(grid[best - 1], grid[best + 1]), method="bounded")
     tau = math.exp(float(found.x))
     stays = abs(float(np.median([_lasting(t, y, tau) for t, y in courses])))
-    if (
-        found.fun > CRITERIA.model_free.unexplained_share
-        or stays > CRITERIA.model_free.lasting_share
-    ):
+    if found.fun > CRITERIA.little or stays > CRITERIA.little:
         return None
     return Shown(
         "coupler_highpass",
@@ -371,7 +368,7 @@ def _hum(shots: Sequence[FitShot]) -> Shown | None:
     highest = max(shares, key=lambda f: shares[f])
     mains = min(MAINS_HZ, key=lambda f: abs(f - highest))
     share = shares[mains]
-    if abs(highest - mains) > resolution_hz or share < CRITERIA.free_signal.quiet_power_share:
+    if abs(highest - mains) > resolution_hz or share < CRITERIA.little:
         return None
     return Shown(
         "mains_hum",

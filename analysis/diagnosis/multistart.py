@@ -82,7 +82,7 @@ def starts(
             seen = linearised.explain(proposal.key, scope, heldout=False)
             sizes = dict(zip(seen.groups, seen.coefficients.values(), strict=True))
             own = seen.dof if scope == "shot" else 0
-            paid = CRITERIA.comparison.price_of_number * (seen.dof - own)
+            paid = CRITERIA.price_of_number * (seen.dof - own)
             promised = seen.gain - paid - price_of_scatter(own, seen.gain)
             own_starts = found.setdefault(proposal.effect_id, [])
             own_starts.append(Start(proposal, scope, sizes, promised))
@@ -122,7 +122,7 @@ def _on_some(proposal: Proposal, sizes: Sizes) -> list[Start]:
     either = can_be_negative(proposal.effect)
     found = []
     for only in sizes.candidates(either_sign=either)[:1]:
-        promised = sizes.promise(only) - CRITERIA.comparison.price_of_number
+        promised = sizes.promise(only) - CRITERIA.price_of_number
         size = {only.label: sizes.common(only.names)[0]}
         found.append(Start(proposal, only.kind, size, promised, only=only))
     return found
@@ -246,7 +246,7 @@ def _mildest(
         if settled:
             start = settle(larger, theta, start, kept=KNOWN_BEFORE)
         cost = joint.total_cost(larger, theta, start)
-        nothing = not math.isfinite(cost) or abs(cost - without) < CRITERIA.search.start_difference
+        nothing = not math.isfinite(cost) or abs(cost - without) < CRITERIA.no_difference
         found.append((nothing, cost, at))
     return [at for _, _, at in sorted(found)]
 
@@ -267,7 +267,7 @@ def usual_place(problem: JointProblem, nuisances: Array) -> joint.Fitted:
 
     Not fitted at all: the means of what is known well, the prepared start for the rest.
     """
-    known = np.diag(problem.prior_precision) > CRITERIA.search.known_prior_u**-2
+    known = np.diag(problem.prior_precision) > CRITERIA.uncertain_u**-2
     theta = np.where(known, problem.prior_mean, problem.start)
     for at, name in enumerate(problem.names):
         if not known[at] and name.is_modulus:

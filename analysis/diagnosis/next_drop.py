@@ -54,7 +54,7 @@ class NextDrop:
     expected_distance: float
     """How far one such drop moves the two apart, as the root of whitened squares. [1]"""
     repeats: int
-    """Drops after which the distance reaches ``CRITERIA.next_drop.distance``."""
+    """Drops after which the distance reaches ``CRITERIA.deviations``."""
 
     def to_json(self) -> Json:
         """Return it as the ``next_drop`` of a diagnosis."""
@@ -239,7 +239,7 @@ def _separation(sides: Sequence[tuple[Refit, Array]], drop: _Drop) -> tuple[floa
     try:
         parts = [(*p.parts(difference), known) for p, (_, known) in both]
         for repeats in range(1, MOST_REPEATS + 1):
-            if _squared(parts, repeats) >= CRITERIA.next_drop.distance**2:
+            if _squared(parts, repeats) >= CRITERIA.deviations**2:
                 return math.sqrt(max(_squared(parts, 1), 0.0)), repeats
     except np.linalg.LinAlgError:  # a number that nothing fixes: such a fit foretells nothing
         return None
@@ -258,7 +258,7 @@ def _largest_signal(shots: Sequence[FitShot]) -> float:
     clipped = [s.window.peak for s in shots if s.shot.clipped]
     steps = [s.shot.quantum for s in shots if s.shot.quantum is not None]
     if clipped:
-        return CRITERIA.next_drop.signal_share * min(clipped)
+        return CRITERIA.nearly_all * min(clipped)
     if len(steps) == len(shots):
-        return CRITERIA.next_drop.signal_share * LARGEST_CODE * min(steps)
+        return CRITERIA.nearly_all * LARGEST_CODE * min(steps)
     return max(s.window.peak for s in shots)

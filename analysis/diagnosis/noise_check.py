@@ -37,7 +37,7 @@ class Spikes:
     samples: int
     """Whitened quiet samples that were looked at."""
     far: int
-    """Of these, beyond ``CRITERIA.noise.far_deviations``, as the median tells them."""
+    """Of these, beyond ``CRITERIA.deviations``, as the median tells them."""
     excess_kurtosis: float
     """Fourth moment over the squared second, less 3."""
     share: float
@@ -46,7 +46,7 @@ class Spikes:
     @property
     def clear(self) -> bool:
         """Whether no Gaussian noise is like that."""
-        return self._deviation > CRITERIA.noise.spike_deviations
+        return self._deviation > CRITERIA.deviations
 
     @property
     def p_value(self) -> float:
@@ -55,7 +55,7 @@ class Spikes:
 
     @property
     def _deviation(self) -> float:
-        if self.samples < CRITERIA.noise.least_pooled_samples:
+        if self.samples < CRITERIA.least_pooled_samples:
             return -math.inf
         return self.excess_kurtosis / math.sqrt(24.0 / self.samples)
 
@@ -76,7 +76,7 @@ class Tone:
     @property
     def clear(self) -> bool:
         """Whether no noise of smooth spectrum is like that."""
-        return self.p_value < CRITERIA.noise.tone_p_value
+        return self.p_value < CRITERIA.p_value
 
 
 @dataclass(frozen=True)
@@ -130,10 +130,10 @@ def _quiet(item: FitShot) -> Array:
     """
     quiet = quiet_part(item.shot)
     quiet = quiet[: round(item.noise.calm_share * quiet.size)]
-    if quiet.size < CRITERIA.noise.least_quiet_samples:
+    if quiet.size < CRITERIA.least_quiet_samples:
         return np.zeros(0)
     steps = np.diff(np.unique(quiet))
-    if steps.size == 0 or np.std(quiet) < CRITERIA.noise.least_deviation_in_steps * steps.min():
+    if steps.size == 0 or np.std(quiet) < CRITERIA.least_deviation_in_steps * steps.min():
         return np.zeros(0)
     return quiet
 
@@ -149,7 +149,7 @@ def _spikes(whole: list[Array]) -> Spikes:
     if not whole:
         return Spikes(0, 0, 0.0, 0.0)
     pooled = np.concatenate(whole)
-    most = CRITERIA.noise.far_deviations
+    most = CRITERIA.deviations
     far = np.concatenate([w[np.abs(w) > most * np.median(np.abs(w)) / 0.6745] for w in whole])
     share = float(far @ far) / pooled.size
     return Spikes(pooled.size, far.size, float(np.mean(pooled**4)) - 3.0, share)
@@ -170,7 +170,7 @@ def _tone(kept: list[tuple[FitShot, Array]]) -> Tone | None:
     found = _highest(white, rate_hz, first)
     loud = _highest([samples / np.std(samples) for samples in calm], rate_hz, first)
     # a loud tone is taken for colour, and whitened away with it
-    return loud if loud.times > CRITERIA.noise.loud_tone_ratio else found
+    return loud if loud.times > CRITERIA.far_larger else found
 
 
 def _first_line(size: int, degree: int) -> int:
@@ -181,7 +181,7 @@ def _first_line(size: int, degree: int) -> int:
     window = get_window(WINDOW, size)[:, None]
     taken = np.abs(np.fft.rfft(window * drift_basis(size, degree), axis=0)) ** 2
     left = 1.0 - np.sum(taken, axis=1) / float(np.sum(window**2))
-    short = np.flatnonzero(left[FIRST_LINE : size // 4] < CRITERIA.noise.least_line_left)
+    short = np.flatnonzero(left[FIRST_LINE : size // 4] < CRITERIA.half)
     return FIRST_LINE + (int(short[-1]) + 1 if short.size else 0)
 
 

@@ -89,7 +89,7 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
     whole = len(step.problem.shots)
     if whole < FEWEST:
         return None
-    most = max(1, int(CRITERIA.structure.odd_share * whole))
+    most = max(1, int(CRITERIA.little * whole))
     part = _Part(list(range(whole)), step.problem, step.fitted)
     if part.is_hopeless:
         near = _with_one_left_out(step, part) or _trimmed(step, usual.nuisances, most)
@@ -149,8 +149,8 @@ def _odd_one(part: _Part, to_go: int) -> tuple[int | None, bool]:
     """
     falls, chance = _own_falls(part.problem, part.fitted)
     worst = int(np.argmax(falls))
-    may_be_noise = chance[worst] * falls.size >= CRITERIA.structure.false_alarm_rate
-    part_of_all = CRITERIA.structure.odd_part * falls.sum() / max(to_go, 1)
+    may_be_noise = chance[worst] * falls.size >= CRITERIA.false_alarm_rate
+    part_of_all = CRITERIA.half * falls.sum() / max(to_go, 1)
     if may_be_noise or to_go < 1 or falls[worst] < part_of_all:
         return None, False
     return worst, bool(chance[worst] == 0.0)
@@ -343,7 +343,7 @@ class _Alone:
         found = sorted((*self._labels(), *self._height(), *self._gain()), key=_first)
         enough = min(
             _most_noise(self.item),
-            found[0][0] + CRITERIA.stepwise.confusable_within if found else math.inf,
+            found[0][0] + CRITERIA.least_lead if found else math.inf,
         )
         return [(said, like) for squares, said, like in found if squares <= enough]
 
@@ -388,7 +388,7 @@ class _Alone:
         # the squared speed goes with the height, nearly so in air
         height = stated * math.exp(2.0 * (float(own[0]) - self.item.speed_prior.mean))
         words = f"it fell from about {1e3 * height:.3g} mm, not {1e3 * stated:.3g} mm"
-        yield squares + CRITERIA.comparison.price_of_number, words, {HEIGHT: height}
+        yield squares + CRITERIA.price_of_number, words, {HEIGHT: height}
 
     def _gain(self) -> Iterator[tuple[float, str, dict[str, str | float]]]:
         if self.item.shot.quantity != "voltage":
@@ -409,7 +409,7 @@ class _Alone:
         )
         factor = math.exp(float(found.x))
         words = f"its signal is {factor:.3g} of the others': look at the gain, or it hit off-centre"
-        yield float(found.fun) + CRITERIA.comparison.price_of_number, words, {"gain": factor}
+        yield float(found.fun) + CRITERIA.price_of_number, words, {"gain": factor}
 
 
 def _first(found: tuple[float, *tuple[Any, ...]]) -> float:

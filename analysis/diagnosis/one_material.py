@@ -24,7 +24,7 @@ from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
 from analysis.diagnosis.grouping_search import best_grouping
 from analysis.diagnosis.progress import MethodStep, Progress
-from analysis.diagnosis.score_test import chance_of, check_residual
+from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.successive_halving import PresentModel, leaves_noise, rank, ranked
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
@@ -84,18 +84,15 @@ class OneMaterial:
 def single_materials(
     present: PresentModel, without: list[WithoutMaterial]
 ) -> Iterator[OneMaterial]:
-    """Yield the materials without whose shots the present model is adequate, likeliest first.
+    """Yield the materials without whose shots the present model leaves nothing, likeliest first.
 
     None where there is no such material; a sphere and a coupon where the shots of both together
     make the difference; at most `MOST_MATERIALS`.
     """
     beyond = excess(present.problem, present.fitted)
     for rest in without[:MOST_MATERIALS]:
-        if rest.left > CRITERIA.grouping.outside_share * beyond + chance(present.problem):
+        if rest.left > CRITERIA.nothing * beyond + chance(present.problem):
             return
-        small = rest.left <= CRITERIA.grouping.unrelated_share * beyond
-        if not small and check_residual(rest.problem, rest.fitted)[1].structured:
-            continue  # not this one; the next may leave a little more and be it
         yield apart_from(present, rest, far_begin(present))
 
 
@@ -171,7 +168,7 @@ def tried_alone(
 
 def explains_all(found: Refit, present: PresentModel) -> bool:
     """Tell whether so much was explained, down to the noise, that no other slot need be asked."""
-    certain = found.usable and found.gain > CRITERIA.grouping.certain_squares
+    certain = found.usable and found.gain > CRITERIA.certain_lead
     return certain and leaves_noise(found.problem, found.fitted)
 
 
@@ -273,7 +270,7 @@ def chance(problem: JointProblem) -> float:
 
 def _is_far(present: PresentModel) -> bool:
     """Tell whether slopes at the present fit mislead; else they tell the materials."""
-    least = CRITERIA.search.far_squares_per_sample * _samples(present.problem)
+    least = CRITERIA.far_squares_per_sample * _samples(present.problem)
     return present.fitted.cost > least
 
 
@@ -377,7 +374,7 @@ def split_by_material(
     The first effect is fitted to all shots, the second ones on top of it, best first.
     """
     whole = excess(present.problem, present.fitted)
-    simpler = [w for w in without if w.left < CRITERIA.grouping.simpler_share * w.share * whole]
+    simpler = [w for w in without if w.left < CRITERIA.half * w.share * whole]
     for rest in sorted(simpler, key=_left_by_share)[:MATERIALS_TRIED]:
         progress(MethodStep.ON_TOP.told(f"searching without {rest.only.label}"), 0.5)
         usual = _usual_of(present, rest)

@@ -43,7 +43,6 @@ from analysis.diagnosis.uncertain_numbers import (
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
 from analysis.fit.cores import ONE_CORE, Cores
-from analysis.fit.inputs import LAW
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import with_start
@@ -51,14 +50,6 @@ from analysis.model import solver
 from analysis.model.impact_model import MIXED, ImpactModel, model_named
 from analysis.undetermined import tells_no_modulus
 
-AKIN = {
-    "release": ("speed",),
-    "contact": ("contact", "loss"),
-    "mounting": ("cell",),
-    "sensor": ("cell", "response", "static", "dynamic"),
-    "electronics": ("response", "static", "dynamic"),
-}
-"""Families of the score test test that an effect of a slot looks like."""
 SLOT = "electronics"
 """Where what is on the line all the time gets in."""
 RECORD = "record"
@@ -233,9 +224,9 @@ def _mistaken(
         for one in useful(free.last)[:1]:
             effect = free.on(one)
             ahead = named.best.cost - (effect.last.fitted.cost + one.gain - one.score())
-            if effect.adequate and ahead > CRITERIA.comparison.least_lead:
+            if effect.adequate and ahead > CRITERIA.least_lead:
                 return None
-            if effect.adequate and ahead > -CRITERIA.comparison.least_lead:
+            if effect.adequate and ahead > -CRITERIA.least_lead:
                 as_good.append(one.effect_id)
     except BudgetSpentError:
         compared = False
@@ -317,7 +308,7 @@ def _obeyed_base(
         problem, nuisances = with_start(_stated(campaign, name))
         fitted = joint.fit(problem, nuisances, max_iterations=FIRST_LOOK)
         samples = sum(shot.white.size for shot in selection.last.linearised.shots)
-        least = CRITERIA.comparison.least_lead * max(1.0, fitted.cost / samples)
+        least = CRITERIA.least_lead * max(1.0, fitted.cost / samples)
         if not fitted.failed and selection.last.fitted.cost - fitted.cost > least:
             selection, usual = _base(campaign, name, told)
     return selection, usual
@@ -346,7 +337,7 @@ def _mixed_base(step: Step) -> str | None:
     of_ringing, of_others = min(left[: len(RINGING_BASES)]), left[len(RINGING_BASES) :]
     noise = chance_of(sum(step.problem.shots[at].data for at in places))
     least = min(of_others)
-    if of_ringing <= noise or least >= CRITERIA.comparison.mixed_left_share * of_ringing:
+    if of_ringing <= noise or least >= CRITERIA.little * of_ringing:
         return None
     return others[of_others.index(least)]
 
@@ -398,14 +389,14 @@ def _crystal(
         count = len(problem.names) - len(step.problem.names)
         gain = step.fitted.cost - fitted.cost
         bad = fitted.failed or bool(out_of_range(problem, fitted))
-        price = Price(CRITERIA.comparison.price_of_number * count)
+        price = Price(CRITERIA.price_of_number * count)
         refit = Refit(
             effect, effect.id, "rig", problem, fitted, gain, count, bad, gain, price=price
         )
         ways.append((refit, usual_place(problem, nuisances)))
     found, place = min(ways, key=lambda way: rank(way[0]))
     step.refits = [found]
-    if found.usable and found.score() > CRITERIA.comparison.least_lead:
+    if found.usable and found.score() > CRITERIA.least_lead:
         selection = selection.on(found)
     return selection, place
 
@@ -512,27 +503,15 @@ def _standing(steps: list[Step], chosen: list[Refit]) -> int:
         if steps[count].impossible or not compared:
             continue  # far ahead of all others is only what was compared with all
         left = steps[count].score_test.left
-        looks_like = steps[count].score_test.strongest.family
-        explained = steps[0].fitted.cost - steps[count].fitted.cost
-        akin = any(looks_like in (LAW, *AKIN[c.effect.slot]) for c in chosen[:count])
-        if akin and left > CRITERIA.partial.akin_left_share * explained:
-            continue  # what remains is of the kind that was named: the name only resembles it
-        share, ahead = (
-            (CRITERIA.partial.one_left_share, 0.0)
-            if count == 1
-            else (CRITERIA.partial.several_left_share, CRITERIA.partial.several_lead_ratio)
-        )
+        ahead = CRITERIA.twice if count > 1 else 1.0
         if all(
-            _stands(steps[at], steps[at + 1], chosen[at], left, share=share, ahead=ahead)
-            for at in range(count)
+            _stands(steps[at], steps[at + 1], chosen[at], left, ahead=ahead) for at in range(count)
         ):
             return count
     return 0
 
 
-def _stands(
-    before: Step, after: Step, taken: Refit, left: float, *, share: float, ahead: float
-) -> bool:
+def _stands(before: Step, after: Step, taken: Refit, left: float, *, ahead: float) -> bool:
     if taken.own:
         return False  # sizes that are free in every shot follow much that they are not
     explained = before.fitted.cost - after.fitted.cost
@@ -540,7 +519,5 @@ def _stands(
         (r.gain for r in before.refits if r.effect_id != taken.effect_id and not r.at_bound),
         default=0.0,
     )
-    clear = explained - others > max(
-        CRITERIA.partial.ahead_squares, CRITERIA.partial.ahead_of_left_ratio * left
-    )
-    return left < share * explained and clear and explained > ahead * others
+    clear = explained - others > max(CRITERIA.clear_lead, CRITERIA.twice * left)
+    return left < CRITERIA.nothing * explained and clear and explained > ahead * others

@@ -171,7 +171,7 @@ def compare(
 
 def _noise(quiet: Array) -> tuple[float, float]:
     """Return the rms of noise, and how many of its samples count as one."""
-    if quiet.size < CRITERIA.free_signal.least_quiet_samples:
+    if quiet.size < CRITERIA.least_quiet_samples:
         return 0.0, 1.0
     away = quiet - quiet.mean()
     squares = float(away @ away)
@@ -191,7 +191,7 @@ class _Numbers:
 
     def certain(self) -> Array:
         """Return the values with no more of another shape than noise cannot have made. (3,)"""
-        most = CRITERIA.structure.excess_deviations * self.noise[SHAPE]
+        most = CRITERIA.excess_deviations * self.noise[SHAPE]
         values = self.values.copy()
         values[SHAPE] = math.sqrt(max(values[SHAPE] ** 2 - most, 0.0))
         return values
@@ -319,7 +319,7 @@ class _Seen:
     def unlike(self) -> bool:
         """Whether any of its numbers is farther off than chance goes."""
         chance = 2.0 * np.asarray(student.sf(np.abs(self.t), self.degrees))
-        return bool(chance.min() * chance.size < CRITERIA.structure.false_alarm_rate)
+        return bool(chance.min() * chance.size < CRITERIA.false_alarm_rate)
 
     @property
     def squares(self) -> float:
@@ -384,7 +384,7 @@ class _Look:
         fit = sorted((one for one in tried if not one[0].unlike), key=lambda one: one[0].squares)
         if not fit:
             return []
-        most = fit[0][0].squares + CRITERIA.stepwise.confusable_within
+        most = fit[0][0].squares + CRITERIA.least_lead
         return [likely for seen, likely in fit if seen.squares <= most]
 
     def _labels(self) -> Iterator[tuple[_Seen, Likely]]:

@@ -112,7 +112,7 @@ def roll_off(shots: Sequence[Shot]) -> RollOff | None:
     squares = {zeros: floor.smooth_squares(zeros) for zeros in BY_ZEROS}
     best = min(squares, key=lambda zeros: squares[zeros])
     found_form = BY_ZEROS[best]
-    if found_form is None or squares[0.0] - squares[best] < CRITERIA.comparison.least_lead:
+    if found_form is None or squares[0.0] - squares[best] < CRITERIA.least_lead:
         return None
     return RollOff(found_form, None, floor.stretch)
 
@@ -126,8 +126,8 @@ def _of_white_noise(floor: _Floor) -> tuple[str, float] | None:
         return None
     if not 1.01 * OVER_RATE[0] < cutoff < 0.99 * HIGHEST:
         return None  # on a bound it is no cut-off
-    share = 1.0 - CRITERIA.model_free.unexplained_share
-    least = CRITERIA.comparison.least_lead + CRITERIA.comparison.price_of_number
+    share = 1.0 - CRITERIA.little
+    least = CRITERIA.least_lead + CRITERIA.price_of_number
     if gain < least or gain < share * (flat - floor.smooth_squares()):
         return None
     return FORMS[form], cutoff

@@ -85,7 +85,7 @@ class ScoreTest:
     @property
     def structured(self) -> bool:
         """Whether the residual is more than noise."""
-        return self.p_value < CRITERIA.structure.false_alarm_rate
+        return self.p_value < CRITERIA.false_alarm_rate
 
     @property
     def left(self) -> float:
@@ -105,7 +105,7 @@ class ScoreTest:
         """
         strongest = self.strongest
         p = p_of(max(0.0, strongest.gain - won), strongest.dof) * len(self.answers)
-        return p < CRITERIA.structure.false_alarm_rate
+        return p < CRITERIA.false_alarm_rate
 
 
 def check_residual(problem: JointProblem, fitted: joint.Fitted) -> tuple[Linearised, ScoreTest]:
@@ -147,7 +147,7 @@ def takes_statements_as_exact(problem: JointProblem) -> bool:
 def has_clear_surplus(linearised: Linearised) -> bool:
     """Tell whether a residual has so many squares that `run_score_test` finds structure anyway."""
     _, p_of_surplus = _surplus(linearised)
-    return p_of_surplus * (len(ASKED) + 1) < CRITERIA.structure.false_alarm_rate
+    return p_of_surplus * (len(ASKED) + 1) < CRITERIA.false_alarm_rate
 
 
 def run_score_test(linearised: Linearised) -> ScoreTest:
@@ -159,20 +159,20 @@ def run_score_test(linearised: Linearised) -> ScoreTest:
     asked = (*ASKED, INEXACT) if linearised.wrong_by else ASKED
     answers = {part: linearised.explain(*part, heldout=False) for part in asked}
     wander = answers[WANDER]
-    if wander.p_value < CRITERIA.structure.false_alarm_rate:
+    if wander.p_value < CRITERIA.false_alarm_rate:
         p = max(wander.p_value, p_of_wander(linearised))
         answers[WANDER] = dataclasses.replace(wander, p_value=p)
     surplus, p_of_surplus = _surplus(linearised)
     least = min(a.p_value for a in answers.values())
     p = min(p_of_surplus, least) * len(answers)
-    if not p < CRITERIA.structure.false_alarm_rate:
+    if not p < CRITERIA.false_alarm_rate:
         p = family_wise(least, linearised, asked)
     return ScoreTest(p, answers, surplus)
 
 
 def chance_of(samples: int) -> float:
     """Return the squares beyond so many samples' own that are no sign of more than noise. [1]"""
-    return CRITERIA.structure.excess_deviations * math.sqrt(2.0 * samples)
+    return CRITERIA.excess_deviations * math.sqrt(2.0 * samples)
 
 
 def _surplus(linearised: Linearised) -> tuple[float, float]:
@@ -187,7 +187,7 @@ def _surplus(linearised: Linearised) -> tuple[float, float]:
     seen = sum(shot.white.size for shot in linearised.shots)
     sigma = math.sqrt(2.0 / seen + 2.0 / sum(noise.samples for noise in noises))
     share = linearised.chi2 / seen - 1.0
-    least = CRITERIA.structure.surplus_share, CRITERIA.structure.surplus_deviations * sigma
+    least = CRITERIA.little, CRITERIA.deviations * sigma
     if not share > max(least):
         return 0.0, 1.0
     return share * seen, float(norm.sf(share / sigma))

@@ -130,7 +130,7 @@ class Selection:
         if not self.adequate or not last.residual.wrong_by:
             return self.adequate
         exact, least = last.as_written, min(taken.gain for taken in self.chosen)
-        return not exact.structured or exact.left < CRITERIA.partial.several_left_share * least
+        return not exact.structured or exact.left < CRITERIA.nothing * least
 
     @property
     def needs_last(self) -> bool:
@@ -143,7 +143,7 @@ class Selection:
         if is_far_from_noise(before.problem, before.fitted):
             return True
         instead = before.residual.gain_of_inexactness - after.residual.gain_of_inexactness
-        return self.chosen[-1].score() - instead > CRITERIA.comparison.least_lead
+        return self.chosen[-1].score() - instead > CRITERIA.least_lead
 
     @property
     def score(self) -> float:
@@ -167,4 +167,4 @@ class Selection:
             return near
         wider = Selection([*self.steps, Step(wide.problem, wide.fitted)], [*self.chosen, wide])
         # where the same effect ends in noise it needs no lead
-        return wider if lead > CRITERIA.comparison.least_lead or wider.adequate else near
+        return wider if lead > CRITERIA.least_lead or wider.adequate else near

@@ -79,8 +79,8 @@ def ranked(
     samples = sum(item.data for item in present.problem.shots)
     # as much as so few shots have of it: their own squares scatter by as much
     excess = (chi2 - samples) * len(places) / len(everything)
-    bent = excess > CRITERIA.search.curved_squares
-    far = chi2 > CRITERIA.search.far_squares_per_sample * samples
+    bent = excess > CRITERIA.curved_squares
+    far = chi2 > CRITERIA.far_squares_per_sample * samples
     if not bent:  # a few shots show too little of what is small, and slopes say all of it
         places = everything
     few, base = part_of(present.problem, present.fitted, places)
@@ -210,8 +210,8 @@ def rivals_refitted(
         near = [
             one
             for at, one in enumerate(found)
-            if one.gain >= CRITERIA.search.contender_share * lead
-            and (at < INTO_LAST or lead - one.gain < CRITERIA.stepwise.unfinished_within)
+            if one.gain >= CRITERIA.half * lead
+            and (at < INTO_LAST or lead - one.gain < CRITERIA.clear_lead)
         ]
         factor = len(whole) / len(places)
         behind = [_scaled(one, factor) for one in found if all(one is not n for n in near)]
@@ -297,7 +297,7 @@ def rank(found: Refit) -> tuple[bool, bool, float]:
 def _merit(found: Refit, factor: float) -> float:
     """Return the score that all shots would give; what left its range loses half of it."""
     score = found.score(factor=factor)
-    weight = CRITERIA.search.out_of_range_weight
+    weight = CRITERIA.half
     return weight * score if found.at_bound and score > 0 else score
 
 
@@ -359,7 +359,7 @@ def _later_rounds(
     kept = [
         one
         for at, one in enumerate(second)
-        if at < INTO_LAST and _merit(one, factor) >= CRITERIA.search.contender_share * lead
+        if at < INTO_LAST and _merit(one, factor) >= CRITERIA.half * lead
     ]
     behind += [_scaled(one, factor) for one in second if all(one is not k for k in kept)]
 

@@ -27,7 +27,7 @@ def with_uncertain_numbers(selection: Selection) -> Selection:
     """
     last = selection.last
     samples = sum(shot.white.size for shot in last.residual.shots)
-    if last.residual.chi2 > CRITERIA.search.far_squares_per_sample * samples:
+    if last.residual.chi2 > CRITERIA.far_squares_per_sample * samples:
         return selection
     # to its end, whatever the time: it is part of the base fit
     free = fitted_with_stated_numbers(unwatched(last.problem), last.fitted)

@@ -13,7 +13,7 @@ with Hunt and Crossley's dashpot, or Kuwabara and Kono's (``loss_law:kuwabara_ko
 
 The base's dashpot is Tsuji's. Each impact has a loss of its own, e, in any of these laws, so that
 only how the force is spread over the contact tells them apart. s is 1, within 5 %: twice the error
-that a named law was seen to have (2.4 % at most, see ``form_error`` in the diagnosis' criteria).
+that a named law was seen to have (2.4 % at most, see `analysis.diagnosis.basis.form_error`).
 The library's ``hunt_crossley_damping`` and ``viscoelastic_damping`` are something else: a loss
 beside the base's, with one constant for many impacts.
 

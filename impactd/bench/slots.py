@@ -56,7 +56,7 @@ class Judged:
     @property
     def named(self) -> list[str]:
         """The slots of a verdict: the likeliest, and those that it cannot exclude."""
-        least = CRITERIA.slot.named_beside_share * max(self.odds.values())
+        least = CRITERIA.named_beside * max(self.odds.values())
         return [slot for slot, p in self.odds.items() if p >= least]
 
 

@@ -108,8 +108,8 @@ def _best(
     trials: _Trials, gains: Mapping[Part, float], before: float | None, progress: Progress
 ) -> Learned | None:
     level = trials.noise
-    nothing_left = CRITERIA.discrepancy.nothing_left_ratio * level
-    much_left = CRITERIA.discrepancy.much_left_ratio * level
+    nothing_left = (1.0 + CRITERIA.heldout_change) * level
+    much_left = CRITERIA.twice * level
     found: list[Learned] = []
     if before is not None and before > much_left:
         learned = trials.each_alone(BEYOND_FIRST_ORDER)
@@ -161,7 +161,7 @@ def _with_others(
         forms = list(dict.fromkeys([part, coarse]))
         tried = trials.step.problem.each(partial(trials.learned, beside=best), forms)
         both = min((t for t in tried if t is not None), key=_error, default=None)
-        if both is not None and _error(both) < CRITERIA.discrepancy.further_ratio * _error(best):
+        if both is not None and _error(both) < (1.0 - CRITERIA.heldout_change) * _error(best):
             best = both
     return best
 
@@ -202,17 +202,17 @@ def candidates(gains: Mapping[Part, float]) -> list[Part]:
     chosen: dict[str, Part] = {}
     for family, scope in sorted(known, key=lambda part: -known[part]):
         gain, kind = known[family, scope], "contact" if family in FORCED else family
-        if gain < CRITERIA.discrepancy.learned_share * most:
+        if gain < CRITERIA.little * most:
             break
         old = chosen.get(kind)
         if old is None:
             take = len(chosen) < MOST_LEARNED
         else:
-            lead = CRITERIA.discrepancy.owned_lead_ratio * gain
+            lead = (1.0 + CRITERIA.nothing) * gain
             take = scope == "rig" and known[old] < lead
         if take:
             chosen[kind] = (family, scope)
-    if gains.get(("speed", "shot"), 0.0) > CRITERIA.discrepancy.speeds_alone_share * most:
+    if gains.get(("speed", "shot"), 0.0) > CRITERIA.nearly_all * most:
         # every shot has its own speed anyway: what a release does leaves little in the trace
         chosen = dict(list(chosen.items())[:1])
     return [(ALSO.get(kind, family), scope) for kind, (family, scope) in chosen.items()]

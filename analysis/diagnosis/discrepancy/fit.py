@@ -59,7 +59,7 @@ FAILURES = 4
 """Steps that may fail one after the other: the damping has then grown by 1e8."""
 AGREED = 3e-4
 """Relative fall of the cost at which a search ends. Chosen so that an error moves by half of that,
-a third of what one discrepancy more must bring, see ``CRITERIA.discrepancy.further_ratio``."""
+a sixth of what one discrepancy more must bring, see ``CRITERIA.heldout_change``."""
 SETTLE_STEPS = 4
 """Of the shots' own numbers, the shared ones held. Chosen by trial."""
 FORCE_WIDTH = 1.0

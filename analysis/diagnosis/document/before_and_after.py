@@ -78,7 +78,7 @@ def _before(looks: Sequence[_Look]) -> list[str]:
     share = (float(whole @ whole) - own) / (own * (len(looks) - 1)) if own > 0.0 else 0.0
     rms = math.sqrt(own / each.size)
     noise = math.sqrt(float(np.mean([look.noise**2 for look in looks])))
-    if share < CRITERIA.words.repeated_share or rms**2 < CRITERIA.words.residual_ratio * noise**2:
+    if share < CRITERIA.half or rms**2 < CRITERIA.noticeable * noise**2:
         return []
     size = two_digits(100.0 * float(np.abs(each.mean(axis=0)).max()))
     return [
@@ -93,7 +93,7 @@ def _after(looks: Sequence[_Look]) -> list[str]:
     if levels.size < FEWEST_HITS:
         return []
     level, u = float(levels.mean()), float(levels.std(ddof=1)) / math.sqrt(levels.size)
-    if abs(level) <= CRITERIA.structure.excess_deviations * u:
+    if abs(level) <= CRITERIA.excess_deviations * u:
         return []
     where = "below" if level < 0.0 else "above"
     said = (

@@ -68,7 +68,7 @@ def _sentences(found: Json, records: list[str], *, structured: bool) -> list[str
     repeats = "" if share is None else f"{share:.0%} of its energy repeats from shot to shot"
     ratio = {n: p["chi2_per_sample"] for n, p in found["phases"].items() if p["chi2_per_sample"]}
     worst = max(ratio, key=lambda name: ratio[name])
-    small = ratio[worst] < CRITERIA.words.residual_ratio
+    small = ratio[worst] < CRITERIA.noticeable
     if small and not structured:
         noise = "Before, during and after the contact the residual is noise"
         return [f"{noise}; {repeats}." if repeats else f"{noise}."]
@@ -82,32 +82,32 @@ def _sentences(found: Json, records: list[str], *, structured: bool) -> list[str
         said.append("Its size is hardly more than the noise, but the tests find structure in it.")
     if worst != "before" and "before" in ratio:
         quiet = "noise"
-        if ratio["before"] >= CRITERIA.words.residual_ratio:
+        if ratio["before"] >= CRITERIA.noticeable:
             quiet = f"{times_noise(ratio['before'])} times the noise"
         said.append(f"Before touch-down it is {quiet}.")
     said += records
     peak = found["spectrum"]
-    if peak["peak_ratio"] > CRITERIA.words.spectrum_ratio:
+    if peak["peak_ratio"] > CRITERIA.twice:
         said.append(
             f"Its spectrum is highest above the noise at {frequency(peak['peak_Hz'])}, "
             f"{two_digits(peak['peak_ratio'])} times the noise."
         )
     lag = found["lag"]
-    if abs(lag["correlation"]) > CRITERIA.words.lag_correlation:
+    if abs(lag["correlation"]) > CRITERIA.half:
         sign = "with the same sign" if lag["correlation"] > 0 else "with the opposite sign"
         said.append(
             f"It has the shape of the pulse, {sign}, {lag['lag_s'] * 1e6:.3g} us later "
             f"(correlation {lag['correlation']:.2f})."
         )
     power = found["speed"]
-    if power["exponent"] is not None and power["u"] < CRITERIA.words.speed_exponent_u:
+    if power["exponent"] is not None and power["u"] < CRITERIA.uncertain_u:
         said.append(
             f"It grows with impact speed to the power {power['exponent']:.2f} +- {power['u']:.2f} "
             "(the pulse: 1.2)."
         )
     said += _contrast(found["by_surface"], "on") + _contrast(found["by_sphere"], "with")
     order = found["order"]
-    if order["p_value"] is not None and order["p_value"] < CRITERIA.words.trend_p_value:
+    if order["p_value"] is not None and order["p_value"] < CRITERIA.p_value:
         way = "grows" if order["correlation"] > 0 else "shrinks"
         said.append(f"It {way} during the campaign (p = {order['p_value']:.1g}).")
     return [*said, f"{repeats}."] if repeats else said
@@ -116,7 +116,7 @@ def _sentences(found: Json, records: list[str], *, structured: bool) -> list[str
 def _contrast(by: Json, word: str) -> list[str]:
     """Return on which material the residual is largest and smallest, where they differ clearly."""
     most, least = max(by, key=lambda n: by[n]), min(by, key=lambda n: by[n])
-    needed = max(CRITERIA.words.contrast_ratio * by[least], CRITERIA.words.residual_ratio)
+    needed = max(CRITERIA.noticeable * by[least], CRITERIA.noticeable)
     if len(by) < 2 or by[most] < needed:
         return []
     return [
@@ -237,7 +237,7 @@ def _speed_dependence(shots: Sequence[ShotFit]) -> Json:
             y.extend(kept[:, 1] - kept[:, 1].mean())
     across, up = np.array(x), np.array(y)
     spread = float(across @ across)
-    if across.size < CRITERIA.words.least_shots or spread < CRITERIA.words.least_speed_spread:
+    if across.size < CRITERIA.least_shots or spread == 0.0:
         return {"exponent": None, "u": None}
     exponent = float(across @ up) / spread
     left = float(np.sum((up - exponent * across) ** 2))
@@ -262,7 +262,7 @@ def _order(shots: Sequence[ShotFit]) -> Json:
         for shot in group
     }
     relative = [s.chi2_per_dof / mean[id(s)] for s in shots]
-    if len(shots) < CRITERIA.words.least_shots or np.ptp(relative) == 0.0:
+    if len(shots) < CRITERIA.least_shots or np.ptp(relative) == 0.0:
         return {"correlation": None, "p_value": None}
     found = spearmanr(np.arange(len(shots)), relative)
     return {"correlation": float(found.statistic), "p_value": float(found.pvalue)}

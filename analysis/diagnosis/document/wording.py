@@ -247,7 +247,7 @@ def heldout_sentences(diagnosis: Diagnosis, block: Json, problem: JointProblem) 
     ``block`` has the figures of that model. More is what `CRITERIA` calls a surplus of squares.
     """
     rms, held = block.get("rms_V"), block.get("heldout_rms_V")
-    surplus = CRITERIA.structure.surplus_share
+    surplus = CRITERIA.little
     if not diagnosis.leaves_noise or not rms or not held or held**2 <= (1.0 + surplus) * rms**2:
         return []
     quantities = {item.shot.quantity for item in problem.shots}
@@ -319,7 +319,7 @@ def _repair(begin: str, learned: Learned | None, before: FitResult) -> str:
     if learned is None or not before.heldout_rms or not learned.heldout_rms:
         return ""
     fold = before.heldout_rms / learned.heldout_rms
-    if fold < CRITERIA.words.heldout_fold:
+    if fold < CRITERIA.noticeable:
         return ""
     like = ", together with ".join(FAMILIES.get(f, f) for f, _ in learned.parts[:2])
     return f" {begin} {like}: with it the error on held-out shots falls {fold:.2g}-fold."
@@ -399,7 +399,7 @@ def noise_sentences(noise: NoiseModel, rate_hz: float) -> list[str]:
     }[kind]
     judged = "" if kind == "white" else "; the tests of residuals account for that"
     said = [f"The noise before the trigger {like}{judged}."]
-    far = CRITERIA.words.drift_ratio * noise.drift_expected_rms
+    far = CRITERIA.twice * noise.drift_expected_rms
     if noise.drift_rms is not None and noise.drift_rms > far:
         times = noise.drift_rms / noise.drift_expected_rms
         said.append(
@@ -426,7 +426,7 @@ def background_words(seen: Background | None) -> str:
             "Gaussian noise has 0"
         )
         if spikes.far:
-            far = CRITERIA.noise.far_deviations
+            far = CRITERIA.deviations
             chance = 2.0 * float(norm.sf(far)) * spikes.samples
             why = (
                 f"{spikes.far} of {spikes.samples} quiet samples lie beyond {far:g} standard "
@@ -451,7 +451,7 @@ def why_not(diagnosis: Diagnosis, step: Step, refit: Refit) -> str | None:
         return "not fitted to the end: its fit was far behind the others when those were continued"
     if refit.at_bound:
         return _not_physical(refit)
-    if refit.score() < CRITERIA.comparison.least_lead:
+    if refit.score() < CRITERIA.least_lead:
         cost = "number costs" if refit.parameters == 1 else f"{refit.parameters} numbers cost"
         return (
             f"it lowers the misfit by {max(refit.gain, 0.0):.3g}, less than its {cost} by chance "
@@ -481,7 +481,7 @@ def fitted_to_the_end(refit: Refit) -> bool:
 
     With its effect at nothing it fits as well; one that fits worse is still on its way from afar.
     """
-    return refit.gain > -CRITERIA.words.nested_shortfall
+    return refit.gain > -CRITERIA.no_difference
 
 
 def _not_physical(refit: Refit) -> str:
@@ -491,7 +491,7 @@ def _not_physical(refit: Refit) -> str:
             "it is not there before the trigger, or its sizes and phases are alike in all shots, "
             "but the mains are not synchronous with a drop"
         )
-    if refit.gain < CRITERIA.comparison.least_gain_per_shot * refit.own:
+    if refit.gain < CRITERIA.price_of_number * refit.own:
         return "every shot needs its own number, and these lower the misfit too little"
     outside = out_of_range(refit.problem, refit.fitted)
     if outside:
@@ -555,15 +555,15 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
 
     Shots are in order of time. Ranks only, so that neither a wild shot nor the law of the
     dependence matters: Kruskal-Wallis between materials, with a p-value below
-    ``CRITERIA.words.dependence_p_value``; Spearman's rank correlation with order and height, over
+    ``CRITERIA.p_value``; Spearman's rank correlation with order and height, over
     all shots and over each coupon's, of which the smallest p-value times their number is.
     """
     found = np.asarray(values, dtype=np.float64)
-    if found.size < CRITERIA.words.dependence_least_shots or np.ptp(found) == 0.0:
+    if found.size < CRITERIA.least_shots or np.ptp(found) == 0.0:
         return []
     coupons = np.array([s.shot.surface for s in shots])
     spheres = np.array([s.shot.sphere for s in shots])
-    said, largest_p = [], CRITERIA.words.dependence_p_value
+    said, largest_p = [], CRITERIA.p_value
     for what, names in (("coupon", coupons), ("sphere", spheres)):
         by_name = {name: found[names == name] for name in sorted(set(names.tolist()))}
         if len(by_name) > 1 and kruskal(*by_name.values()).pvalue <= largest_p:
@@ -585,12 +585,12 @@ def _along(
     found = []
     for where, group in groups.items():
         one, other = values[group], place[group]
-        enough = one.size >= CRITERIA.words.dependence_least_shots
+        enough = one.size >= CRITERIA.least_shots
         if enough and np.ptp(one) > 0.0 and np.ptp(other) > 0.0:
             correlation, p = map(float, spearmanr(one, other))
             found.append((p, correlation, where))
     p, correlation, where = min(found, key=lambda one: one[0], default=(1.0, 0.0, ""))
-    if p * len(groups) > CRITERIA.words.dependence_p_value:
+    if p * len(groups) > CRITERIA.p_value:
         return []
     turn = "rises" if correlation > 0.0 else "falls"
     return [f"{turn} {what}{where}, rank correlation {correlation:.2f}"]

@@ -86,7 +86,7 @@ def test_noise_prefers_no_set() -> None:
             values = size + rng.standard_normal(4) / np.sqrt(np.diag(known))
             some = sizes(values, known)
             lead = some.promise(some.candidates()[0]) - some.common(some.names)[1]
-            taken += lead > CRITERIA.comparison.least_lead
+            taken += lead > CRITERIA.least_lead
         assert taken / 2000 < 1e-3
 
 

@@ -189,7 +189,7 @@ def test_what_one_law_leaves_for_its_form_needs_no_second_effect(taped: Step) ->
     step = Step(taped.problem, taped.fitted)
     try_effects(step, taped.fitted, lambda stage, share: None)
     best = useful(step)[0]
-    assert best.score() > 5.0 * CRITERIA.comparison.least_lead
+    assert best.score() > 5.0 * CRITERIA.least_lead
     assert not Selection([step], []).on(best).needs_last
 
 

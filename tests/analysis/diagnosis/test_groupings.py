@@ -134,7 +134,7 @@ def test_a_thin_coupon_promises_something_to_first_order(tmp_path: Path) -> None
     base = joint.fit(problem, nuisances)
     tried = [p for p in proposals(problem)[0] if p.effect.id == "finite_thickness"]
     found = starts(linearise(problem, base, tried), tried)["finite_thickness"]
-    assert found[0].promised > CRITERIA.comparison.least_lead
+    assert found[0].promised > CRITERIA.least_lead
 
 
 @pytest.mark.slow

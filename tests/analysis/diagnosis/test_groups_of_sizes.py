@@ -35,7 +35,7 @@ def test_a_mode_hit_elsewhere_each_time_belongs_to_the_shots(tmp_path: Path) -> 
 
 def test_sizes_of_one_scatter_cost_what_they_could_have_been() -> None:
     """Their linearisation falls with the logarithm of what they take up."""
-    width = CRITERIA.comparison.price_of_number
+    width = CRITERIA.price_of_number
     assert price_of_scatter(0, 500.0) == 0.0
     assert price_of_scatter(50, 500.0) == pytest.approx(width + 50 * (1 + math.log(10.0)))
     # chance alone takes up one square a number, and must not pay

@@ -97,7 +97,7 @@ def test_a_pair_that_one_height_confuses_gets_a_drop_from_another(stories):
     told = json.loads(json.dumps(proposed.to_json(), allow_nan=False))
     assert told["separates"] == [TRUE, RIVAL]
     assert set(told) == {f.name for f in dataclasses.fields(NextDrop)}
-    enough = proposed.repeats * proposed.expected_distance**2 >= CRITERIA.next_drop.distance**2
+    enough = proposed.repeats * proposed.expected_distance**2 >= CRITERIA.deviations**2
     assert enough or proposed.repeats > 1  # repeats also sharpen the globals: less than in step
 
 

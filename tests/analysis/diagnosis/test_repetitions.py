@@ -186,4 +186,4 @@ def test_another_shape_is_told_as_no_gain_and_no_label(
 
 def test_the_threshold_is_that_of_a_campaign() -> None:
     """One rate of false alarms for the check at the rig and for the diagnosis."""
-    assert CRITERIA.structure.false_alarm_rate <= 0.01
+    assert CRITERIA.false_alarm_rate <= 0.01

@@ -63,7 +63,7 @@ def test_what_nine_shots_do_not_show_is_sought_on_all(tmp_path):
     problem, nuisances = with_start(build(campaign, model_named("kv2")))
     fitted = joint.fit(problem, nuisances)
     excess = fitted.cost - sum(item.data for item in problem.shots)
-    assert FEW / len(problem.shots) * excess < CRITERIA.search.curved_squares
+    assert FEW / len(problem.shots) * excess < CRITERIA.curved_squares
     present = PresentModel(problem, fitted, usual_place(problem, nuisances))
     found = ranked(present, proposals(problem)[0], lambda stage, share: None)
     assert found[0].effect_id == "stress_relaxation"
