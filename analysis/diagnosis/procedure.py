@@ -317,7 +317,7 @@ def _obeyed_base(
 def _mixed_base(step: Step) -> str | None:
     """Return the name of the default base without the laws that the records do not obey.
 
-    None where every such base leaves more than *comparison.mixed_left_share* of what the default
+    None where every such base leaves more than *little* of what the default
     and the paper's leave beyond the noise: effects of a rig make some of them fit better too, but
     by less. Asked of shots that stand for all, where these leave more than noise.
     """

@@ -21,13 +21,13 @@ SAFE_WAIT_S = 0.3
 class RelayBoard:
     """A valve on one serial port.
 
-    ``off_words`` switch the vacuum on whatever the board received before; they are sent when
+    ``off_command`` switches the vacuum on whatever the board received before; it is sent when
     nothing else works.
     """
 
-    def __init__(self, port: SerialPort, off_words: bytes) -> None:
+    def __init__(self, port: SerialPort, off_command: bytes) -> None:
         self._port = port
-        self._off_words = off_words
+        self._off_command = off_command
         self._lock = threading.RLock()
 
     def ensure_ready(self) -> None:
@@ -44,11 +44,11 @@ class RelayBoard:
             if self._port.is_open:
                 return
             self._port.open()
-            atexit.register(self._last_words)
+            atexit.register(self._send_off)
             try:
                 self._greet()
             except BaseException:
-                self._last_words()
+                self._send_off()
                 self._close_port()
                 raise
 
@@ -132,7 +132,7 @@ class RelayBoard:
             try:
                 return self._command(vacuum_on=vacuum_on)
             except BaseException:
-                self._last_words()
+                self._send_off()
                 raise
 
     def _line_held(self) -> DeviceTimeoutError:
@@ -150,11 +150,11 @@ class RelayBoard:
                 "The relay board's port is not open.", remedy="Call ensure_ready first."
             )
 
-    def _last_words(self) -> None:
+    def _send_off(self) -> None:
         """Send the safe command without waiting for anything; the error that led here counts."""
         with contextlib.suppress(DriverError):
-            self._port.write(self._off_words)
+            self._port.write(self._off_command)
 
     def _close_port(self) -> None:
         self._port.close()
-        atexit.unregister(self._last_words)
+        atexit.unregister(self._send_off)

@@ -55,8 +55,8 @@ class NumatoValve(RelayBoard):
     """The valve of `drivers.valve.Valve` on a Numato board."""
 
     def __init__(self, settings: NumatoSettings) -> None:
-        off_words = f"\rrelay off {settings.relay}\r".encode("ascii")
-        super().__init__(SerialPort(settings.port, settings.timeout_s), off_words)
+        off_command = f"\rrelay off {settings.relay}\r".encode("ascii")
+        super().__init__(SerialPort(settings.port, settings.timeout_s), off_command)
         self._settings = settings
         self._hurry = threading.Event()
         self._making_safe = threading.Lock()
@@ -107,17 +107,17 @@ class NumatoValve(RelayBoard):
     def _cut_in(self) -> None:
         self._hurry.set()
         if not self._lock.acquire(timeout=SAFE_WAIT_S):
-            self._port.write(self._off_words)
+            self._port.write(self._off_command)
             raise self._line_held()
         try:
             self._hurry.clear()
             if self._port.is_open:
                 # First the deed, then the proof: the board may take its time to answer.
-                self._port.write(self._off_words)
+                self._port.write(self._off_command)
                 self._out_of_step = True
                 self._command(vacuum_on=True)
         except BaseException:
-            self._last_words()
+            self._send_off()
             raise
         finally:
             self._lock.release()

@@ -4,8 +4,8 @@
 
     run -> rig_process   settings for the simulated rig; `impactd serve` as a process of its own
         -> drops         calibration and campaign over HTTP, shown as they happen
-        -> loop          the daemon's diagnosis of all drops; its model made the active one
-        -> outcome       the ladder HSD, KV, KV + what was found, beside the unsealed truth
+        -> diagnosis     the daemon's diagnosis of all drops; its model made the active one
+        -> outcome       the models HSD, KV, closed KV and what was found, beside the unsealed truth
            judgement     whether the verdict was right
         -> terminal      what is printed
         -> figures       trace.png, moduli.png

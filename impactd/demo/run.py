@@ -13,7 +13,7 @@ from rich.console import Console
 
 from drivers.simulated.truth import unseal
 from impactd.console.failure import Failure
-from impactd.demo import drops, loop, terminal
+from impactd.demo import diagnosis, drops, terminal
 from impactd.demo.outcome import Outcome, compare
 from impactd.demo.rig_process import MATERIALS_NAME, RigProcess, write_settings
 from impactd.rig.simulated import SEALED_NAME
@@ -86,9 +86,9 @@ def run_demo(
                 model: drops.fit_together(client, numbers, model, console)
                 for model in ("hsd", "kv")
             }
-            found = loop.diagnose(client, numbers, console, out / _DIAGNOSIS)
+            found = diagnosis.diagnose(client, numbers, console, out / _DIAGNOSIS)
             terminal.say_what_was_found(console, found["result"])
-            model = loop.activate(client, found)
+            model = diagnosis.activate(client, found)
             terminal.say_what_is_active(console, model)
 
     truth = unseal(out / _DATA / SEALED_NAME)

@@ -1,4 +1,4 @@
-"""The loop over HTTP: a diagnosis with its progress, and the model it accepted made active."""
+"""A diagnosis over HTTP, with its progress; the model that it accepted is made active."""
 
 from __future__ import annotations
 
