@@ -135,7 +135,10 @@ def tried_alone(
     """Return the effects that one material can have or feel, refitted where they act alone.
 
     The best few are fitted to all shots; the rest, behind them, explain what they would there.
+    Empty where these shots have no trace under what the others say.
     """
+    if apart.fitted.failed:
+        return []
     inner = PresentModel(apart.problem, apart.fitted, apart.usual, present.earlier)
     tried = [p for p in proposals(apart.problem)[0] if _can_be_felt_by_one(p.effect)]
     already = present.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
