@@ -166,7 +166,8 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
     """Return the verdict, and what it rests on."""
     selection, usual = _base(campaign, base or DEFAULT_BASE, told)
     if base is None and not selection.adequate:
-        selection, usual = _obeyed_base(campaign, selection, usual, told)
+        with contextlib.suppress(BudgetSpentError):
+            selection, usual = _obeyed_base(campaign, selection, usual, told)
     if tells_no_modulus(selection.last.problem, selection.last.fitted):
         told(MethodStep.STRUCTURE.told("no modulus can be told; what else do they show?"), 0.05)
     if selection.last.problem.model.kind == solver.HSD and not selection.adequate:

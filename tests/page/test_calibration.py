@@ -32,3 +32,24 @@ def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(calm_hands):
     page.locator(".chart .point").first.wait_for(state="attached")
     assert page.locator(".chart .point").count() == 1
     visitor.assert_clean()
+
+
+@pytest.mark.slow
+def test_an_aborted_calibration_says_who_ended_it_and_after_how_many_drops(slow_hands):
+    """Not that it goes on, nor that there is a sphere to load."""
+    visitor = slow_hands
+    page = visitor.page
+    visitor.sign_in()
+    visitor.go("Calibration")
+    page.locator("button[aria-disabled=false]").get_by_text("Start a calibration").click()
+    page.get_by_role("region", name="Calibration 1").get_by_text("0 of 8 drops done").wait_for()
+    page.locator("#light[data-light=busy]").wait_for()
+    page.get_by_role("button", name="Abort").click()
+    row = page.get_by_role("region", name="All calibrations").get_by_role("row").nth(1)
+    row.get_by_text("aborted by the operate").wait_for()
+    assert re.search(r"\b[01] drops?\b", row.inner_text())
+    assert row.locator(".badge").inner_text() == "aborted"
+    assert "so far" not in row.inner_text()
+    page.get_by_role("region", name="Calibration 1").wait_for(state="detached")
+    assert page.get_by_text("Load the next sphere").count() == 0
+    visitor.assert_clean()

@@ -79,6 +79,10 @@ def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     page.keyboard.press("Escape")
     page.locator(".instruction.bad").get_by_text("was aborted by").wait_for()
     page.locator("#light[data-light=ready]").wait_for()
+    told = page.locator("#notices .notice").all_inner_texts()
+    assert len([one for one in told if "aborted" in one]) == 1
+    assert len(set(told)) == len(told)
+    assert page.get_by_text("Load the").count() == 0
     assert _latest(visitor) == 1
     visitor.arm_and_drop()
     page.locator(".instruction").get_by_text("Load the sphere: acetal").wait_for()

@@ -7,6 +7,7 @@ drop say the same about which one it is, and each takes seconds.
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -81,7 +82,8 @@ def best_discrepancy(
     places = thinned(step.problem, MORE)
     if len(places) == len(step.problem.shots):
         return _best_by_now(_Trials(step, linearised.scale), gains, before, progress)
-    few = Step(*part_of(step.problem, step.fitted, places))
+    part, fitted = part_of(unwatched(step.problem), step.fitted, places)
+    few = Step(dataclasses.replace(part, checkpoint=step.problem.checkpoint), fitted)
     held = None if before is None else heldout_or_none(few.problem, few.fitted)
     best = _best_by_now(_Trials(few, linearised.scale), gains, held, progress)
     if best is None:

@@ -26,16 +26,20 @@ def small_campaign(
 
 
 def campaign_with(
-    folder: Path, effects: tuple[Effect, ...], rig: str = DEFAULT_RIG, seed: int = SEED
+    folder: Path,
+    effects: tuple[Effect, ...],
+    rig: str = DEFAULT_RIG,
+    seed: int = SEED,
+    repeats: int = 1,
 ) -> Campaign:
-    """Return eight shots with any effects, as read back from a campaign folder."""
+    """Return eight shots, or so many times eight, with any effects, as read back from a folder."""
     usual = CampaignSettings()
     settings = dataclasses.replace(
         usual,
         spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
         surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
         drop_heights_m=(0.0115, 0.0465),
-        repeats=1,
+        repeats=repeats,
         effects=effects,
         rig=rig,
     )

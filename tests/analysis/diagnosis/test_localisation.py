@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import pytest
 
@@ -17,6 +18,15 @@ from analysis.diagnosis.localisation import (
     locate,
     probabilities,
 )
+from analysis.diagnosis.progress import TimeBudget, Watch
+from analysis.diagnosis.selection import Step
+from analysis.fit import joint
+from analysis.fit.problem import build
+from analysis.fit.start import with_start
+from analysis.model.impact_model import model_named
+from drivers.simulated.effects import make_effect
+
+from .conftest import campaign_with
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +98,21 @@ def test_a_leaky_coupler_is_located_in_the_electronics(leaky):
     assert set(located.also) | {located.slot} >= {"electronics", "sensor"}
     assert located.probabilities["electronics"] == max(located.probabilities.values())
     assert abs(sum(located.probabilities.values()) - 1.0) < 1e-12
+
+
+@pytest.mark.parametrize("seconds", [1.0, 300.0])
+def test_of_many_shots_a_place_is_told_whenever_the_time_is_over(
+    tmp_path: Path, seconds: float
+) -> None:
+    """Discrepancies are chosen on some shots; that the time is over is no error there either."""
+    leaks = make_effect("coupler_highpass", {"time_constant_s": 5e-3})
+    problem, nuisances = with_start(
+        build(campaign_with(tmp_path, (leaks,), repeats=3), model_named("kv2"))
+    )
+    fitted = joint.fit(problem, nuisances)
+    over = Watch(budget=TimeBudget(seconds, iter(range(10**6)).__next__)).over(problem)
+    located = locate(Step(over, fitted), lambda stage, share: None)
+    assert {located.slot, *located.also} & {"electronics", "sensor"}
 
 
 def test_a_short_formula_holds_on_held_out_shots(leaky):

@@ -155,7 +155,7 @@ ABORTABLE = [
 
 @pytest.mark.parametrize("state", ABORTABLE, ids=lambda state: state.value)
 def test_an_abort_ends_a_drop_in_every_state(laboratory: Laboratory, state: State) -> None:
-    """Valve safe, drop aborted with who and when, and the next drop works."""
+    """Valve safe, aborted by whom, what to look at before the next drop, and that one works."""
     reached = threading.Event()
     machine = laboratory.service._loop.machine
 
@@ -179,7 +179,16 @@ def test_an_abort_ends_a_drop_in_every_state(laboratory: Laboratory, state: Stat
     assert reading is not None
     assert reading.volts > 1.0  # the pump is connected again
     assert laboratory.service.wait_ready(10.0)
+    look = "Look at the coupon first" in ended.problem.remedy
+    assert look or ended.problem.remedy == "The sphere was not released; request a new drop."
+    if state is not State.ARMED:  # where it is released at once
+        assert look == (state in {State.RELEASED, State.CAPTURING})
+    said = "drop 1 ended after its release: look at the coupon first" if look else ""
+    status = laboratory.service.status()
+    assert status.attention == said
+    assert said in status.sentence
     assert laboratory.drop().state == "stored"
+    assert laboratory.service.status().attention == ""
 
 
 def test_a_shot_that_is_being_stored_survives_an_abort(laboratory: Laboratory) -> None:

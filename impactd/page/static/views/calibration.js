@@ -110,13 +110,16 @@ function kindOf(one) {
   return one.finished_utc ? count : `${count} so far`;
 }
 
+/** Return how one ended: whoever pressed Abort reads that, and not that it failed. */
+const endOf = (one) => (one.problem?.type?.endsWith(":aborted") ? "aborted" : one.state);
+
 function showHistory(place, items) {
   fill(place, h("h2", { id: "history-title" }, "All calibrations"),
     items.length ? h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of calibrations" }, h("table", {},
       h("thead", {}, h("tr", {}, ["Number", "State", "Kind", "By", "When", "Valid until"].map((name) => h("th", { scope: "col" }, name)))),
       h("tbody", {}, items.map((one) => h("tr", {},
         h("th", { scope: "row" }, String(one.number)),
-        h("td", {}, h("span", { class: `badge ${stateBadge(one.state)}` }, one.state), one.problem && h("p", { class: "soft" }, one.problem.detail)),
+        h("td", {}, h("span", { class: `badge ${stateBadge(endOf(one))}` }, endOf(one)), one.problem && h("p", { class: "soft" }, one.problem.detail)),
         h("td", {}, kindOf(one)),
         h("td", {}, one.owner),
         h("td", {}, moment(one.requested_utc)),
