@@ -16,6 +16,7 @@ from impactd import blas_threads
 
 SCHEDULER = "scheduler"
 LOOK_EVERY_S = 0.2
+"""A choice: far shorter than a process takes to start."""
 _END_WITHIN_S = 10.0
 
 

@@ -50,13 +50,16 @@ CAMPAIGN = 54
 """Drops of a simulated campaign; sizes are multiples, so that all have the same mixture."""
 SIZES = (2 * CAMPAIGN, 20 * CAMPAIGN, 200 * CAMPAIGN)
 WORKERS = 2
+"""The fewest of which one can be killed; as many as this machine has cores."""
 MODELS = ("kv",)
 LEAST_SHOTS = 20 * CAMPAIGN
 """What a smaller archive is fitted again and again for: one round of it is two seconds."""
 GROWTH_GOAL = 1.10
+"""Processor time by shot of the largest over the smallest archive: a tenth is called flat."""
 MEMORY_GOAL_BYTES = 20e6
 """Far below the results of a large study, far above what an allocator rounds up."""
 WORKERS_WITHIN_S = 120.0
+"""A first start compiles the solver, a minute on a slow machine."""
 _POLL_S = 0.1
 
 

@@ -15,9 +15,11 @@ from impactd.console.failure import Failure
 from impactd.demo.drops import until
 
 SEARCH_S = 35.0
-"""How long a diagnosis may search here: the drops take a minute, and all of it at most two."""
+"""How long a diagnosis may search here. A choice: most of what has a name is named by then, and
+drops, fits and pages take twice as long themselves."""
 _DIAGNOSIS_LIMIT_S = 600.0
-"""When a diagnosis that does not end is given up; on shared cores its last step takes minutes."""
+"""When a diagnosis that does not end is given up: beside ten other programs it takes ten times
+as long."""
 _ENDED = ("done", "failed", "cancelled")
 
 

@@ -16,7 +16,8 @@ from impactd.diagnosis.repair import MEAN_WAVEFORM, is_repaired
 from impactd.diagnosis.unit import Unit
 
 LOG_FROM = 10.0
-"""Ratio of the largest error to the noise from which their axis is logarithmic."""
+"""Ratio of the largest error to the noise from which their axis is logarithmic. A choice: a
+tenth of an axis is the least that an eye reads."""
 
 
 def charts(document: Json, unit: Unit) -> dict[str, Json]:

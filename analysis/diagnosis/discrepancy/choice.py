@@ -17,7 +17,7 @@ import numpy as np
 
 from analysis.diagnosis.basis.families import Scale
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.discrepancy.fit import Learned, Part, learn, learn_force, on_top
+from analysis.diagnosis.discrepancy.fit import FORCE, Learned, Part, learn, learn_force, on_top
 from analysis.diagnosis.held_out import heldout_or_none
 from analysis.diagnosis.linearised import Linearised
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, unwatched
@@ -27,8 +27,6 @@ from analysis.diagnosis.successive_halving import MORE, part_of, thinned
 FORCES = ("elastic", "rate")
 FORCED = ("contact", "loss")
 """Families that stand for a free contact force."""
-FORCE = "force_"
-"""What its parts are called before their form."""
 ALSO = {"locked": "outline", "wander": "pieces"}
 """What is learned where a family explains much that has too many numbers, or too coarse ones."""
 REFINED = {

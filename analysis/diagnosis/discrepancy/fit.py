@@ -62,6 +62,8 @@ AGREED = 3e-4
 a sixth of what one discrepancy more must bring, see ``CRITERIA.heldout_change``."""
 SETTLE_STEPS = 4
 """Of the shots' own numbers, the shared ones held. Chosen by trial."""
+FORCE = "force_"
+"""What the parts of a free contact force are called before their form."""
 FORCE_WIDTH = 1.0
 """Prior standard deviation of a free force's coefficients: one is Hertz's own force once more."""
 FORCE_STEPS = 8
@@ -346,7 +348,7 @@ def learn_force(
         residual.append(item.window.signal - seen.signal)
     added = zip(wide.names, found.theta, strict=True)
     return Learned(
-        parts=tuple((f"force_{form}", scope) for form in forms),
+        parts=tuple((FORCE + form, scope) for form in forms),
         problem=wide,
         fitted=found,
         coefficients={

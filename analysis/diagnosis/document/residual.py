@@ -16,7 +16,7 @@ from scipy.stats import spearmanr
 
 from analysis.aliases import Array, Json
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.discrepancy.fit import Learned
+from analysis.diagnosis.discrepancy.fit import FORCE, Learned
 from analysis.diagnosis.document.before_and_after import said_before_and_after
 from analysis.diagnosis.document.wording import frequency, times_noise, two_digits
 from analysis.diagnosis.selection import Step
@@ -433,7 +433,7 @@ def _forces(learned: Learned) -> Json | None:
     The share is that of `analysis.effects.contact_closure`: a polynomial in u, times the rate
     unless it is elastic.
     """
-    forms = [f.removeprefix("force_") for f, _ in learned.parts if f.startswith("force_")]
+    forms = [f.removeprefix(FORCE) for f, _ in learned.parts if f.startswith(FORCE)]
     if not forms:
         return None
     # what was learned on top of the force has groups of its own
