@@ -267,13 +267,8 @@ class RigLoop:
     def _connect(self) -> None:
         self._tried_s = time.monotonic()
         try:
-            connect(self._rig)
-            self._rows.write_all()
-            self.watch.look_again()
-            self.watch.look()
-        except AbortedError:  # somebody aborts meanwhile: that is no fault, and it is tried again
-            self._rig.valve.ensure_safe()
-            return
+            if not self._unless_aborted(self._connect_and_look):
+                return  # that is no fault, and it is tried again
         except (DriverError, ArchiveError) as error:
             if self.ending.is_set():  # the shutdown stopped the devices: that is no fault
                 return
@@ -291,11 +286,18 @@ class RigLoop:
         self.tell_state()
         self._notify()
 
+    def _connect_and_look(self) -> None:
+        connect(self._rig)
+        self._rows.write_all()
+        self.watch.look_again()
+        self.watch.look()
+
     # While idle
 
     def _look(self) -> None:
         try:
-            self._look_or_make_safe()
+            if self._unless_aborted(self.watch.look):
+                self._silences = 0
         except DriverError as error:
             # One answer that came too late is a busy host; two in a row are a silent device.
             self._silences += 1
@@ -305,14 +307,16 @@ class RigLoop:
             doubt = Doubt.RETRY if found.doubt is Doubt.NONE else found.doubt
             self._doubt(Failure(found.problem, doubt))
 
-    def _look_or_make_safe(self) -> None:
+    def _unless_aborted(self, test: Callable[[], None]) -> bool:
+        """Test the devices and return True; where somebody aborts, make the rig safe instead."""
         try:
-            self.watch.look()
-            self._silences = 0
+            test()
         except AbortedError:
-            # Somebody aborts. If this thread held the valve's line for longer than an abort waits,
-            # the vacuum is on but unconfirmed, and the valve refuses all else until it is.
+            # If this thread held the valve's line for longer than an abort waits, the vacuum is on
+            # but unconfirmed, and the valve refuses all else until it is.
             self._rig.valve.ensure_safe()
+            return False
+        return True
 
     def _doubt(self, fault: Failure) -> None:
         """Go to FAULT; a drop that came in meanwhile is refused when its turn comes."""

@@ -24,6 +24,11 @@ _MEDIA_TYPES = {
 _TEXT = "text/plain; charset=utf-8"
 
 
+def manual_is_built() -> bool:
+    """Tell whether there is a manual to be served; without reading it."""
+    return (SITE / _LAST_WRITTEN).is_file()
+
+
 def guide_files() -> dict[str, PageFile]:
     """Return every file of the manual by its name below ``/guides/``; none where none was built."""
     try:

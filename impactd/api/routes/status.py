@@ -11,7 +11,7 @@ from impactd.api.answers import plain
 from impactd.api.arrivals import Arrivals
 from impactd.api.own_commands import SIGN_UP, as_typed_here
 from impactd.api.security import Limits, TheCaller, TheDaemon, is_local
-from impactd.guides.files import guide_files
+from impactd.guides.files import manual_is_built
 from impactd.wire.rig_answers import AbortAnswer, StatusAnswer
 
 router = APIRouter(prefix="/v1", tags=["rig"])
@@ -24,7 +24,7 @@ async def status(request: Request, daemon: TheDaemon) -> StatusAnswer:
     limits: Limits = request.app.state.limits
     found = await anyio.to_thread.run_sync(daemon.status, limiter=limits.status)
     here = as_typed_here(SIGN_UP, daemon.own_options).strip("`")
-    found["manual"] = bool(guide_files())
+    found["manual"] = manual_is_built()
     return StatusAnswer(**plain(found), token_command=here if is_local(request) else None)
 
 
