@@ -16,14 +16,15 @@ _SHOTS = "shots"
 def read_values(file: Path) -> dict[str, Any]:
     """Return the values: keys of ``campaign.json``, and ``shots`` by name. Raise RecordingError."""
     try:
-        values = json.loads(file.read_text(encoding="utf-8"))
+        values: Any = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError) as error:
         raise RecordingError(f"{file}:", f"cannot be read as JSON: {error}.") from error
-    if not isinstance(values, dict) or not isinstance(values.get(_SHOTS, {}), dict):
+    shots = values.get(_SHOTS, {}) if isinstance(values, dict) else None
+    if not isinstance(shots, dict) or not all(isinstance(one, dict) for one in shots.values()):
         raise RecordingError(
             f"{file}:", 'is no object of a campaign\'s keys with "shots" by their names.'
         )
-    return values
+    return dict(values)
 
 
 def state(campaign: Path, values: dict[str, Any], file: Path) -> None:

@@ -268,6 +268,7 @@ def test_what_was_measured_goes_into_the_campaign(
     [
         ("{", "cannot be read as JSON"),
         ("[]", "no object"),
+        ('{"shots": {"a hit 1": 0.03}}', "no object"),
         ('{"shots": {"b": {}}}', "no shot 'b'; the shots are a hit 1"),
         ('{"sphere": {}}', "spheres"),
         ('{"shots": {"a hit 1": {"drop_height_mm": 30}}}', "drop_height_m"),
