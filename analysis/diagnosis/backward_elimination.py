@@ -128,16 +128,26 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
     What could stand in for an effect is seen only beside all the others that act, and at its turn
     not all of them were known yet: each is taken as if it had been the last. Returns the selection,
     in which another effect may have taken a place, and by id the refits that the data cannot tell
-    from it.
+    from it. Where some of the shots were asked before, only what these left open is asked.
     """
-    if not selection.steps[-2].compared:
-        selection = held_against_others(selection)
+    left_open = selection.left_open
+
+    def others_of(taken: Refit) -> set[str] | None:
+        """Return the names to hold against one; None for all of its slot."""
+        return None if left_open is None else set(left_open.get(taken.effect_id, ()))
+
+    before = selection.steps[-2]
+    known = {r.effect_id for r in before.refits if r.on_all_shots}
+    unknown = (others_of(selection.chosen[-1]) or set()) - known
+    if unknown or not before.compared:
+        selection = held_against_others(selection, unknown if before.compared else None)
     near = _rivals(selection)
     for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
-        turned = _as_last(selection, taken)
+        asked = others_of(taken)
+        turned = None if asked is not None and not asked else _as_last(selection, taken)
         if turned is None:
             continue
-        held = held_against_others(turned)
+        held = held_against_others(turned, asked)
         if held.chosen[-1].effect_id != turned.chosen[-1].effect_id:
             selection = held
             near = {

@@ -15,7 +15,8 @@ from analysis.diagnosis.backward_elimination import (
 )
 from analysis.diagnosis.candidate import Refit
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.forward_selection import searched, try_effects, useful
+from analysis.diagnosis.each_alone import is_inside_shots
+from analysis.diagnosis.forward_selection import try_effects, useful
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
 from analysis.diagnosis.mistakes import Mistake, named_mistake
@@ -33,6 +34,7 @@ from analysis.diagnosis.progress import (
     unwatched,
 )
 from analysis.diagnosis.score_test import chance_of
+from analysis.diagnosis.search_on_part import left_open_on_part, searched_on_part
 from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import FEW, rank, thinned
 from analysis.diagnosis.uncertain_numbers import (
@@ -189,18 +191,20 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
         with contextlib.suppress(BudgetSpentError):
             selection = _with_what_shows(selection, usual)
     rest, usual_of_rest = selection, usual
-    if not selection.adequate:
+    inside = not selection.adequate and is_inside_shots(selection.last, usual)
+    if not (selection.adequate or inside):
         with contextlib.suppress(BudgetSpentError):
             rest, usual_of_rest, set_aside = _without_odd_shots(selection, usual, told)
     found = rest if rest.adequate else with_uncertain_numbers(rest)
-    if not rest.adequate or len(set_aside) > 1:  # one mistake is less than several odd shots
+    # one mistake is less than several odd shots
+    if not (rest.adequate or inside) or len(set_aside) > 1:
         with contextlib.suppress(BudgetSpentError):
             free = found if rest is selection else with_uncertain_numbers(selection)
             mistaken = _mistaken(selection, free, usual, told)
             if mistaken is not None:
                 return _beside(seen, mistaken)
     if not found.adequate:
-        found = searched(found, usual_of_rest, told)
+        found = searched_on_part(found, usual_of_rest, told)
     judged = _judge(found, rest, usual_of_rest, told)
     return dataclasses.replace(_beside(seen, judged), set_aside=set_aside)
 
@@ -302,14 +306,17 @@ def _obeyed_base(
     """
     mixed = _mixed_base(selection.last.problem)
     # one shot with a wrong label bends a few shots as another law would
-    if mixed is not None and without_odd_shots(selection.last, usual, told) is None:
+    if mixed is not None and (
+        is_inside_shots(selection.last, usual)
+        or without_odd_shots(selection.last, usual, told) is None
+    ):
         return _base(campaign, mixed, told)
     if 2 * count_as_noise(selection.last) > len(selection.last.problem.shots):
         return selection, usual
     for name in RINGING_BASES[1:]:
         problem, nuisances = with_start(_stated(campaign, name))
         fitted = joint.fit(problem, nuisances, max_iterations=FIRST_LOOK)
-        samples = sum(shot.white.size for shot in selection.last.linearised.shots)
+        samples = sum(item.data for item in selection.last.problem.shots)
         least = CRITERIA.least_lead * max(1.0, fitted.cost / samples)
         if not fitted.failed and selection.last.fitted.cost - fitted.cost > least:
             selection, usual = _base(campaign, name, told)
@@ -419,9 +426,14 @@ def _judge(
     if chosen and selection.adequate:
         progress(MethodStep.ON_TOP.told("holding every name against others"), 0.95)
         near: dict[str, list[Refit]] = {}
+        if selection.left_open is None:
+            selection.left_open = left_open_on_part(selection, progress)
         with contextlib.suppress(BudgetSpentError):
             selection, near = each_held_against_others(selection)
-        unheld = {} if progress.ended is None else not_held_against(selection)
+        unheld: dict[str, list[str]] = {}
+        if progress.ended is not None:
+            left_open = selection.left_open
+            unheld = not_held_against(selection) if left_open is None else left_open
         verdict = "family" if near or unheld else "identified"
         near = {name: [exact_refit(r) for r in rivals] for name, rivals in near.items()}
         exact = with_numbers_as_stated(selection, start)

@@ -106,6 +106,8 @@ class Selection:
 
     steps: list[Step]
     chosen: list[Refit]
+    left_open: dict[str, list[str]] | None = None
+    """By effect the names that a part of the shots left open; None where all are to be asked."""
 
     @property
     def last(self) -> Step:

@@ -77,9 +77,7 @@ def ranked(
     places, everything = thinned(present.problem, FEW), list(range(len(present.problem.shots)))
     chi2 = sum(b.chi2 for b in present.fitted.blocks)
     samples = sum(item.data for item in present.problem.shots)
-    # as much as so few shots have of it: their own squares scatter by as much
-    excess = (chi2 - samples) * len(places) / len(everything)
-    bent = excess > CRITERIA.curved_squares
+    bent = few_show_much(present.problem, present.fitted)
     far = chi2 > CRITERIA.far_squares_per_sample * samples
     if not bent:  # a few shots show too little of what is small, and slopes say all of it
         places = everything
@@ -141,6 +139,16 @@ def ranked(
         progress(step.told(what), share)
 
     return _later_rounds(present, best, Part(places, base), told, last, bent=bent, far=far)
+
+
+def few_show_much(problem: JointProblem, fitted: joint.Fitted) -> bool:
+    """Tell whether the few shots leave so much that slopes mislead there, and more are not needed.
+
+    As much as so few have of it by the mean of all: their own squares scatter by as much.
+    """
+    few, whole = len(thinned(problem, FEW)), len(problem.shots)
+    excess = sum(b.chi2 for b in fitted.blocks) - sum(item.data for item in problem.shots)
+    return excess * few / whole > CRITERIA.curved_squares
 
 
 def _leader_ended(
@@ -214,7 +222,7 @@ def rivals_refitted(
             and (at < INTO_LAST or lead - one.gain < CRITERIA.clear_lead)
         ]
         factor = len(whole) / len(places)
-        behind = [_scaled(one, factor) for one in found if all(one is not n for n in near)]
+        behind = [scaled(one, factor) for one in found if all(one is not n for n in near)]
 
         def on_all(one: Refit) -> Refit:
             """Return a refit on all shots."""
@@ -332,7 +340,7 @@ def _later_rounds(
     whole = len(problem.shots)
     factor = whole / len(part.places)
     first = sorted(best, key=lambda r: -_merit(r, factor))
-    behind = [_scaled(r, factor) for r in first[INTO_SECOND:]]
+    behind = [scaled(r, factor) for r in first[INTO_SECOND:]]
     second: list[Refit] = []
     more = thinned(problem, MORE if bent else whole)
     large, base_large = part_of(problem, fitted, more)
@@ -361,7 +369,7 @@ def _later_rounds(
         for at, one in enumerate(second)
         if at < INTO_LAST and _merit(one, factor) >= CRITERIA.half * lead
     ]
-    behind += [_scaled(one, factor) for one in second if all(one is not k for k in kept)]
+    behind += [scaled(one, factor) for one in second if all(one is not k for k in kept)]
 
     def on_all(one: Refit) -> Refit:
         """Return a refit on all shots, at its end."""
@@ -391,7 +399,7 @@ def one_form_each(refits: list[Refit]) -> list[Refit]:
     return list(found.values())
 
 
-def _scaled(found: Refit, factor: float) -> Refit:
+def scaled(found: Refit, factor: float) -> Refit:
     """Return a refit on a part of the shots with the gain that all would give."""
     own = round(found.own * factor)
     count = found.parameters - found.own + own

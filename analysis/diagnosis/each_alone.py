@@ -1,0 +1,67 @@
+"""Is the structure inside single shots? Each is fitted with a rig and materials of its own.
+
+A wrong label, height, mass or gain, and a shot that does not belong, change what shots share: a
+single shot still follows the model with other numbers. Where most shots do not, none of these is
+the reason, and nobody need ask for them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from functools import partial
+
+import numpy as np
+
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.one_material import part_of_shots
+from analysis.diagnosis.progress import unwatched
+from analysis.diagnosis.score_test import chance_of
+from analysis.diagnosis.selection import Step
+from analysis.diagnosis.successive_halving import FEW, thinned
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem
+
+OWN_U = 1.0
+"""Standard uncertainty of the logarithm of each shared number where a shot has it for itself: a
+factor of e, more than any label, unit or range of an amplifier is off by unseen."""
+MOST_STEPS = 20
+"""Of each fit. A choice of time: what has not come near by then counts as structure, and mistakes
+are asked for unless most shots have not."""
+
+
+def is_inside_shots(step: Step, usual: joint.Fitted) -> bool:
+    """Tell whether most shots leave structure even where each has a rig of its own.
+
+    Asked of shots that stand for all. ``usual`` is where the model would be without a record.
+    """
+    problem = unwatched(step.problem)  # short, and part of the base fit
+    places = thinned(problem, FEW)
+    left = list(problem.each(partial(_left_alone, problem, (step.fitted, usual)), places))
+    return sum(left) >= CRITERIA.half * len(places)
+
+
+def _left_alone(problem: JointProblem, begins: tuple[joint.Fitted, ...], place: int) -> bool:
+    """Tell whether a shot leaves more than noise, wherever its fit begins."""
+    part, kept = part_of_shots(problem, [place])
+    item = part.shots[0]
+    prior = item.speed_prior
+    if prior is not None:
+        item = dataclasses.replace(item, speed_prior=dataclasses.replace(prior, u=OWN_U))
+    most = item.data + chance_of(item.data)
+    for begin in begins:
+        free = dataclasses.replace(
+            part,
+            shots=[item],
+            prior_mean=begin.theta[kept],
+            prior_precision=np.eye(len(kept)) / OWN_U**2,
+        )
+        if _cost(free, begin, kept, place) <= most:
+            return False
+    return True
+
+
+def _cost(free: JointProblem, begin: joint.Fitted, kept: list[int], place: int) -> float:
+    fitted = joint.fit_to_compare(
+        free, begin.nuisances[[place]], theta=begin.theta[kept], max_iterations=MOST_STEPS
+    )
+    return np.inf if fitted.failed else fitted.cost

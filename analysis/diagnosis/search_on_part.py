@@ -1,0 +1,193 @@
+"""The search for names on a part of the shots, and what it finds carried to all of them.
+
+Repeats of a drop say the same about a model's form: what a third of the shots tells apart, all of
+them tell apart by three times as much. So names are searched for on shots that stand for all. What
+was found is then fitted to all shots and must leave noise there; only names that the part left open
+are compared once more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+from dataclasses import dataclass
+
+from analysis.diagnosis.backward_elimination import (
+    each_held_against_others,
+    held_against_others,
+    not_held_against,
+    revised,
+)
+from analysis.diagnosis.candidate import (
+    STEPS_FROM_NEAR,
+    Refit,
+    continued,
+    refit_elsewhere,
+    refitted,
+)
+from analysis.diagnosis.forward_selection import searched
+from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Watch, unwatched
+from analysis.diagnosis.selection import Selection, Step
+from analysis.diagnosis.successive_halving import (
+    MORE,
+    few_show_much,
+    part_of,
+    scaled,
+    thinned,
+)
+from analysis.fit import joint
+from analysis.fit.problem import JointProblem
+
+LEAST_SAVING = 2
+"""Times as many shots as the part has, from which the part is searched. A choice of time: what it
+finds is fitted twice."""
+
+Names = dict[str, list[str]]
+"""By effect, the names that cannot be told from it."""
+
+
+def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:
+    """Return the selection of named effects on all shots, or as much of it as the time allowed.
+
+    ``usual`` is the base model at what was known before any record. All shots are searched where
+    the part shows too little, and where they show more than what the part has named.
+    """
+    problem, fitted = start.last.problem, start.last.fitted
+    places = thinned(problem, MORE)
+    if not (_is_worth_it(problem, places) and few_show_much(problem, fitted)):
+        return searched(start, usual, progress)
+    part = _on_part(start.last, places)
+    begin = Selection([*start.steps[:-1], part], start.chosen)
+    if begin.adequate or start.last.compared:
+        return searched(start, usual, progress)
+    place = dataclasses.replace(usual, nuisances=usual.nuisances[places])
+    found = searched(begin, place, progress)
+    left_open: Names = {}
+    if found.adequate:
+        found, left_open = _held(found, progress)
+    whole = _on_all_shots(found, start, places, left_open)
+    if not found.adequate or whole.adequate or progress.ended is not None:
+        return whole
+    whole = _held_on_all_shots(whole)
+    return whole if whole.adequate else searched(whole, usual, progress)
+
+
+def left_open_on_part(selection: Selection, progress: Watch) -> Names | None:
+    """Return the names that a part of the shots cannot tell from those of a selection on all.
+
+    None where no part is worth it, or the time is over.
+    """
+    problem = selection.last.problem
+    places = thinned(problem, MORE)
+    if not _is_worth_it(problem, places):
+        return None
+    steps = [_on_part(one, places) for one in selection.steps]
+    chosen = []
+    for taken, before, after in zip(selection.chosen, steps[:-1], steps[1:], strict=True):
+        known = dataclasses.replace(taken, problem=after.problem, fitted=after.fitted)
+        if not taken.effect.replaces_base:  # that is held against nothing
+            known = refitted(known, before.problem, before.fitted)
+        chosen.append(known)
+    left_open = _held(Selection(steps, chosen), progress)[1]
+    return left_open if progress.ended is None else None
+
+
+def _is_worth_it(problem: JointProblem, places: list[int]) -> bool:
+    return len(problem.shots) >= LEAST_SAVING * len(places)
+
+
+def _on_part(step: Step, places: list[int]) -> Step:
+    """Return a step with the same model fitted to some of its shots, whatever the time."""
+    few, fitted = part_of(unwatched(step.problem), step.fitted, places)
+    watched = dataclasses.replace(few, checkpoint=step.problem.checkpoint)
+    return Step(watched, fitted, compared=step.compared)
+
+
+def _held(found: Selection, progress: Watch) -> tuple[Selection, Names]:
+    """Return a selection with its names held against others, and the names that stay open."""
+    progress(MethodStep.ON_TOP.told("holding every name against others"), 0.9)
+    near: dict[str, list[Refit]] = {}
+    with contextlib.suppress(BudgetSpentError):
+        found, near = each_held_against_others(found)
+    left_open = {} if progress.ended is None else not_held_against(found)
+    for taken, rivals in near.items():
+        names = {*left_open.get(taken, ()), *(r.effect_id for r in rivals)}
+        left_open[taken] = sorted(names)
+    return found, left_open
+
+
+@dataclass(frozen=True)
+class _Carried:
+    """Takes refits from a part of the shots to all of them, whatever the time."""
+
+    places: list[int]
+    part: Step
+    """The model that they extend, on the part."""
+    whole: Step
+    """The same on all shots."""
+
+    def on_all_shots(self, found: Refit) -> Refit:
+        """Return a refit on all shots."""
+        moved = refit_elsewhere(
+            found,
+            few=self.places,
+            many=list(range(len(self.whole.problem.shots))),
+            few_base=self.part.fitted,
+            base=self.whole.fitted,
+            problem=unwatched(self.whole.problem),
+            max_iterations=STEPS_FROM_NEAR,
+        )
+        watched = dataclasses.replace(moved.problem, checkpoint=self.whole.problem.checkpoint)
+        return dataclasses.replace(moved, problem=watched)
+
+    def to_its_end(self, found: Refit) -> Refit:
+        """Return a refit on all shots, as far as it goes in the time that is left."""
+        moved = self.on_all_shots(found)
+        if moved.fitted.converged:
+            return moved
+        with contextlib.suppress(BudgetSpentError):
+            return continued(self.whole.fitted, moved)
+        return moved
+
+
+def _on_all_shots(
+    found: Selection, start: Selection, places: list[int], left_open: Names
+) -> Selection:
+    """Return a selection that was found on a part of the shots, fitted to all of them.
+
+    What the part cannot tell from its last effect is fitted to all as well.
+    """
+    last = len(found.chosen) - 1
+    factor = len(start.last.problem.shots) / len(places)
+    selection = Selection(list(start.steps), list(start.chosen), left_open)
+    for at in range(len(start.chosen), len(found.chosen) + 1):
+        part, step = found.steps[at], selection.last
+        carried = _Carried(places, part, step)
+        names = left_open.get(found.chosen[at].effect_id, ()) if at == last else ()
+        near = [one for one in part.refits if one.effect_id in names]
+        step.refits = list(step.problem.each(carried.to_its_end, near))
+        step.refits += [scaled(one, factor) for one in part.refits if one.effect_id not in names]
+        step.refused, step.compared, step.unfinished = part.refused, part.compared, part.unfinished
+        if at <= last:
+            after = found.steps[at + 1]
+            taken = carried.on_all_shots(
+                dataclasses.replace(found.chosen[at], problem=after.problem, fitted=after.fitted)
+            )
+            ahead = Step(taken.problem, taken.fitted)
+            selection = Selection([*selection.steps, ahead], [*selection.chosen, taken], left_open)
+    return selection
+
+
+def _held_on_all_shots(selection: Selection) -> Selection:
+    """Return a selection whose last effect stands on all shots, in another form or name if need be.
+
+    A part of the shots may have left open which one it is.
+    """
+    left_open = selection.left_open or {}
+    with contextlib.suppress(BudgetSpentError):
+        before = Selection(selection.steps[:-1], selection.chosen[:-1])
+        selection = revised(before.on(selection.chosen[-1]))
+        names = left_open.get(selection.chosen[-1].effect_id)
+        if names:
+            selection = held_against_others(selection, set(names))
+    return selection
