@@ -19,7 +19,8 @@ from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.selection import Step
 from analysis.diagnosis.successive_halving import FEW, thinned
 from analysis.fit import joint
-from analysis.fit.problem import JointProblem
+from analysis.fit.problem import FitShot, JointProblem
+from analysis.fit.window import quiet_part
 
 OWN_U = 1.0
 """Standard uncertainty of the logarithm of each shared number where a shot has it for itself: a
@@ -47,7 +48,7 @@ def _left_alone(problem: JointProblem, begins: tuple[joint.Fitted, ...], place: 
     prior = item.speed_prior
     if prior is not None:
         item = dataclasses.replace(item, speed_prior=dataclasses.replace(prior, u=OWN_U))
-    most = item.data + chance_of(item.data)
+    most = (item.data + chance_of(item.data)) * _noisier_by(item)
     for begin in begins:
         free = dataclasses.replace(
             part,
@@ -58,6 +59,14 @@ def _left_alone(problem: JointProblem, begins: tuple[joint.Fitted, ...], place: 
         if _cost(free, begin, kept, place) <= most:
             return False
     return True
+
+
+def _noisier_by(item: FitShot) -> float:
+    """Return the power of a shot's own noise over that of all, at least 1: a gain scales it too."""
+    quiet = quiet_part(item.shot)
+    if quiet.size < CRITERIA.least_quiet_samples:
+        return 1.0
+    return max(1.0, float(np.mean(item.noise.whiten(quiet - quiet.mean()) ** 2)))
 
 
 def _cost(free: JointProblem, begin: joint.Fitted, kept: list[int], place: int) -> float:

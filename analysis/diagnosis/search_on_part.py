@@ -50,7 +50,8 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
     """Return the selection of named effects on all shots, or as much of it as the time allowed.
 
     ``usual`` is the base model at what was known before any record. All shots are searched where
-    the part shows too little, and where they show more than what the part has named.
+    the part shows too little, and on top of what it has named where they show more. What the best
+    names leave of the part in plenty, none of all shots explain.
     """
     problem, fitted = start.last.problem, start.last.fitted
     places = thinned(problem, MORE)
@@ -66,7 +67,8 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
     if found.adequate:
         found, left_open = _held(found, progress)
     whole = _on_all_shots(found, start, places, left_open)
-    if not found.adequate or whole.adequate or progress.ended is not None:
+    beyond_names = not found.adequate and few_show_much(found.last.problem, found.last.fitted)
+    if beyond_names or whole.adequate or progress.ended is not None:
         return whole
     whole = _held_on_all_shots(whole)
     return whole if whole.adequate else searched(whole, usual, progress)
