@@ -25,7 +25,7 @@ from analysis.diagnosis.candidate import (
     refit_elsewhere,
     refitted,
 )
-from analysis.diagnosis.forward_selection import searched
+from analysis.diagnosis.forward_selection import MAX_EFFECTS, searched
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Watch, unwatched
 from analysis.diagnosis.selection import Selection, Step
 from analysis.diagnosis.successive_halving import (
@@ -68,10 +68,24 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
         found, left_open = _held(found, progress)
     whole = _on_all_shots(found, start, places, left_open)
     beyond_names = not found.adequate and few_show_much(found.last.problem, found.last.fitted)
-    if beyond_names or whole.adequate or progress.ended is not None:
+    if beyond_names or _stands(whole) or progress.ended is not None:
         return whole
     whole = _held_on_all_shots(whole)
-    return whole if whole.adequate else searched(whole, usual, progress)
+    if _stands(whole):
+        return whole
+    if len(whole.chosen) == MAX_EFFECTS:
+        return Selection(whole.steps[:-1], whole.chosen[:-1])
+    return searched(whole, usual, progress)
+
+
+def _stands(selection: Selection) -> bool:
+    """Tell whether a selection leaves noise of all shots, as `forward_selection.select` asks it.
+
+    The last effect of as many as may be must do so with every law as it is written: a part of the
+    shots hardly shows what the others leave for their forms.
+    """
+    full = len(selection.chosen) == MAX_EFFECTS
+    return selection.settled if full else selection.adequate
 
 
 def left_open_on_part(selection: Selection, progress: Watch) -> Names | None:
