@@ -16,11 +16,14 @@ from pathlib import Path
 
 _LOADER = resources.files("impactd.reports").joinpath("charts.js").read_text(encoding="utf-8")
 
-SCRIPT_POLICY = (
-    f"script-src 'sha256-{base64.b64encode(hashlib.sha256(_LOADER.encode()).digest()).decode()}'"
-    " blob:"
+_LOADER_DIGEST = base64.b64encode(hashlib.sha256(_LOADER.encode()).digest()).decode()
+
+REPORT_POLICY = (
+    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
+    f"script-src 'sha256-{_LOADER_DIGEST}' blob:"
 )
-"""Of a content security policy: the loader by its digest, and what it unpacks."""
+"""Content security policy of a report, which is complete in itself: its styles, its pictures and
+the one script are inside, the loader known by its digest, with what it unpacks."""
 
 
 def with_library(page: str) -> str:

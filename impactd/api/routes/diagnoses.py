@@ -13,20 +13,13 @@ from impactd.api.routes.drops import begin_drop, environment_of, required_key
 from impactd.api.schemas import Key, Limit, Number
 from impactd.api.security import TheCaller, TheDaemon
 from impactd.daemon import Daemon
-from impactd.reports.charts import SCRIPT_POLICY, with_library
+from impactd.reports.charts import REPORT_POLICY, with_library
 from impactd.storage.drops import DropRequest
 from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.wire.answers import DropAnswer
 from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisPage
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
-
-REPORT_POLICY = (
-    "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'none'; "
-    + SCRIPT_POLICY
-)
-"""A report is complete in itself: its styles, its pictures and the one script are inside."""
-
 
 @router.post("", status_code=202)
 def request_diagnosis(

@@ -7,9 +7,9 @@ from fastapi.responses import RedirectResponse
 
 from impactd.api.problems import ProblemError
 from impactd.api.routes import page
-from impactd.api.routes.diagnoses import REPORT_POLICY
 from impactd.guides.files import DOWNLOADS, FIRST, guide_files
 from impactd.page.files import PageFile
+from impactd.reports.charts import REPORT_POLICY
 
 POLICY = page.POLICY.replace("form-action 'none'", "form-action 'self'")
 """As of the technician's page, and the field of the search may be sent to the manual."""

@@ -17,13 +17,13 @@ from fastapi.responses import HTMLResponse, StreamingResponse
 from impactd.api.answers import timestamp
 from impactd.api.finite import without_nan
 from impactd.api.problems import ProblemError
-from impactd.api.routes.diagnoses import REPORT_POLICY
 from impactd.api.schemas import Moment
 from impactd.api.security import TheDaemon
 from impactd.daemon import Daemon
 from impactd.moduli.control_chart import PairChart, trend
 from impactd.reports import selection
 from impactd.reports.campaign import campaign_page
+from impactd.reports.charts import REPORT_POLICY
 from impactd.storage.version import software
 from impactd.wire.results_answers import (
     ChartAnswer,

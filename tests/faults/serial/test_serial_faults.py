@@ -216,7 +216,7 @@ def _run_lcus(before: bytes, names: list[str]) -> None:
     terminal = RelayTerminal(world, "lcus")
     handle = os.open(terminal.port, os.O_RDWR | os.O_NOCTTY)
     os.write(handle, before)
-    valve = LcusValve(LcusSettings(terminal.port, timeout_s=0.5))
+    valve = LcusValve(LcusSettings(terminal.port, timeout_s=5.0))
     try:
         valve.ensure_ready()
         for name in names:
