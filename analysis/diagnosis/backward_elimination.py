@@ -16,7 +16,7 @@ from analysis.diagnosis.candidate import Refit, continued
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.one_material import MOST_STEPS
-from analysis.diagnosis.selection import Selection, Step
+from analysis.diagnosis.selection import OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import (
     MORE,
     lookalikes_refitted,
@@ -144,7 +144,7 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
     near = _rivals(selection)
     for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
         asked = others_of(taken)
-        turned = None if asked is not None and not asked else _as_last(selection, taken)
+        turned = _as_last(selection, taken) if asked is None or asked else None
         if turned is None:
             continue
         held = held_against_others(turned, asked)
@@ -266,7 +266,7 @@ def _rivals(selection: Selection) -> dict[str, list[Refit]]:
     return {taken.effect_id: near} if near else {}
 
 
-def not_held_against(selection: Selection) -> dict[str, list[str]]:
+def not_held_against(selection: Selection) -> OpenNames:
     """Return the names that could still stand in for those of a selection.
 
     Id to ids: those that fitted about as well, and those that nobody compared.

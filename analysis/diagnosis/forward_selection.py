@@ -27,12 +27,11 @@ from analysis.diagnosis.one_material import (
     without_each_material,
 )
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Progress, Watch
-from analysis.diagnosis.selection import Selection, Step
+from analysis.diagnosis.selection import MAX_EFFECTS, Selection, Step
 from analysis.diagnosis.successive_halving import PresentModel, one_form_each, rank, ranked
 from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 
-MAX_EFFECTS = 3
 FIRSTS_TRIED = 2
 """First effects that get a second one before the search gives up."""
 
@@ -186,8 +185,7 @@ def _continued(
 ) -> Iterator[Selection]:
     """Yield a selection with a second effect, and with a third where nearly nothing is left.
 
-    Each with the others asked again beside the new one. A third must leave noise with every law as
-    it is written, or it only names what the first two leave for their forms; unless it has made one
+    Each with the others asked again beside the new one. A third must stand, unless it has made one
     of these needless.
     """
     longer = _with_another(selection, usual, progress)
@@ -204,7 +202,7 @@ def _continued(
     if third is longer:
         return
     third = revised(third)
-    if third.settled or (third.adequate and len(third.chosen) <= len(longer.chosen)):
+    if third.stands:
         yield third
 
 

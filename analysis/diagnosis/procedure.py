@@ -35,7 +35,7 @@ from analysis.diagnosis.progress import (
 )
 from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.search_on_part import left_open_on_part, searched_on_part
-from analysis.diagnosis.selection import Selection, Step
+from analysis.diagnosis.selection import OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import FEW, rank, thinned
 from analysis.diagnosis.uncertain_numbers import (
     exact_refit,
@@ -80,7 +80,7 @@ class Diagnosis:
     """The effects that were added, in order."""
     rivals: dict[str, list[Refit]] = field(default_factory=dict)
     """For each effect chosen that has some, the refits that the data cannot tell from it."""
-    open_names: dict[str, list[str]] = field(default_factory=dict)
+    open_names: OpenNames = field(default_factory=dict)
     """For each effect that has some, the names it was not held against, as the time was over."""
     slot: str | None = None
     located: Located | None = None
@@ -430,7 +430,7 @@ def _judge(
             selection.left_open = left_open_on_part(selection, progress)
         with contextlib.suppress(BudgetSpentError):
             selection, near = each_held_against_others(selection)
-        unheld: dict[str, list[str]] = {}
+        unheld: OpenNames = {}
         if progress.ended is not None:
             left_open = selection.left_open
             unheld = not_held_against(selection) if left_open is None else left_open

@@ -25,9 +25,9 @@ from analysis.diagnosis.candidate import (
     refit_elsewhere,
     refitted,
 )
-from analysis.diagnosis.forward_selection import MAX_EFFECTS, searched
+from analysis.diagnosis.forward_selection import searched
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Watch, unwatched
-from analysis.diagnosis.selection import Selection, Step
+from analysis.diagnosis.selection import MAX_EFFECTS, OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import (
     MORE,
     few_show_much,
@@ -39,11 +39,8 @@ from analysis.fit import joint
 from analysis.fit.problem import JointProblem
 
 LEAST_SAVING = 2
-"""Times as many shots as the part has, from which the part is searched. A choice of time: what it
-finds is fitted twice."""
-
-Names = dict[str, list[str]]
-"""By effect, the names that cannot be told from it."""
+"""Times the part's shots that a campaign must have for the part to be searched. A choice of time:
+with fewer, the fit of what was found to all shots takes up what the search has saved."""
 
 
 def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> Selection:
@@ -55,40 +52,31 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
     """
     problem, fitted = start.last.problem, start.last.fitted
     places = thinned(problem, MORE)
-    if not (_is_worth_it(problem, places) and few_show_much(problem, fitted)):
+    enough = _is_worth_it(problem, places) and few_show_much(problem, fitted)
+    if start.last.compared or not enough:
         return searched(start, usual, progress)
     part = _on_part(start.last, places)
     begin = Selection([*start.steps[:-1], part], start.chosen)
-    if begin.adequate or start.last.compared:
+    if begin.adequate:
         return searched(start, usual, progress)
     place = dataclasses.replace(usual, nuisances=usual.nuisances[places])
     found = searched(begin, place, progress)
-    left_open: Names = {}
+    left_open: OpenNames = {}
     if found.adequate:
         found, left_open = _held(found, progress)
     whole = _on_all_shots(found, start, places, left_open)
     beyond_names = not found.adequate and few_show_much(found.last.problem, found.last.fitted)
-    if beyond_names or _stands(whole) or progress.ended is not None:
+    if beyond_names or whole.stands or progress.ended is not None:
         return whole
     whole = _held_on_all_shots(whole)
-    if _stands(whole):
+    if whole.stands:
         return whole
     if len(whole.chosen) == MAX_EFFECTS:
         return Selection(whole.steps[:-1], whole.chosen[:-1])
     return searched(whole, usual, progress)
 
 
-def _stands(selection: Selection) -> bool:
-    """Tell whether a selection leaves noise of all shots, as `forward_selection.select` asks it.
-
-    The last effect of as many as may be must do so with every law as it is written: a part of the
-    shots hardly shows what the others leave for their forms.
-    """
-    full = len(selection.chosen) == MAX_EFFECTS
-    return selection.settled if full else selection.adequate
-
-
-def left_open_on_part(selection: Selection, progress: Watch) -> Names | None:
+def left_open_on_part(selection: Selection, progress: Watch) -> OpenNames | None:
     """Return the names that a part of the shots cannot tell from those of a selection on all.
 
     None where no part is worth it, or the time is over.
@@ -119,7 +107,7 @@ def _on_part(step: Step, places: list[int]) -> Step:
     return Step(watched, fitted, compared=step.compared)
 
 
-def _held(found: Selection, progress: Watch) -> tuple[Selection, Names]:
+def _held(found: Selection, progress: Watch) -> tuple[Selection, OpenNames]:
     """Return a selection with its names held against others, and the names that stay open."""
     progress(MethodStep.ON_TOP.told("holding every name against others"), 0.9)
     near: dict[str, list[Refit]] = {}
@@ -167,7 +155,7 @@ class _Carried:
 
 
 def _on_all_shots(
-    found: Selection, start: Selection, places: list[int], left_open: Names
+    found: Selection, start: Selection, places: list[int], left_open: OpenNames
 ) -> Selection:
     """Return a selection that was found on a part of the shots, fitted to all of them.
 

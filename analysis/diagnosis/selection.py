@@ -29,6 +29,12 @@ from analysis.fit import joint
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
+MAX_EFFECTS = 3
+"""That a selection may name."""
+
+OpenNames = dict[str, list[str]]
+"""By effect, the names that cannot be told from it."""
+
 
 @dataclass
 class Step:
@@ -106,8 +112,8 @@ class Selection:
 
     steps: list[Step]
     chosen: list[Refit]
-    left_open: dict[str, list[str]] | None = None
-    """By effect the names that a part of the shots left open; None where all are to be asked."""
+    left_open: OpenNames | None = None
+    """What a part of the shots left open; None where all names are to be asked for."""
 
     @property
     def last(self) -> Step:
@@ -133,6 +139,14 @@ class Selection:
             return self.adequate
         exact, least = last.as_written, min(taken.gain for taken in self.chosen)
         return not exact.structured or exact.left < CRITERIA.nothing * least
+
+    @property
+    def stands(self) -> bool:
+        """Whether it has ended in noise, if it is full with every law as it is written.
+
+        The last of as many effects as may be else only names what the others leave for their forms.
+        """
+        return self.settled if len(self.chosen) == MAX_EFFECTS else self.adequate
 
     @property
     def needs_last(self) -> bool:

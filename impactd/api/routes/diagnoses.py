@@ -21,6 +21,7 @@ from impactd.wire.rig_answers import DiagnosisAnswer, DiagnosisPage
 
 router = APIRouter(prefix="/v1/diagnoses", tags=["diagnoses"])
 
+
 @router.post("", status_code=202)
 def request_diagnosis(
     body: DiagnosisBody,

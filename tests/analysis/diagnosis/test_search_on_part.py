@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -73,12 +72,3 @@ def test_where_a_part_shows_too_little_all_shots_are_searched(
     monkeypatch.setattr(search_on_part, "searched", noted)
     searched_on_part(selection, usual, Watch())
     assert asked == [54]
-
-
-@pytest.mark.parametrize(("effects", "settled", "stands"), [(2, False, True), (3, False, False)])
-def test_a_third_effect_must_leave_noise_of_all_shots_by_its_written_laws(
-    effects: int, settled: bool, stands: bool
-) -> None:
-    """A part hardly shows what two laws leave that are wrong by a little."""
-    found = SimpleNamespace(chosen=[None] * effects, adequate=True, settled=settled)
-    assert search_on_part._stands(found) is stands
