@@ -87,32 +87,58 @@ Fit = Callable[[Campaign], tuple[JointProblem, joint.Fitted]]
 def named_mistake(step: Step, fit_base: Fit, progress: Progress) -> Named | None:
     """Return the mistake without which only noise is left; None where there is none.
 
+    Names are asked where they can make the difference: not where shots of one condition differ in
+    time, as they have the same names.
+    """
+    tried = [_fitted(one, fit_base, progress) for one in _likeliest(step)]
+    found = _leaving_noise(tried)
+    if not (found and found[0][0].in_time and repeated_in_time(step.problem)):
+        tried += [_fitted(one, fit_base, progress) for one in _labels(step)]
+        found = _leaving_noise(tried)
+    if not found:
+        return None
+    best, again = found[0]
+    return Named(best, tuple(one for one, _ in found[1:]), again)
+
+
+def repeated_in_time(problem: JointProblem) -> bool:
+    """Tell whether early and late shots share a condition.
+
+    No effect of a rig and no name distinguishes these.
+    """
+    half = len(problem.shots) // 2
+    ordered = sorted(problem.shots, key=lambda item: item.frame.place)
+    early, late = ({item.condition for item in part} for part in (ordered[:half], ordered[half:]))
+    return bool(early & late)
+
+
+def _fitted(likely: Mistake, fit_base: Fit, progress: Progress) -> tuple[Mistake, Step]:
+    """Return a mistake with what it leaves, and the base fitted to the campaign without it."""
+    progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
+    problem, fitted = fit_base(likely.restated)
+    paid = CRITERIA.price_of_number * max(1, len(likely.parameters))
+    cost = cost_with_free_inputs(problem, fitted) + paid
+    return dataclasses.replace(likely, cost=cost), Step(problem, fitted)
+
+
+def _leaving_noise(tried: Sequence[tuple[Mistake, Step]]) -> list[tuple[Mistake, Step]]:
+    """Return the mistakes without which only noise is left, as far as they do about as well.
+
     The one that leaves the fewest squares is tested first. If its residual is not noise, neither is
     one with more squares.
     """
-    tried: list[tuple[Mistake, JointProblem, joint.Fitted]] = []
-    for likely in (*_likeliest(step), *_labels(step)):
-        progress(MethodStep.STRUCTURE.told(f"is it a mistake? {likely.id} of {likely.name}"), 0.08)
-        problem, fitted = fit_base(likely.restated)
-        paid = CRITERIA.price_of_number * max(1, len(likely.parameters))
-        cost = cost_with_free_inputs(problem, fitted) + paid
-        tried.append((dataclasses.replace(likely, cost=cost), problem, fitted))
     found: list[tuple[Mistake, Step]] = []
     enough = math.inf
-    for one, problem, fitted in sorted(tried, key=lambda way: way[0].cost):
+    for one, again in sorted(tried, key=lambda way: way[0].cost):
         if one.cost > enough:
             break
-        again = Step(problem, fitted)
         if again.impossible:
             continue
         if again.structured:
             break
         enough = min(enough, one.cost + CRITERIA.least_lead)
         found.append((one, again))
-    if not found:
-        return None
-    best, again = found[0]
-    return Named(best, tuple(one for one, _ in found[1:]), again)
+    return found
 
 
 def _labels(step: Step) -> list[Mistake]:

@@ -19,7 +19,7 @@ from analysis.diagnosis.each_alone import is_inside_shots
 from analysis.diagnosis.forward_selection import try_effects, useful
 from analysis.diagnosis.localisation import Located, locate
 from analysis.diagnosis.marginal_likelihood import Price
-from analysis.diagnosis.mistakes import Mistake, named_mistake
+from analysis.diagnosis.mistakes import Mistake, named_mistake, repeated_in_time
 from analysis.diagnosis.model_free import Shown, left_by_model, shown_by_records
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.next_drop import NextDrop, propose
@@ -34,7 +34,11 @@ from analysis.diagnosis.progress import (
     unwatched,
 )
 from analysis.diagnosis.score_test import chance_of
-from analysis.diagnosis.search_on_part import left_open_on_part, searched_on_part
+from analysis.diagnosis.search_on_part import (
+    left_open_on_part,
+    none_explains_part,
+    searched_on_part,
+)
 from analysis.diagnosis.selection import OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import FEW, rank, thinned
 from analysis.diagnosis.uncertain_numbers import (
@@ -222,9 +226,10 @@ def _mistaken(
     if named is None:
         return None
     as_good, compared = [], True
-    in_time = named.best.in_time and _repeated_in_time(selection.last.problem)
+    in_time = named.best.in_time and repeated_in_time(selection.last.problem)
     try:
-        if not (in_time or named.best.is_discrete):
+        alone = in_time or named.best.is_discrete
+        if not (alone or none_explains_part(free, usual, told)):
             try_effects(free.last, usual, told)
         for one in useful(free.last)[:1]:
             effect = free.on(one)
@@ -244,14 +249,6 @@ def _mistaken(
         mistakes=(named.best, *named.near),
         effects_as_good=tuple(as_good),
     )
-
-
-def _repeated_in_time(problem: JointProblem) -> bool:
-    """Tell whether early and late shots share a condition: no effect tells these apart."""
-    half = len(problem.shots) // 2
-    ordered = sorted(problem.shots, key=lambda item: item.frame.place)
-    early, late = ({item.condition for item in part} for part in (ordered[:half], ordered[half:]))
-    return bool(early & late)
 
 
 def _without_odd_shots(

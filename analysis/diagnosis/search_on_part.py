@@ -25,7 +25,7 @@ from analysis.diagnosis.candidate import (
     refit_elsewhere,
     refitted,
 )
-from analysis.diagnosis.forward_selection import searched
+from analysis.diagnosis.forward_selection import searched, try_effects, useful
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Watch, unwatched
 from analysis.diagnosis.selection import MAX_EFFECTS, OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import (
@@ -50,17 +50,13 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
     the part shows too little, and on top of what it has named where they show more. What the best
     names leave of the part in plenty, none of all shots explain.
     """
-    problem, fitted = start.last.problem, start.last.fitted
-    places = thinned(problem, MORE)
-    enough = _is_worth_it(problem, places) and few_show_much(problem, fitted)
-    if start.last.compared or not enough:
+    last = start.last
+    places = thinned(last.problem, MORE)
+    enough = not last.compared and few_show_much(last.problem, last.fitted)
+    begin = _begin_on_part(start, places) if enough else None
+    if begin is None:
         return searched(start, usual, progress)
-    part = _on_part(start.last, places)
-    begin = Selection([*start.steps[:-1], part], start.chosen)
-    if begin.adequate:
-        return searched(start, usual, progress)
-    place = dataclasses.replace(usual, nuisances=usual.nuisances[places])
-    found = searched(begin, place, progress)
+    found = searched(begin, _usual_of(usual, places), progress)
     left_open: OpenNames = {}
     if found.adequate:
         found, left_open = _held(found, progress)
@@ -74,6 +70,23 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
     if len(whole.chosen) == MAX_EFFECTS:
         return Selection(whole.steps[:-1], whole.chosen[:-1])
     return searched(whole, usual, progress)
+
+
+def none_explains_part(start: Selection, usual: joint.Fitted, progress: Watch) -> bool:
+    """Tell whether the best effect leaves structure of a part of the shots: then of all as well.
+
+    What each effect explains there is filled in, scaled to all shots. False where the part shows
+    noise, or is not worth a search.
+    """
+    places = thinned(start.last.problem, MORE)
+    begin = _begin_on_part(start, places)
+    if begin is None:
+        return False
+    try_effects(begin.last, _usual_of(usual, places), progress)
+    if any(begin.on(best).adequate for best in useful(begin.last)[:1]):
+        return False
+    _fill_in(start.last, begin.last, places, [])
+    return True
 
 
 def left_open_on_part(selection: Selection, progress: Watch) -> OpenNames | None:
@@ -98,6 +111,18 @@ def left_open_on_part(selection: Selection, progress: Watch) -> OpenNames | None
 
 def _is_worth_it(problem: JointProblem, places: list[int]) -> bool:
     return len(problem.shots) >= LEAST_SAVING * len(places)
+
+
+def _begin_on_part(start: Selection, places: list[int]) -> Selection | None:
+    """Return a selection on a part of the shots; None where that shows noise or saves no time."""
+    if not _is_worth_it(start.last.problem, places):
+        return None
+    begin = Selection([*start.steps[:-1], _on_part(start.last, places)], start.chosen)
+    return None if begin.adequate else begin
+
+
+def _usual_of(usual: joint.Fitted, places: list[int]) -> joint.Fitted:
+    return dataclasses.replace(usual, nuisances=usual.nuisances[places])
 
 
 def _on_part(step: Step, places: list[int]) -> Step:
@@ -162,16 +187,13 @@ def _on_all_shots(
     What the part cannot tell from its last effect is fitted to all as well.
     """
     last = len(found.chosen) - 1
-    factor = len(start.last.problem.shots) / len(places)
     selection = Selection(list(start.steps), list(start.chosen), left_open)
     for at in range(len(start.chosen), len(found.chosen) + 1):
         part, step = found.steps[at], selection.last
         carried = _Carried(places, part, step)
         names = left_open.get(found.chosen[at].effect_id, ()) if at == last else ()
         near = [one for one in part.refits if one.effect_id in names]
-        step.refits = list(step.problem.each(carried.to_its_end, near))
-        step.refits += [scaled(one, factor) for one in part.refits if one.effect_id not in names]
-        step.refused, step.compared, step.unfinished = part.refused, part.compared, part.unfinished
+        _fill_in(step, part, places, list(step.problem.each(carried.to_its_end, near)))
         if at <= last:
             after = found.steps[at + 1]
             taken = carried.on_all_shots(
@@ -180,6 +202,16 @@ def _on_all_shots(
             ahead = Step(taken.problem, taken.fitted)
             selection = Selection([*selection.steps, ahead], [*selection.chosen, taken], left_open)
     return selection
+
+
+def _fill_in(step: Step, part: Step, places: list[int], on_all: list[Refit]) -> None:
+    """Give a step what was tried on a part of its shots, some of it refitted on all."""
+    factor, names = len(step.problem.shots) / len(places), {one.effect_id for one in on_all}
+    step.refits = [
+        *on_all,
+        *(scaled(one, factor) for one in part.refits if one.effect_id not in names),
+    ]
+    step.refused, step.compared, step.unfinished = part.refused, part.compared, part.unfinished
 
 
 def _held_on_all_shots(selection: Selection) -> Selection:

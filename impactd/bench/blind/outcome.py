@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 from drivers.simulated.mistakes import MISTAKES, SINGLE_SHOT
 from impactd.aliases import Json
 from impactd.bench.blind.trial import Trial
@@ -30,7 +32,7 @@ def outcome(trial: Trial) -> str:
     Returns
     -------
     str
-        One of `OUTCOMES`. A first name that did not act is taken back where its confusion set
+        One of `OUTCOMES`. A name that did not act is taken back where its own confusion set
         holds the truth: the diagnosis said that it could be either. Not so an effect of the
         library where people made a mistake.
     """
@@ -46,17 +48,22 @@ def outcome(trial: Trial) -> str:
             return "unknown"
     strangers = [name for name in named if name not in wanted]
     missing = [name for name in wanted if name not in named]
-    shared = [name for name in missing if name in trial.confusable]
-    may_be_either = trial.mistake is None or any(name in RECORD for name in strangers[:1])
-    if may_be_either and shared and strangers and named[0] == strangers[0]:
-        strangers = strangers[1:]
-        missing.remove(shared[0])
+    for name in list(strangers):
+        shared = [other for other in missing if other in could_also_be(trial, name)]
+        if shared and (trial.mistake is None or name in RECORD):
+            strangers.remove(name)
+            missing.remove(shared[0])
     nothing_right = len(missing) == len(wanted) and len(missing_shots) == len(wanted_shots(trial))
     if strangers or (good_shots and nothing_right):
         return "wrong"
     if missing or missing_shots or good_shots:
         return "half"
-    return "family" if trial.confusable else "right"
+    return "family" if any(trial.confusable) else "right"
+
+
+def could_also_be(trial: Trial, name: str) -> list[str]:
+    """Return the confusion set of a name that was given, empty without one."""
+    return dict(zip(trial.named, trial.confusable, strict=False)).get(name, [])
 
 
 def wanted_names(trial: Trial) -> list[str]:
@@ -135,7 +142,10 @@ def names_all(trial: Trial) -> bool:
     """
     if wanted_shots(trial):
         return bool(trial.set_aside)
-    return bool(trial.named) and set(wanted_names(trial)) <= {*trial.named, *trial.confusable}
+    return bool(trial.named) and set(wanted_names(trial)) <= {
+        *trial.named,
+        *chain(*trial.confusable),
+    }
 
 
 def grouping_of(trial: Trial) -> str:

@@ -9,7 +9,13 @@ from drivers.simulated.mistakes import MISTAKES
 from impactd.aliases import Json
 from impactd.bench.blind.counting import Answer
 from impactd.bench.blind.interval import median
-from impactd.bench.blind.outcome import groups_right, is_detectable, names_all, outcome
+from impactd.bench.blind.outcome import (
+    could_also_be,
+    groups_right,
+    is_detectable,
+    names_all,
+    outcome,
+)
 from impactd.bench.blind.questions import answers
 from impactd.bench.blind.trial import Trial
 
@@ -150,5 +156,5 @@ def _said(trial: Trial) -> str:
     shots = ("set_aside",) if trial.set_aside else ()
     if not trial.named:
         return "+".join(shots) or trial.verdict
-    first = "|".join((trial.named[0], *sorted(trial.confusable)))
-    return "+".join((first, *trial.named[1:], *shots))
+    names = ("|".join((name, *sorted(could_also_be(trial, name)))) for name in trial.named)
+    return "+".join((*names, *shots))

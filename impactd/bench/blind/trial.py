@@ -94,7 +94,7 @@ class Trial:
     noise_true_V: float  # noqa: N815 - the contract writes units so in JSON
     verdict: str = "failed"
     named: list[str] = field(default_factory=list)
-    confusable: list[str] = field(default_factory=list)
+    confusable: list[list[str]] = field(default_factory=list)  # for each of ``named``
     acts_on: list[Json] | None = None  # of lines that were written before it was asked
     numbers: list[Json] = field(default_factory=list)
     slot: str | None = None
@@ -233,7 +233,7 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
     return {
         "verdict": "adequate" if bare and stated["verdict"] in NAMED else stated["verdict"],
         "named": [e["id"] for e in effects],
-        "confusable": [n for e in effects for n in e.get("confusable_with", [])],
+        "confusable": [e.get("confusable_with", []) for e in effects],
         "acts_on": [where(e) for e in effects],
         "numbers": [e.get("parameters", {}) for e in effects],
         "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),

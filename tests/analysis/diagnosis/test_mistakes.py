@@ -16,6 +16,7 @@ from analysis.diagnosis import mistakes
 from analysis.diagnosis.mistakes import Mistake, named_mistake
 from analysis.diagnosis.procedure import _base, _restated
 from analysis.diagnosis.progress import MethodStep, TimeBudget, Watch
+from analysis.diagnosis.search_on_part import none_explains_part
 from analysis.diagnosis.selection import Step
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.drops import draw_drops
@@ -201,6 +202,42 @@ def test_a_mistake_found_when_the_time_is_over_is_kept(clean: Campaign) -> None:
     assert found["verdict"] == "family"
     assert [one["id"] for one in found["effects"]] == ["wrong_mass"]
     assert "The time was over before it was compared with every effect." in found["sentence"]
+
+
+@pytest.mark.parametrize(("switched", "asked"), [(True, 0), (False, 1)])
+def test_names_are_asked_only_where_they_can_make_the_difference(
+    switched: bool, asked: int, clean: Campaign, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Shots of one condition have the same names before and after a switch."""
+    at = len(clean.shots) // 2
+    wrong = (
+        amplified(clean, lambda i: 0.8 if i >= at else 1.0) if switched else with_mass(clean, 1.2)
+    )
+    names: list[None] = []
+    monkeypatch.setattr(mistakes, "likely_labels", lambda _: names.append(None) or [])
+    found = named_mistake(
+        base_of(wrong), lambda restated: _restated(restated, "kv2", Watch()), lambda *_: None
+    )
+    assert found is not None
+    assert found.best.id == ("change_point" if switched else "wrong_mass")
+    assert len(names) == asked
+
+
+def test_effects_are_compared_on_a_part_of_the_shots(clean: Campaign) -> None:
+    """What the best of them leaves there, it leaves of all; what each explains is filled in."""
+    selection, usual = _base(with_mass(clean, 1.1), "kv2", Watch())
+    assert none_explains_part(selection, usual, Watch())
+    assert selection.last.compared
+    assert selection.last.refits
+    assert not any(r.on_all_shots for r in selection.last.refits)
+
+
+def test_an_effect_that_a_part_shows_is_fitted_to_all_shots(tmp_path: Path) -> None:
+    """An echo leaves noise of both."""
+    effect = make_effect("echo", {"delay_s": 2e-5, "ratio": 0.1})
+    selection, usual = _base(campaign(tmp_path, effect), "kv2", Watch())
+    assert not none_explains_part(selection, usual, Watch())
+    assert not selection.last.compared
 
 
 def test_an_effect_is_no_mistake(tmp_path: Path) -> None:

@@ -63,11 +63,11 @@ def test_a_diagnosis_has_a_word_for_every_mistake_but_one_bad_shot() -> None:
         ("wrong_mass", _said(verdict="failed"), "failed", False),
         (
             "wrong_mass",
-            _said(_record("wrong_radius", OF_ACETAL), confusable=["wrong_mass"]),
+            _said(_record("wrong_radius", OF_ACETAL), confusable=[["wrong_mass"]]),
             "family",
             False,
         ),
-        ("wrong_mass", _said(ADHESION, confusable=["wrong_mass"]), "wrong", False),
+        ("wrong_mass", _said(ADHESION, confusable=[["wrong_mass"]]), "wrong", False),
         (
             "wrong_radius",
             _said(_record("wrong_radius", OF_ACETAL), verdict="unknown"),

@@ -38,9 +38,20 @@ def test_a_trial_has_one_outcome(
 
 def test_a_confusion_set_that_holds_the_truth_is_the_right_family(a_trial: ATrial) -> None:
     """It was said that it could be either; a set without the truth is a wrong name."""
-    family = {"verdict": "family", "named": ["second_mode"], "confusable": ["echo"]}
+    family = {"verdict": "family", "named": ["second_mode"], "confusable": [["echo"]]}
     assert outcome(a_trial("echo", **family)) == "family"
     assert outcome(a_trial("adhesion", **family)) == "wrong"
+
+
+@pytest.mark.parametrize(
+    ("could_also_be", "judged"), [([["echo"], []], "wrong"), ([[], ["echo"]], "family")]
+)
+def test_each_name_of_a_pair_has_a_confusion_set_of_its_own(
+    a_trial: ATrial, could_also_be: list[list[str]], judged: str
+) -> None:
+    """A set says nothing of the other name."""
+    said = {"named": ["adhesion", "second_mode"], "confusable": could_also_be}
+    assert outcome(a_trial("adhesion", "echo", **said)) == judged
 
 
 def test_a_name_too_many_does_not_hide_that_all_were_named(a_trial: ATrial) -> None:
