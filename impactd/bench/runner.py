@@ -29,7 +29,7 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
     Parameters
     ----------
     json_out : Path or None
-        File that gets the figures as ``impactd-bench/1``.
+        File that gets the figures as ``impactd-bench/1``; ``-`` prints them instead of the table.
     only : list of str, optional
         Names out of `BENCHMARKS` and `LONG`; those of `BENCHMARKS` by default.
 
@@ -52,16 +52,20 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
     figures: dict[str, list[Figure]] = {}
     failed = False
     for name in names:
-        if console.is_terminal:
+        if console.is_terminal and json_out != Path("-"):
             console.print(f"[dim]{name} ...[/dim]")
         try:
             figures[name] = importlib.import_module(f"impactd.bench.{name}").measure()
         except Exception as error:  # one broken benchmark must not hide the others
             print(f"The benchmark '{name}' could not run: {error}", file=sys.stderr)
             failed = True
+    document = json.dumps(_document(figures), indent=2)
+    if json_out == Path("-"):
+        print(document)
+        return 1 if failed else 0
     console.print(_table(figures))
     if json_out is not None:
-        json_out.write_text(json.dumps(_document(figures), indent=2) + "\n")
+        json_out.write_text(document + "\n")
     return 1 if failed else 0
 
 

@@ -19,6 +19,8 @@ from impactd.console.options import (
     DecisionRule,
     Guard,
     Json,
+    JsonCommand,
+    JsonOut,
     Lower,
     Modulus,
     Of,
@@ -53,8 +55,9 @@ def _positive(seconds: float | None) -> float | None:
 
 def add_to(app: typer.Typer) -> None:
     """Add these commands."""
-    for command in (fit, budget, diagnose, effects):
-        app.command()(command)
+    for command in (fit, budget, diagnose):
+        app.command(cls=JsonCommand)(command)
+    app.command()(effects)
 
 
 def fit(  # noqa: PLR0917 - typer reads options from the parameters
@@ -73,9 +76,7 @@ def fit(  # noqa: PLR0917 - typer reads options from the parameters
             autocompletion=completions.models,
         ),
     ] = DEFAULT_BASE,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
-    ] = None,
+    json_out: JsonOut = None,
     identifiability: Annotated[
         bool,
         typer.Option(
@@ -131,9 +132,7 @@ def budget(  # noqa: PLR0917 - typer reads options from the parameters
             "--refits", metavar="N", help="Compare with N whole fits of redrawn records.", min=2
         ),
     ] = None,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the budgets here; - prints.")
-    ] = None,
+    json_out: JsonOut = None,
     report: Report = None,
     sign_with: SignWith = None,
     sign_certificate: SignCertificate = None,
@@ -197,9 +196,7 @@ def diagnose(  # noqa: PLR0917 - typer reads options from the parameters
             callback=_positive,
         ),
     ] = None,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the result here; - prints.")
-    ] = None,
+    json_out: JsonOut = None,
     report: Annotated[
         Path | None, typer.Option("--report", metavar="OUT.html", help="Write the report here.")
     ] = None,

@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from impactd.console import completions
-from impactd.console.options import Config, Data, Json, settings_of
+from impactd.console.options import Config, Data, Json, JsonCommand, JsonOut, settings_of
 
 # A daemon that ends holds the port until its last words are out, and a board that was reset takes a
 # second or two to come back on the bus. A third of the unit's TimeoutStopSec; the most that may be
@@ -22,8 +22,9 @@ MAKE_SAFE_WAIT_S = 10.0
 
 def add_to(app: typer.Typer) -> None:
     """Add these commands."""
-    for command in (serve, make_safe, demo, bench, doctor):
+    for command in (serve, make_safe, demo, doctor):
         app.command()(command)
+    app.command(cls=JsonCommand)(bench)
 
 
 def serve(
@@ -116,9 +117,7 @@ def bench(
             "refit, study, readers, coverage, blind: minutes.",
         ),
     ] = None,
-    json_out: Annotated[
-        Path | None, typer.Option("--json", metavar="OUT", help="Write the figures here.")
-    ] = None,
+    json_out: JsonOut = None,
     blind: Annotated[
         bool, typer.Option("--blind", help="Blind trials of the diagnosis; the same as NAME blind.")
     ] = False,

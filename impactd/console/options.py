@@ -9,8 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.core import TyperCommand
 
 if TYPE_CHECKING:
+    import click
+
     from impactd.settings.settings import Settings
     from impactd.storage.archive import Archive
 
@@ -24,6 +27,25 @@ Url = Annotated[
     ),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the answer as JSON.")]
+JsonOut = Annotated[
+    Path | None,
+    typer.Option(
+        "--json", metavar="[OUT]", help="Print the answer as JSON, or write it to a file."
+    ),
+]
+
+
+class JsonCommand(TyperCommand):
+    """A command with `JsonOut`: its ``--json`` without a file prints, as that of all others."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Take a last ``--json``, or one before another option, for ``--json -``."""
+        for at in reversed(range(len(args))):
+            if args[at] == "--json" and all(one.startswith("--") for one in args[at + 1 : at + 2]):
+                args.insert(at + 1, "-")
+        return super().parse_args(ctx, args)
+
+
 Csv = Annotated[
     Path | None,
     typer.Option("--csv", metavar="OUT.csv", help="Also write the numbers for a spreadsheet."),

@@ -98,6 +98,20 @@ def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     visitor.assert_clean()
 
 
+def test_a_good_shot_says_what_its_modulus_rests_on(visitor):
+    """On a rig whose cell was not calibrated, beside the advice and in no contradiction to it."""
+    page = visitor.page
+    visitor.sign_in()
+    number = _latest(visitor) + 1
+    visitor.choose("acetal", "polycarbonate", 25)
+    visitor.arm_and_drop()
+    visitor.shot(number)
+    advice = page.locator("[data-advice=use]").inner_text()
+    assert "Use: no check of this record failed." in advice
+    assert "The load cell was not calibrated: the modulus uses its certificate." in advice
+    visitor.assert_clean()
+
+
 @pytest.mark.slow
 def test_a_clipped_record_says_repeat_and_why(visitor):
     """The advice is in words, with what to do; the history shows it, too."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tests.page.conftest import TABLET, Visitor
 
-_HOPELESS_MS = 20_000  # machines are noisy; the goals are 1 s and 0.5 s
+_HOPELESS_MS = 20_000  # machines are noisy; the goals are 1 s, 0.5 s and 2 s
 
 _FIRST_PAINT = """() => performance.getEntriesByType('paint')
   .find((entry) => entry.name === 'first-contentful-paint').startTime"""
@@ -25,6 +25,38 @@ _DRAW = """async (number) => {
   place.remove();
   return { samples: trace.samples, fetch: fetched - begun, draw: ended - fetched };
 }"""
+_HEAR_OF_STORED = """() => {
+  const source = new EventSource('/v1/events');
+  window.stored = new Promise((heard) => source.addEventListener('drop.stored', () => {
+    source.close();
+    heard(performance.now());
+  }));
+}"""
+_SINCE_STORED = "async () => performance.now() - await window.stored"
+
+
+def test_a_modulus_is_on_the_screen_soon_after_the_impact(daemon, browser):
+    """Of warm drops; a record ends long after its impact, and the rig's clock runs fast here."""
+    visitor = Visitor(daemon, browser, size=TABLET)
+    page = visitor.page
+    visitor.sign_in()
+    took_ms = []
+    for _ in range(3):
+        visitor.go("Log")
+        visitor.go("Drop")
+        before = page.evaluate("fetch('/v1/shots').then((answer) => answer.json())")["items"]
+        number = before[0]["number"] + 1 if before else 1
+        visitor.choose("acetal", "polycarbonate", 25)
+        page.evaluate(_HEAR_OF_STORED)
+        visitor.arm_and_drop()
+        visitor.shot(number)
+        since_stored_ms = page.evaluate(_SINCE_STORED)
+        shot = page.evaluate(f"fetch('/v1/shots/{number}').then((answer) => answer.json())")
+        rest_ms = 1e3 * (shot["samples"] - shot["trigger_index"]) / shot["sample_rate_hz"]
+        took_ms.append(rest_ms + since_stored_ms)
+    print(f"\nmodulus shown after the impact: {', '.join(f'{one:.0f}' for one in took_ms)} ms")
+    assert min(took_ms) < _HOPELESS_MS
+    visitor.context.close()
 
 
 def test_the_page_is_there_at_once_and_draws_a_record_quickly(daemon, browser):

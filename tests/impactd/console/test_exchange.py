@@ -28,6 +28,13 @@ def fitted(small_campaign, tmp_path_factory):
     return json.loads((folder / "fit.json").read_text()), folder / "f.csv"
 
 
+@pytest.mark.parametrize("words", [["--json"], ["--json", "--model", "kv2"], ["--json", "-"]])
+def test_json_without_a_file_prints(run, small_campaign, fitted, words):
+    """Wherever it stands, as in every other command; with a file it writes there."""
+    printed = json.loads(run("fit", small_campaign, *words).stdout)
+    assert printed["moduli"] == fitted[0]["moduli"]
+
+
 def schema(run, name):
     """Return a schema as the command prints it."""
     return json.loads(run("schema", name).output)

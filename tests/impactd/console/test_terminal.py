@@ -13,6 +13,7 @@ import pytest
 
 from impactd.cli import app
 from impactd.console.calibrations import next_drop
+from impactd.console.options import JsonCommand
 from impactd.console.tables import WIDTH, table
 
 STEPS = (
@@ -82,7 +83,7 @@ def test_long_work_tells_its_steps_to_a_log():
 
 
 def test_every_command_speaks_json():
-    """Each command has --json, those that only group others excepted."""
+    """Each command has --json and needs no file for it, those that only group others excepted."""
     for command in (
         *app.registered_commands,
         *app.registered_groups[0].typer_instance.registered_commands,
@@ -90,6 +91,8 @@ def test_every_command_speaks_json():
         assert command.callback is not None
         parameters = command.callback.__annotations__
         assert {"as_json", "json_out"} & set(parameters), command.callback.__name__
+        prints = command.cls is JsonCommand or "as_json" in parameters
+        assert prints, f"{command.callback.__name__} --json needs a file"
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
