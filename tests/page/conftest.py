@@ -20,6 +20,7 @@ from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
 
 TABLET = {"width": 768, "height": 1024}
+SMALL_SCREEN = {"width": 1024, "height": 768}
 DESKTOP = {"width": 1440, "height": 900}
 PATIENCE_MS = int(os.environ.get("PATIENCE_MS", "200000"))
 """A busy host compiles for a minute before the first fit; less than a test's limit, so that what
@@ -174,18 +175,29 @@ def daemon(tmp_path_factory: pytest.TempPathFactory, chromium: str) -> Iterator[
         one.stop()
 
 
+def at_three_sizes(fixture: str) -> pytest.MarkDecorator:
+    """Run a test with a visitor on a tablet, and among the slow tests on two other screens."""
+    slow = pytest.mark.slow
+    sizes = (TABLET, pytest.param(SMALL_SCREEN, marks=slow), pytest.param(DESKTOP, marks=slow))
+    return pytest.mark.parametrize(
+        fixture, sizes, indirect=True, ids=("tablet", "small", "desktop")
+    )
+
+
 @pytest.fixture
-def visitor(daemon: Daemon, browser) -> Iterator[Visitor]:
-    """A fresh browser on a tablet."""
-    one = Visitor(daemon, browser, size=TABLET)
+def visitor(request: pytest.FixtureRequest, daemon: Daemon, browser) -> Iterator[Visitor]:
+    """A fresh browser, on a tablet unless a test asks for another size."""
+    one = Visitor(daemon, browser, size=getattr(request, "param", TABLET))
     yield one
     one.context.close()
 
 
 @pytest.fixture
-def slow_hands(tmp_path: Path, browser) -> Iterator[Visitor]:
+def slow_hands(request: pytest.FixtureRequest, tmp_path: Path, browser) -> Iterator[Visitor]:
     """A browser before a rig whose technician takes long, on a daemon of its own."""
-    with _visitor_of(tmp_path, browser, delay_s=60.0) as one:
+    with _visitor_of(
+        tmp_path, browser, delay_s=60.0, size=getattr(request, "param", DESKTOP)
+    ) as one:
         yield one
 
 
@@ -197,11 +209,13 @@ def calm_hands(tmp_path: Path, browser) -> Iterator[Visitor]:
 
 
 @contextmanager
-def _visitor_of(folder: Path, browser, *, delay_s: float) -> Iterator[Visitor]:
+def _visitor_of(
+    folder: Path, browser, *, delay_s: float, size: dict[str, int] = DESKTOP
+) -> Iterator[Visitor]:
     daemon = Daemon(folder, delay_s=delay_s)
     try:
         daemon.start()
-        one = Visitor(daemon, browser, size=DESKTOP)
+        one = Visitor(daemon, browser, size=size)
         yield one
         one.context.close()
     finally:

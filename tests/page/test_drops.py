@@ -6,6 +6,8 @@ import re
 
 import pytest
 
+from tests.page.conftest import at_three_sizes
+
 _AFTER_ONE = r"""() => {
   const card = document.querySelector('section[aria-label=Series]');
   const text = card ? card.innerText : '';
@@ -67,6 +69,7 @@ def test_a_series_tells_its_progress_and_ends_by_itself(calm_hands):
     visitor.assert_clean()
 
 
+@at_three_sizes("slow_hands")
 @pytest.mark.slow
 def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     """From another view, with the key or the button; nothing more is dropped, and it is told."""
@@ -98,6 +101,7 @@ def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     visitor.assert_clean()
 
 
+@at_three_sizes("visitor")
 def test_a_good_shot_says_what_its_modulus_rests_on(visitor):
     """On a rig whose cell was not calibrated, beside the advice and in no contradiction to it."""
     page = visitor.page
@@ -112,6 +116,7 @@ def test_a_good_shot_says_what_its_modulus_rests_on(visitor):
     visitor.assert_clean()
 
 
+@at_three_sizes("visitor")
 @pytest.mark.slow
 def test_a_clipped_record_says_repeat_and_why(visitor):
     """The advice is in words, with what to do; the history shows it, too."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.page.conftest import DESKTOP, TABLET, Visitor
+from tests.page.conftest import DESKTOP, SMALL_SCREEN, TABLET, Visitor
 
 axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="needs axe")
 
@@ -43,7 +43,7 @@ def serious(page) -> list[str]:
         (DESKTOP, "dark"),
         pytest.param(TABLET, "dark", marks=pytest.mark.slow),
         pytest.param(DESKTOP, "light", marks=pytest.mark.slow),
-        pytest.param({"width": 1024, "height": 768}, "light", marks=pytest.mark.slow),
+        pytest.param(SMALL_SCREEN, "light", marks=pytest.mark.slow),
     ],
 )
 def test_no_view_shuts_anybody_out(daemon, browser, size, scheme):
