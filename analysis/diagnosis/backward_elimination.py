@@ -136,11 +136,13 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
         """Return the names to hold against one; None for all of its slot."""
         return None if left_open is None else set(left_open.get(taken.effect_id, ()))
 
-    before = selection.steps[-2]
-    known = {r.effect_id for r in before.refits if r.on_all_shots}
-    unknown = (others_of(selection.chosen[-1]) or set()) - known
-    if unknown or not before.compared:
-        selection = held_against_others(selection, unknown if before.compared else None)
+    before, asked = selection.steps[-2], others_of(selection.chosen[-1])
+    if asked is not None:
+        asked -= {r.effect_id for r in before.refits if r.on_all_shots}
+    elif before.compared:
+        asked = set()
+    if asked is None or asked:
+        selection = held_against_others(selection, asked)
     near = _rivals(selection)
     for taken in [c for c in selection.chosen[:-1] if not c.effect.replaces_base]:
         asked = others_of(taken)
