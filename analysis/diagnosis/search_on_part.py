@@ -76,14 +76,15 @@ def none_explains_part(start: Selection, usual: joint.Fitted, progress: Watch) -
     """Tell whether the best effect leaves structure of a part of the shots: then of all as well.
 
     What each effect explains there is filled in, scaled to all shots. False where the part shows
-    noise, or is not worth a search.
+    noise, or too little for any effect to lead, or is not worth a search.
     """
     places = thinned(start.last.problem, MORE)
     begin = _begin_on_part(start, places)
     if begin is None:
         return False
     try_effects(begin.last, _usual_of(usual, places), progress)
-    if any(begin.on(best).adequate for best in useful(begin.last)[:1]):
+    best = useful(begin.last)[:1]
+    if not best or begin.on(best[0]).adequate:
         return False
     _fill_in(start.last, begin.last, places, [])
     return True

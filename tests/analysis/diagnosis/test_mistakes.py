@@ -232,9 +232,18 @@ def test_effects_are_compared_on_a_part_of_the_shots(clean: Campaign) -> None:
     assert not any(r.on_all_shots for r in selection.last.refits)
 
 
-def test_an_effect_that_a_part_shows_is_fitted_to_all_shots(tmp_path: Path) -> None:
-    """An echo leaves noise of both."""
-    effect = make_effect("echo", {"delay_s": 2e-5, "ratio": 0.1})
+@pytest.mark.parametrize(
+    "effect",
+    [
+        make_effect("echo", {"delay_s": 2e-5, "ratio": 0.1}),
+        make_effect("release_speed_bias", {"height_offset_m": -3.6e-4}),
+    ],
+    ids=["leaves noise of a part", "leads on all shots only"],
+)
+def test_an_effect_that_may_explain_all_is_fitted_to_all_shots(
+    effect: Effect, tmp_path: Path
+) -> None:
+    """A part decides only against what leads there and leaves structure."""
     selection, usual = _base(campaign(tmp_path, effect), "kv2", Watch())
     assert not none_explains_part(selection, usual, Watch())
     assert not selection.last.compared
