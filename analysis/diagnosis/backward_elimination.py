@@ -14,6 +14,7 @@ from analysis.diagnosis.basis.form_error import discrepancy
 from analysis.diagnosis.basis.proposals import can_be_tried
 from analysis.diagnosis.candidate import Refit, continued
 from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forms import forms_as_good
 from analysis.diagnosis.linearised import linearise
 from analysis.diagnosis.one_material import MOST_STEPS
 from analysis.diagnosis.selection import OpenNames, Selection, Step
@@ -159,6 +160,22 @@ def each_held_against_others(selection: Selection) -> tuple[Selection, dict[str,
             }
         near |= _rivals(held)
     return selection, near
+
+
+def forms_not_told_apart(selection: Selection) -> dict[str, list[Refit]]:
+    """Return by effect the other forms of its law that the data do not tell from the one taken."""
+    found = {}
+    for taken in selection.chosen:
+        if taken.effect.replaces_base:
+            continue
+        last = taken is selection.chosen[-1]
+        turned = selection if last else _as_last(selection, taken)
+        if turned is not None:
+            step = turned.steps[-2]
+            forms = forms_as_good(step.problem, step.fitted, turned.chosen[-1])
+            if forms:
+                found[taken.effect_id] = forms
+    return found
 
 
 def _as_last(selection: Selection, taken: Refit) -> Selection | None:

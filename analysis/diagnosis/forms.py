@@ -21,7 +21,8 @@ from analysis.diagnosis.candidate import (
     fitted_coordinate,
     refitted,
 )
-from analysis.diagnosis.successive_halving import better_on_part
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.successive_halving import MORE, better_on_part, refit_of_part, thinned
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -42,11 +43,40 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     fitted to all, where it must be ahead again. ``found`` itself where no other form does better,
     or its numbers belong to single shots.
     """
+    forms = _forms_of(problem, found)
+    if not forms:
+        return found
+
+    def of_forms(few: JointProblem, few_base: joint.Fitted, known: Refit) -> Refit:
+        """Return the refit in the best form on some shots."""
+        return max((known, *_in_forms(forms, few, few_base, known)), key=Refit.score)
+
+    return better_on_part(problem, base, found, of_forms)
+
+
+def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> list[Refit]:
+    """Return the other forms that shots which stand for all do not tell from the refit's own.
+
+    Each is fitted to these shots. The numbers of two forms may differ by a factor.
+    """
+    forms = [form for form in _forms_of(problem, found) if form.id != found.effect.id]
+    if not forms:
+        return []
+    few, few_base, known = refit_of_part(problem, base, found, thinned(problem, MORE))
+    others = _in_forms(forms, few, few_base, known)
+    return [one for one in others if known.score() - one.score() < CRITERIA.least_lead]
+
+
+def _forms_of(problem: JointProblem, found: Refit) -> list[Effect]:
+    """Return the forms of an effect that can be fitted from another's best, its own in valleys.
+
+    None where its numbers belong to single shots.
+    """
     entry = library()[found.effect_id]
     scopes = [p.scope for p in found.effect.parameters]
     if not scopes or "shot" in scopes:
-        return found
-    forms = [
+        return []
+    return [
         form
         for form in (entry, *entry.variants)
         if (form.id != found.effect.id or any(p.valleys for p in form.parameters))
@@ -55,20 +85,18 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
         and not form.by_name
         and problem.model.base in form.bases
     ]
-    if not forms:
-        return found
 
-    def of_forms(few: JointProblem, few_base: joint.Fitted, known: Refit) -> Refit:
-        """Return the refit in the best form on some shots."""
 
-        def in_form(form: Effect) -> Refit:
-            """Return the refit in another form."""
-            return _in_form(_grouped_as(form, found.effect), few, few_base, known)
+def _in_forms(
+    forms: list[Effect], problem: JointProblem, base: joint.Fitted, known: Refit
+) -> list[Refit]:
+    """Return an effect's refits in other forms, but for those out of their range."""
 
-        others = few.each(in_form, forms)
-        return max((known, *(o for o in others if not o.at_bound)), key=Refit.score)
+    def in_form(form: Effect) -> Refit:
+        """Return the refit in another form."""
+        return _in_form(_grouped_as(form, known.effect), problem, base, known)
 
-    return better_on_part(problem, base, found, of_forms)
+    return [one for one in problem.each(in_form, forms) if not one.at_bound]
 
 
 def _grouped_as(form: Effect, like: Effect) -> Effect:
@@ -89,11 +117,10 @@ def _starts(form: Effect, found: Refit) -> list[tuple[float, ...]]:
     for parameter in form.parameters:
         shared = fitted_coordinate(found, parameter.name)
         usual = [top * s for s in parameter.peak_starts] or list(parameter.starts)
-        if shared is not None and parameter.valleys:
-            value = parameter.value(shared)
+        if shared is not None:
+            like = next(p for p in found.effect.parameters if p.name == parameter.name)
+            value = parameter.value(shared) * parameter.like_entry / like.like_entry
             lists.append([parameter.coordinate(value * v) for v in (1.0, *parameter.valleys)])
-        elif shared is not None:
-            lists.append([shared])
         elif parameter.threshold:
             low, high = math.log(parameter.low), math.log(max(usual))
             dense = np.exp(np.linspace(low, high, FINER * len(usual)))

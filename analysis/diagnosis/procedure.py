@@ -10,6 +10,7 @@ from analysis.base_models import DEFAULT_BASE, RINGING_BASES
 from analysis.campaign import Campaign
 from analysis.diagnosis.backward_elimination import (
     each_held_against_others,
+    forms_not_told_apart,
     held_against_others,
     not_held_against,
 )
@@ -84,6 +85,9 @@ class Diagnosis:
     """The effects that were added, in order."""
     rivals: dict[str, list[Refit]] = field(default_factory=dict)
     """For each effect chosen that has some, the refits that the data cannot tell from it."""
+    forms_as_good: dict[str, list[Refit]] = field(default_factory=dict)
+    """For each effect chosen that has some, other forms of its law that the data cannot tell from
+    the one taken, fitted to a part of the shots."""
     open_names: OpenNames = field(default_factory=dict)
     """For each effect that has some, the names it was not held against, as the time was over."""
     slot: str | None = None
@@ -423,10 +427,12 @@ def _judge(
     if chosen and selection.adequate:
         progress(MethodStep.ON_TOP.told("holding every name against others"), 0.95)
         near: dict[str, list[Refit]] = {}
+        forms: dict[str, list[Refit]] = {}
         if selection.left_open is None:
             selection.left_open = left_open_on_part(selection, progress)
         with contextlib.suppress(BudgetSpentError):
             selection, near = each_held_against_others(selection)
+            forms = forms_not_told_apart(selection)
         unheld: OpenNames = {}
         if progress.ended is not None:
             left_open = selection.left_open
@@ -435,7 +441,7 @@ def _judge(
         near = {name: [exact_refit(r) for r in rivals] for name, rivals in near.items()}
         exact = with_numbers_as_stated(selection, start)
         slot = exact.chosen[0].effect.slot
-        return Diagnosis(verdict, exact.steps, exact.chosen, near, unheld, slot)
+        return Diagnosis(verdict, exact.steps, exact.chosen, near, forms, unheld, slot)
     crystal = [c for c in chosen if c.effect.replaces_base]
     rest = chosen[len(crystal) :]
     standing = _standing(steps[len(crystal) :], rest)

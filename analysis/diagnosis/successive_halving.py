@@ -446,6 +446,16 @@ def part_of(
     )  # fmt: skip
 
 
+def refit_of_part(
+    problem: JointProblem, base: joint.Fitted, found: Refit, places: list[int]
+) -> tuple[JointProblem, joint.Fitted, Refit]:
+    """Return a part of the shots, the model without an effect fitted to it, and the one with it."""
+    few, few_base = part_of(problem, base, places)
+    larger, fitted = part_of(found.problem, found.fitted, places)
+    known = dataclasses.replace(found, problem=larger, fitted=fitted)
+    return few, few_base, refitted(known, few, few_base)
+
+
 def better_on_part(
     problem: JointProblem,
     base: joint.Fitted,
@@ -458,9 +468,7 @@ def better_on_part(
     these shots, and returns that refit where it finds nothing better.
     """
     places = thinned(problem, MORE)
-    few, few_base = part_of(problem, base, places)
-    larger, fitted = part_of(found.problem, found.fitted, places)
-    known = refitted(dataclasses.replace(found, problem=larger, fitted=fitted), few, few_base)
+    few, few_base, known = refit_of_part(problem, base, found, places)
     best = search(few, few_base, known)
     if best is known:
         return found

@@ -26,6 +26,7 @@ static pulls.
 Scope: the surface's: a tacky coupon is what makes it visible at all (10 mN on 10 N otherwise).
 """
 
+import dataclasses
 import math
 
 from numba import njit
@@ -81,18 +82,16 @@ def _most(values: Values, context: ShotContext) -> float:
     return 4 * math.pi * max(values["surface_energy_j_per_m2"], 0.0) * context.known("radius_m")
 
 
-_PARAMETERS = (
-    EffectParameter(
-        "surface_energy_j_per_m2",
-        "J/m^2",
-        "surface",
-        "linear",
-        1.0,
-        0.0,
-        20.0,
-        (0.3,),
-        "gamma, half the work of adhesion",
-    ),
+_GAMMA = EffectParameter(
+    "surface_energy_j_per_m2",
+    "J/m^2",
+    "surface",
+    "linear",
+    1.0,
+    0.0,
+    20.0,
+    (0.3,),
+    "gamma, half the work of adhesion",
 )
 
 EFFECT = Effect(
@@ -102,7 +101,7 @@ EFFECT = Effect(
     tell_tale="tension at touch-down and lift-off; invisible unless tacky",
     source="Derjaguin, Muller & Toporov 1975",
     validation="DOP853; static pull",
-    parameters=_PARAMETERS,
+    parameters=(_GAMMA,),
     needs=("radius_m",),
     contact=_term,
     pack=lambda v, c: (
@@ -120,7 +119,7 @@ EFFECT = Effect(
             tell_tale="tension at touch-down and lift-off that eases with depth",
             source="Johnson, Kendall & Roberts 1971",
             validation="DOP853; static pull",
-            parameters=_PARAMETERS,
+            parameters=(dataclasses.replace(_GAMMA, like_entry=2.0),),
             needs=("radius_m",),
             contact=_jkr,
             pack=_pack_jkr,

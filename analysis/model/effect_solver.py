@@ -79,6 +79,8 @@ _RATE_TOLERANCE = 1e-11
 """Of the impact speed: how well the indentation rate on a receding ground is solved for."""
 
 
+_ROUNDING = 1e-14
+"""Of a fourth power of a fourth root, and more."""
 _FLOOR = 1e-6
 """Of its scale of depth (to the fourth root), where a force over y is taken for its limit."""
 _MOST_CORRECTIONS = 60
@@ -109,6 +111,8 @@ def _forces(work, row, k, y3, K, cd, mobility, reach, v0, count, terms, packed):
     u = load(work, row + _U)
     delta = y * y * y * y - reach
     if reach != 0.0:
+        if abs(delta) < _ROUNDING * reach:  # at touch-down, and its fourth root would be felt
+            delta = 0.0
         y = math.sqrt(math.sqrt(max(delta, 0.0)))
     elastic = K * y * y * y * y * y * y
     drag = cd * y

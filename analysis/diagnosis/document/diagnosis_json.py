@@ -19,6 +19,7 @@ from analysis.diagnosis.document.moduli_stated import (
     family_members,
     is_noise_without_statements,
     widen_over_family,
+    widen_over_forms,
     withhold_sought,
     without_uncertainty,
 )
@@ -86,6 +87,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         wording.verdict_sentence(
             diagnosis, before, after, wording.moved_moduli(base["moduli"], stated["moduli"])
         ),
+        *wording.form_sentences(diagnosis),
         *wording.heldout_sentences(diagnosis, stated, free_after.problem),
         *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
         *_on_moduli(stated, free_after),
@@ -305,6 +307,8 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
     elif after.shots:
         every = effect_parameters_json(after.problem, after.fitted)
         found = {name.short: one for name, one in every.items() if name.is_of(refit.effect.id)}
+    forms = diagnosis.forms_as_good.get(refit.effect_id, [])
+    widen_over_forms(found, forms)
     # a group of whom the effect asks nothing has no finite value (a stiffness without limit)
     parameters = {
         name: value if value and diagnosis.leaves_noise else without_uncertainty(value)
@@ -328,6 +332,7 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
         "scope": refit.scope,
         "acts_on": _acts_on(refit),
         "parameters": parameters | _parameters_by_shot(refit.effect, after),
+        "forms_as_good": [one.effect.id for one in forms],
         "confusable_with": diagnosis.confusable_with(refit.effect_id),
     }
 

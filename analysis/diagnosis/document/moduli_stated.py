@@ -27,7 +27,7 @@ from analysis.fit.freed_inputs import SETTLING_STEPS, inputs_freed
 from analysis.fit.measurand import measurand
 from analysis.fit.problem import JointProblem
 from analysis.fit.result import FitResult
-from analysis.fit.statements import withheld
+from analysis.fit.statements import effect_parameters_json, withheld
 from analysis.parameters import key_in_moduli
 from analysis.written_numbers import K_95
 
@@ -199,6 +199,23 @@ def _widen(
     block[key] = measurand(value, value * reach / K_95, each[0]["unit"])
     stated: Json | None = block[key]
     return stated
+
+
+def widen_over_forms(numbers: Json, forms: Sequence[Refit]) -> None:
+    """Widen an effect's numbers so that their intervals hold whichever form of its law is true."""
+    for other in forms:
+        every = effect_parameters_json(other.problem, other.fitted)
+        own = {name.short: one for name, one in every.items() if name.is_of(other.effect.id)}
+        for name, stated in numbers.items():
+            beside = own.get(name)
+            if not (stated and beside):
+                continue
+            lows, highs = zip(stated["interval95"], beside["interval95"], strict=True)
+            low = -math.inf if None in lows else min(lows)
+            high = math.inf if None in highs else max(highs)
+            reach = max(stated["value"] - low, high - stated["value"])
+            u = reach / K_95 if math.isfinite(reach) else stated["u"]
+            numbers[name] = measurand(stated["value"], u, stated["unit"], interval=(low, high))
 
 
 def _add_to_budget(budget: Json, stated: Json, names: Sequence[str]) -> None:

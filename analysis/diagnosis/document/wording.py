@@ -138,6 +138,20 @@ def set_aside_sentences(set_aside: Sequence[SetAside]) -> list[str]:
     return [*said, rest] if said else []
 
 
+def form_sentences(diagnosis: Diagnosis) -> list[str]:
+    """Return a sentence for each effect of which the data do not tell the form."""
+    said = []
+    for taken in diagnosis.chosen:
+        forms = diagnosis.forms_as_good.get(taken.effect_id)
+        if forms:
+            others = " and ".join(one.effect.id for one in forms)
+            said.append(
+                f"These data do not distinguish the form {taken.effect.id} from {others}: the "
+                "intervals of its numbers hold for each."
+            )
+    return said
+
+
 def base_sentences(diagnosis: Diagnosis) -> list[str]:
     """Return a sentence where the records chose another base model than the default."""
     model = diagnosis.steps[0].problem.model

@@ -55,6 +55,23 @@ def local_of(model: ImpactModel) -> np.ndarray:
     return np.array([own.get(name, 1e-3) for name in model.names])
 
 
+@pytest.mark.parametrize("gamma", np.geomspace(0.1, 1.0, 8))
+def test_a_neck_begins_without_a_jump(gamma: float) -> None:
+    """A weak pull: where its first indentation was rounding, the slope of the trace was that."""
+    model = model_named("kv2+adhesion:jkr")
+    (at,) = model.places["adhesion:jkr"]
+    local = local_of(model)
+    local[at] = gamma
+    slopes = []
+    for step in (1e-3, 1e-6):
+        ends = (local.copy(), local.copy())
+        for end, sign in zip(ends, (-1.0, 1.0), strict=True):
+            end[at] += sign * step
+        low, high = (model.predict(end, FRAME, steps=200).signal for end in ends)
+        slopes.append((high - low) / (2.0 * step))
+    assert slopes[1] == pytest.approx(slopes[0], abs=1e-4 * np.abs(slopes[0]).max())
+
+
 @pytest.mark.parametrize("name", [*NAMES, EVERY_CONTACT])
 def test_every_derivative_is_that_of_whole_traces(name: str) -> None:
     """Signal and rebound move as fourth-order differences of predictions say."""

@@ -1,0 +1,46 @@
+"""Two forms of one law that the data do not tell apart: the numbers' intervals hold for both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from analysis.diagnosing import diagnose
+from drivers.simulated.effects import make_effect
+from tests.analysis.diagnosis.test_mistakes import campaign
+
+GAMMA, NAME = 0.8, "surface_energy_j_per_m2"
+
+
+@pytest.fixture(scope="module")
+def sticky(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """The diagnosis of 54 drops under the law of Johnson, Kendall and Roberts."""
+    effect = make_effect("adhesion", {NAME: GAMMA}, form="jkr")
+    return diagnose(campaign(tmp_path_factory.mktemp("sticky"), effect))
+
+
+def test_the_numbers_of_an_effect_hold_for_each_form(sticky: dict[str, Any]) -> None:
+    """A constant pull of half the surface energy gives about the same traces."""
+    (effect,) = sticky["effects"]
+    low, high = effect["parameters"][NAME]["interval95"]
+    assert effect["id"] == "adhesion"
+    assert {effect["form"], *effect["forms_as_good"]} == {"adhesion", "adhesion:jkr"}
+    assert low < 0.75 * GAMMA
+    assert low < GAMMA < high
+
+
+def test_the_sentence_says_which_forms_are_not_told_apart(sticky: dict[str, Any]) -> None:
+    """One of them is in the model, and the moduli are those of that model."""
+    assert "These data do not distinguish the form adhesion" in sticky["sentence"]
+
+
+def test_a_form_that_is_told_apart_stands_alone(tmp_path: Path) -> None:
+    """A strong roll-off of one pole is none of six."""
+    found = diagnose(
+        campaign(tmp_path, make_effect("amplifier_lowpass", {"cutoff_hz": 4e4, "filter_order": 1}))
+    )
+    (effect,) = found["effects"]
+    assert effect["id"] == "amplifier_lowpass"
+    assert effect["forms_as_good"] == []
