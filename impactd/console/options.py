@@ -6,14 +6,12 @@ from __future__ import annotations
 
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from typer.core import TyperCommand
 
 if TYPE_CHECKING:
-    import click
-
     from impactd.settings.settings import Settings
     from impactd.storage.archive import Archive
 
@@ -38,7 +36,7 @@ JsonOut = Annotated[
 class JsonCommand(TyperCommand):
     """A command with `JsonOut`: its ``--json`` without a file prints, as that of all others."""
 
-    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take a last ``--json``, or one before another option, for ``--json -``."""
         for at in reversed(range(len(args))):
             if args[at] == "--json" and all(one.startswith("--") for one in args[at + 1 : at + 2]):
