@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Figure:
@@ -45,4 +47,5 @@ class Figure:
         dict
             One key per field.
         """
-        return asdict(self)
+        fields = asdict(self).items()
+        return {name: one.item() if isinstance(one, np.generic) else one for name, one in fields}

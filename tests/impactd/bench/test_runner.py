@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from impactd.bench import Figure, run
@@ -31,7 +33,7 @@ def test_a_benchmark_that_cannot_run_does_not_hide_the_others(
     monkeypatch.setattr("impactd.bench.solver.measure", broken)
     monkeypatch.setattr("impactd.bench.runner.BENCHMARKS", ("solver", "fast"))
     module = type("fast", (), {"measure": staticmethod(lambda: [figure])})
-    monkeypatch.setitem(__import__("sys").modules, "impactd.bench.fast", module)
+    monkeypatch.setitem(sys.modules, "impactd.bench.fast", module)
     out = tmp_path / "bench.json"
     assert run(out) == 1
     shown = capsys.readouterr()
@@ -40,6 +42,20 @@ def test_a_benchmark_that_cannot_run_does_not_hide_the_others(
     document = json.loads(out.read_text())
     assert document["format"] == "impactd-bench/1"
     assert document["figures"]["fast"][0]["ratio"] == 1000.0
+
+
+def test_json_without_a_file_is_all_that_is_printed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A comparison of arrays is a truth of NumPy's, which JSON does not know."""
+    met = np.float64(1e3) > 500.0
+    figure = Figure("trace", np.float64(2e-5), "s", 2e-2, "scipy", 1000.0, ">= 500", met=met)
+    module = type("fast", (), {"measure": staticmethod(lambda: [figure])})
+    monkeypatch.setitem(sys.modules, "impactd.bench.fast", module)
+    monkeypatch.setattr("impactd.bench.runner.BENCHMARKS", ("fast",))
+    assert run(Path("-")) == 0
+    (found,) = json.loads(capsys.readouterr().out)["figures"]["fast"]
+    assert (found["value"], found["met"]) == (2e-5, True)
 
 
 @pytest.mark.parametrize("impact", IMPACTS, ids=lambda impact: impact.name)
