@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from analysis.aliases import Array
-from analysis.diagnosis.basis.proposals import proposals, scopes_of
+from analysis.diagnosis.basis.proposals import can_be_tried, proposals, scopes_of
 from analysis.diagnosis.candidate import KNOWN_BEFORE, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.forms import best_form
@@ -140,7 +140,11 @@ def tried_alone(
     if apart.fitted.failed:
         return []
     inner = PresentModel(apart.problem, apart.fitted, apart.usual, present.earlier)
-    tried = [p for p in proposals(apart.problem)[0] if _can_be_felt_by_one(p.effect)]
+    tried = [
+        p
+        for p in proposals(apart.problem)[0]
+        if _can_be_felt_by_one(p.effect) and can_be_tried(p.effect, present.problem) is None
+    ]
     already = present.fitted.cost - apart.rest.fitted.cost - apart.fitted.cost
     refits = ranked(inner, tried, progress, first=first, alone=True)
     if refits and not leaves_noise(refits[0].problem, refits[0].fitted):
@@ -382,7 +386,7 @@ def split_by_material(
         progress(MethodStep.ON_TOP.told(f"searching without {rest.only.label}"), 0.5)
         usual = _usual_of(present, rest)
         first = alone(rest.problem, rest.fitted, usual, progress)
-        if first is None:
+        if first is None or can_be_tried(first.effect, present.problem) is not None:
             continue
         larger, begin = _on_all(present, rest, first)
         fitted = joint.fit_to_compare(larger, begin.nuisances, theta=begin.theta)

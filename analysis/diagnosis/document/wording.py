@@ -575,8 +575,8 @@ def dependence(values: Sequence[float], shots: Sequence[FitShot]) -> list[str]:
     found = np.asarray(values, dtype=np.float64)
     if found.size < CRITERIA.least_shots or np.ptp(found) == 0.0:
         return []
-    coupons = np.array([s.shot.surface for s in shots])
-    spheres = np.array([s.shot.sphere for s in shots])
+    coupons = np.array([s.shot.surface or "?" for s in shots])
+    spheres = np.array([s.shot.sphere or "?" for s in shots])
     said, largest_p = [], CRITERIA.p_value
     for what, names in (("coupon", coupons), ("sphere", spheres)):
         by_name = {name: found[names == name] for name in sorted(set(names.tolist()))}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -21,6 +22,7 @@ from analysis.diagnosis.one_material import (
     without_each_material,
 )
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.diagnosis.progress import TimeBudget
 from analysis.diagnosis.successive_halving import PresentModel
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.library import effect_named
@@ -158,3 +160,17 @@ def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path)
     assert sizes is not None
     assert np.flatnonzero(sizes.values).tolist() == [sizes.names.index("acetal_small")]
     assert found.verdict in ("identified", "family")
+
+
+def test_a_shot_without_labels_stops_no_search(tmp_path: Path) -> None:
+    """What needs the mass of every coupon is not tried, on one material's shots neither."""
+    effect = make_effect("coupon_mode", MODE, scope=Scope(surface="specimen"))
+    known = campaign(tmp_path, effect)
+    at = next(i for i, shot in enumerate(known.shots) if shot.surface == "aluminium")
+    bare = dataclasses.replace(known.shots[at], sphere=None, surface=None)
+    shots = (*known.shots[:at], bare, *known.shots[at + 1 :])
+    some = dataclasses.replace(known, shots=shots)
+    soon = TimeBudget(10.0, time.monotonic)
+    found = diagnosis_json(diagnose_campaign(some, budget=soon), software="test")
+    assert found["verdict"] in ("unknown", "partial", "identified", "family")
+    assert "coupon_mode" not in [one["id"] for one in found["effects"]]

@@ -138,6 +138,13 @@ def test_chance_goes_with_nothing(shots: list[FitShot]) -> None:
     assert dependence([1.0, 2.0], shots[:2]) == []
 
 
+def test_a_shot_without_a_label_is_a_material_of_its_own(shots: list[FitShot]) -> None:
+    """Names and the lack of one can be put in order."""
+    bare = dataclasses.replace(shots[0].shot, sphere=None, surface=None)
+    some = [dataclasses.replace(shots[0], shot=bare), *shots[1:]]
+    assert dependence(list(range(len(some))), some) != []
+
+
 def test_what_grows_on_one_coupon_is_told_with_the_coupon_and_the_order(
     shots: list[FitShot],
 ) -> None:
