@@ -70,7 +70,7 @@ def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> li
 def _forms_of(problem: JointProblem, found: Refit) -> list[Effect]:
     """Return the forms of an effect that can be fitted from another's best, its own in valleys.
 
-    None where its numbers belong to single shots.
+    Empty where its numbers belong to single shots.
     """
     entry = library()[found.effect_id]
     scopes = [p.scope for p in found.effect.parameters]
@@ -119,7 +119,7 @@ def _starts(form: Effect, found: Refit) -> list[tuple[float, ...]]:
         usual = [top * s for s in parameter.peak_starts] or list(parameter.starts)
         if shared is not None:
             like = next(p for p in found.effect.parameters if p.name == parameter.name)
-            value = parameter.value(shared) * parameter.like_entry / like.like_entry
+            value = parameter.value(shared) * parameter.ratio_to_entry / like.ratio_to_entry
             lists.append([parameter.coordinate(value * v) for v in (1.0, *parameter.valleys)])
         elif parameter.threshold:
             low, high = math.log(parameter.low), math.log(max(usual))

@@ -37,7 +37,7 @@ from analysis.diagnosis.progress import (
 from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.search_on_part import (
     left_open_on_part,
-    none_explains_part,
+    no_effect_explains_part,
     searched_on_part,
 )
 from analysis.diagnosis.selection import OpenNames, Selection, Step
@@ -233,7 +233,7 @@ def _mistaken(
     in_time = named.best.in_time and repeated_in_time(selection.last.problem)
     try:
         alone = in_time or named.best.is_discrete
-        if not (alone or none_explains_part(free, usual, told)):
+        if not (alone or no_effect_explains_part(free, usual, told)):
             try_effects(free.last, usual, told)
         for one in useful(free.last)[:1]:
             effect = free.on(one)
@@ -432,12 +432,13 @@ def _judge(
             selection.left_open = left_open_on_part(selection, progress)
         with contextlib.suppress(BudgetSpentError):
             selection, near = each_held_against_others(selection)
-            forms = forms_not_told_apart(selection)
         unheld: OpenNames = {}
         if progress.ended is not None:
             left_open = selection.left_open
             unheld = not_held_against(selection) if left_open is None else left_open
         verdict = "family" if near or unheld else "identified"
+        with contextlib.suppress(BudgetSpentError):
+            forms = forms_not_told_apart(selection)
         near = {name: [exact_refit(r) for r in rivals] for name, rivals in near.items()}
         exact = with_numbers_as_stated(selection, start)
         slot = exact.chosen[0].effect.slot

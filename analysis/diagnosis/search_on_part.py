@@ -72,7 +72,7 @@ def searched_on_part(start: Selection, usual: joint.Fitted, progress: Watch) -> 
     return searched(whole, usual, progress)
 
 
-def none_explains_part(start: Selection, usual: joint.Fitted, progress: Watch) -> bool:
+def no_effect_explains_part(start: Selection, usual: joint.Fitted, progress: Watch) -> bool:
     """Tell whether the best effect leaves structure of a part of the shots: then of all as well.
 
     What each effect explains there is filled in, scaled to all shots. False where the part shows

@@ -30,7 +30,8 @@ from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem
 
 MAX_EFFECTS = 3
-"""That a selection may name."""
+"""That a selection may name. A choice of time: each turn costs as much as the first. Trials draw
+two at most, and a third must leave noise by its written laws (`Selection.stands`)."""
 
 OpenNames = dict[str, list[str]]
 """By effect, the names that cannot be told from it."""

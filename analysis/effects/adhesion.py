@@ -119,7 +119,7 @@ EFFECT = Effect(
             tell_tale="tension at touch-down and lift-off that eases with depth",
             source="Johnson, Kendall & Roberts 1971",
             validation="DOP853; static pull",
-            parameters=(dataclasses.replace(_GAMMA, like_entry=2.0),),
+            parameters=(dataclasses.replace(_GAMMA, ratio_to_entry=2.0),),
             needs=("radius_m",),
             contact=_jkr,
             pack=_pack_jkr,

@@ -136,8 +136,8 @@ class EffectParameter:
     valleys: tuple[float, ...] = ()
     """Multiples of a value at which the squares may have another valley, as where it says when
     something comes back: a fit that ends in structure begins there once more."""
-    like_entry: float = 1.0
-    """Multiple of its value in the library's entry at which this form's trace is about the same."""
+    ratio_to_entry: float = 1.0
+    """Ratio to the value with which the form of the library's entry gives about the same trace."""
     stated: str = ""
     """Name of the number of a campaign's surface that is this one, measured beforehand; empty for
     none."""

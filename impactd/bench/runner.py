@@ -62,10 +62,10 @@ def run(json_out: Path | None, only: list[str] | None = None) -> int:
     document = json.dumps(_document(figures), indent=2)
     if json_out == Path("-"):
         print(document)
-        return 1 if failed else 0
-    console.print(_table(figures))
-    if json_out is not None:
-        json_out.write_text(document + "\n")
+    else:
+        console.print(_table(figures))
+        if json_out is not None:
+            json_out.write_text(document + "\n")
     return 1 if failed else 0
 
 

@@ -39,7 +39,8 @@ class JsonCommand(TyperCommand):
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Take a last ``--json``, or one before another option, for ``--json -``."""
         for at in reversed(range(len(args))):
-            if args[at] == "--json" and all(one.startswith("--") for one in args[at + 1 : at + 2]):
+            after = args[at + 1] if at + 1 < len(args) else "--"
+            if args[at] == "--json" and after.startswith("-") and after != "-":
                 args.insert(at + 1, "-")
         return super().parse_args(ctx, args)
 

@@ -20,6 +20,15 @@ def _latest(visitor) -> int:
     return drops["items"][0]["number"] if drops["items"] else 0
 
 
+def _drop_one(visitor, sphere: str, surface: str, height_mm: float) -> int:
+    """Make a drop, wait for its modulus and return its shot's number."""
+    number = _latest(visitor) + 1
+    visitor.choose(sphere, surface, height_mm)
+    visitor.arm_and_drop()
+    visitor.shot(number)
+    return number
+
+
 _OUT_OF_REACH = r"""() => [...document.querySelectorAll('.drop-form :is(input, button)')]
   .filter((one) => one.checkVisibility())
   .filter((one) => {
@@ -106,10 +115,7 @@ def test_a_good_shot_says_what_its_modulus_rests_on(visitor):
     """On a rig whose cell was not calibrated, beside the advice and in no contradiction to it."""
     page = visitor.page
     visitor.sign_in()
-    number = _latest(visitor) + 1
-    visitor.choose("acetal", "polycarbonate", 25)
-    visitor.arm_and_drop()
-    visitor.shot(number)
+    _drop_one(visitor, "acetal", "polycarbonate", 25)
     advice = page.locator("[data-advice=use]").inner_text()
     assert "Use: no check of this record failed." in advice
     assert "The load cell was not calibrated: the modulus uses its certificate." in advice
@@ -122,10 +128,7 @@ def test_a_clipped_record_says_repeat_and_why(visitor):
     """The advice is in words, with what to do; the history shows it, too."""
     page = visitor.page
     visitor.sign_in()
-    number = _latest(visitor) + 1
-    visitor.choose("acetal", "aluminium", 120)
-    visitor.arm_and_drop()
-    visitor.shot(number)
+    number = _drop_one(visitor, "acetal", "aluminium", 120)
     advice = page.locator("[data-advice=repeat]")
     advice.wait_for()
     assert "Repeat this drop, because" in advice.inner_text()

@@ -35,6 +35,11 @@ _HEAR_OF_STORED = """() => {
 _SINCE_STORED = "async () => performance.now() - await window.stored"
 
 
+def _shots(page) -> list[dict]:
+    """Return the shots as the page is told of them, the last first."""
+    return page.evaluate("fetch('/v1/shots').then((answer) => answer.json())")["items"]
+
+
 def test_a_modulus_is_on_the_screen_soon_after_the_impact(daemon, browser):
     """Of warm drops; a record ends long after its impact, and the rig's clock runs fast here."""
     visitor = Visitor(daemon, browser, size=TABLET)
@@ -44,7 +49,7 @@ def test_a_modulus_is_on_the_screen_soon_after_the_impact(daemon, browser):
     for _ in range(3):
         visitor.go("Log")
         visitor.go("Drop")
-        before = page.evaluate("fetch('/v1/shots').then((answer) => answer.json())")["items"]
+        before = _shots(page)
         number = before[0]["number"] + 1 if before else 1
         visitor.choose("acetal", "polycarbonate", 25)
         page.evaluate(_HEAR_OF_STORED)
@@ -72,12 +77,12 @@ def test_the_page_is_there_at_once_and_draws_a_record_quickly(daemon, browser):
         paints.append(page.evaluate(_FIRST_PAINT))
     assert not any("plotly.min.js" in url for url in asked)
     visitor.sign_in()
-    found = page.evaluate("fetch('/v1/shots').then((answer) => answer.json())")["items"]
+    found = _shots(page)
     if not found:
         visitor.choose("acetal", "specimen", 30)
         visitor.arm_and_drop()
         page.locator(".modulus").wait_for()
-        found = page.evaluate("fetch('/v1/shots').then((answer) => answer.json())")["items"]
+        found = _shots(page)
     drawn = [page.evaluate(_DRAW, found[0]["number"]) for _ in range(4)]
     print(f"\nfirst contentful paint: {', '.join(f'{one:.0f}' for one in paints)} ms")
     for one in drawn:

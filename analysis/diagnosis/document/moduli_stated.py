@@ -3,7 +3,7 @@
 A modulus is stated where the model that stands leaves only noise, and withheld everywhere else:
 nobody knows how far what the model lacks moves it. An effect's own numbers stand there without an
 uncertainty. Where several names leave noise alike, the interval reaches to the ends of every one of
-theirs.
+theirs; that of an effect's own number does so where several forms of its law do.
 """
 
 from __future__ import annotations

@@ -16,7 +16,7 @@ from analysis.diagnosis import mistakes
 from analysis.diagnosis.mistakes import Mistake, named_mistake
 from analysis.diagnosis.procedure import _base, _restated
 from analysis.diagnosis.progress import MethodStep, TimeBudget, Watch
-from analysis.diagnosis.search_on_part import none_explains_part
+from analysis.diagnosis.search_on_part import no_effect_explains_part
 from analysis.diagnosis.selection import Step
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.drops import draw_drops
@@ -226,7 +226,7 @@ def test_names_are_asked_only_where_they_can_make_the_difference(
 def test_effects_are_compared_on_a_part_of_the_shots(clean: Campaign) -> None:
     """What the best of them leaves there, it leaves of all; what each explains is filled in."""
     selection, usual = _base(with_mass(clean, 1.1), "kv2", Watch())
-    assert none_explains_part(selection, usual, Watch())
+    assert no_effect_explains_part(selection, usual, Watch())
     assert selection.last.compared
     assert selection.last.refits
     assert not any(r.on_all_shots for r in selection.last.refits)
@@ -245,7 +245,7 @@ def test_an_effect_that_may_explain_all_is_fitted_to_all_shots(
 ) -> None:
     """A part decides only against what leads there and leaves structure."""
     selection, usual = _base(campaign(tmp_path, effect), "kv2", Watch())
-    assert not none_explains_part(selection, usual, Watch())
+    assert not no_effect_explains_part(selection, usual, Watch())
     assert not selection.last.compared
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import time
 from pathlib import Path
 
 import numpy as np
@@ -17,12 +16,14 @@ from analysis.diagnosis.grouping_search import sizes_of
 from analysis.diagnosis.multistart import usual_place
 from analysis.diagnosis.named_model import definition_of, model_of
 from analysis.diagnosis.one_material import (
+    apart_from,
     can_be_one_materials,
+    far_begin,
     single_materials,
+    tried_alone,
     without_each_material,
 )
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
-from analysis.diagnosis.progress import TimeBudget
 from analysis.diagnosis.successive_halving import PresentModel
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.library import effect_named
@@ -162,15 +163,20 @@ def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path)
     assert found.verdict in ("identified", "family")
 
 
-def test_a_shot_without_labels_stops_no_search(tmp_path: Path) -> None:
-    """What needs the mass of every coupon is not tried, on one material's shots neither."""
+def test_what_needs_every_coupons_mass_is_not_tried_where_one_is_unknown(tmp_path: Path) -> None:
+    """On the shots of one material, all known, it could be; then it goes to all shots."""
     effect = make_effect("coupon_mode", MODE, scope=Scope(surface="specimen"))
     known = campaign(tmp_path, effect)
     at = next(i for i, shot in enumerate(known.shots) if shot.surface == "aluminium")
     bare = dataclasses.replace(known.shots[at], sphere=None, surface=None)
     shots = (*known.shots[:at], bare, *known.shots[at + 1 :])
-    some = dataclasses.replace(known, shots=shots)
-    soon = TimeBudget(10.0, time.monotonic)
-    found = diagnosis_json(diagnose_campaign(some, budget=soon), software="test")
-    assert found["verdict"] in ("unknown", "partial", "identified", "family")
-    assert "coupon_mode" not in [one["id"] for one in found["effects"]]
+    problem, nuisances = with_start(
+        build(dataclasses.replace(known, shots=shots), model_named("kv2"))
+    )
+    present = PresentModel(problem, joint.fit(problem, nuisances), usual_place(problem, nuisances))
+    of_specimen = ActsOn("surface", ("specimen",))
+    rest = next(one for one in without_each_material(present) if one.only == of_specimen)
+    apart = apart_from(present, rest, far_begin(present))
+    found = tried_alone(apart, present, lambda *_: None, first=True)
+    assert found
+    assert not any("coupon_mass_kg" in one.effect.needs for one in found)
