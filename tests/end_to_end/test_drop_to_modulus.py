@@ -21,9 +21,8 @@ from typing import Any
 import httpx2
 import pytest
 
-from impactd.settings.settings import find_config
+from tests.simulated_rig import write_simulated_rig
 
-CONFIG = find_config("simulated.toml")
 DROP = {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.03, "operator": "ab"}
 ENDED = ("stored", "analysed", "failed", "aborted", "interrupted")
 
@@ -33,12 +32,13 @@ class Rig:
 
     def __init__(self, data: Path, **environment: str) -> None:
         self.data = data
+        self.config = write_simulated_rig(data.parent)
         self.log = data.parent / "serve.log"
         serve = [sys.executable, "-m", "impactd", "serve", "--port", "0"]
         with self.log.open("ab") as log:
             self._log_start = log.tell()
             self.process = subprocess.Popen(
-                [*serve, "--config", CONFIG, "--data", data],
+                [*serve, "--config", self.config, "--data", data],
                 stderr=log,
                 env=os.environ | environment,
             )
@@ -65,7 +65,7 @@ class Rig:
 
     def token(self, scope: str) -> str:
         """Make a token beside the running daemon."""
-        where = ("--config", CONFIG, "--data", self.data)
+        where = ("--config", self.config, "--data", self.data)
         return self.command("token", "create", "--scope", scope, *where).stdout.strip()
 
     def client(self, scope: str) -> httpx2.Client:
@@ -275,7 +275,7 @@ def test_the_command_line_does_the_same(rig):
 
 def test_a_second_daemon_on_the_same_data_is_refused(rig):
     """One sentence names the first daemon."""
-    second = rig.command("serve", "--config", CONFIG, "--data", rig.data, "--port", "0")
+    second = rig.command("serve", "--config", rig.config, "--data", rig.data, "--port", "0")
     assert second.returncode == 1
     assert str(rig.process.pid) in second.stderr
     assert second.stderr.count("\n") == 1

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -16,8 +15,8 @@ from pathlib import Path
 import pytest
 
 from impactd.data_lock import read_holder
-from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
+from tests.simulated_rig import write_simulated_rig
 
 TABLET = {"width": 768, "height": 1024}
 SMALL_SCREEN = {"width": 1024, "height": 768}
@@ -36,13 +35,8 @@ class Daemon:
     def __init__(self, folder: Path, *, delay_s: float = 0.0) -> None:
         self.folder = folder
         self.data = folder / "data"
-        self.config = folder / "rig.toml"
-        shipped = find_config("simulated.toml").read_text(encoding="utf-8")
-        fast = shipped.replace("clock_speed = 1.0", "clock_speed = 8.0")
-        fast = fast.replace("technician_delay_s = 0.0", f"technician_delay_s = {delay_s}")
-        assert fast != shipped
-        self.config.write_text(fast, encoding="utf-8")
-        shutil.copy(find_config("materials.toml"), folder / "materials.toml")
+        delay = {"technician_delay_s = 0.0": f"technician_delay_s = {delay_s}"}
+        self.config = write_simulated_rig(folder, clock_speed="8.0", changes=delay)
         self.url = ""
         self.process: subprocess.Popen[bytes] | None = None
 

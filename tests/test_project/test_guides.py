@@ -19,6 +19,7 @@ import pytest
 
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from drivers.simulated.effects import make_effect
+from tests.simulated_rig import write_simulated_rig
 
 ROOT = Path(__file__).parents[2]
 GUIDES = ROOT / "impactd" / "guides"
@@ -96,12 +97,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
 @pytest.fixture(scope="module")
 def rig(desk: Desk) -> Iterator[Desk]:
     """The same desk beside a daemon on the simulated rig, with a token in the environment."""
-    where = [
-        "--config",
-        str(ROOT / "config" / "simulated.toml"),
-        "--data",
-        str(desk.folder / "rig"),
-    ]
+    config = write_simulated_rig(desk.folder)
+    where = ["--config", str(config), "--data", str(desk.folder / "rig")]
     with (desk.folder / "daemon.log").open("w") as log:
         daemon = subprocess.Popen(
             [sys.executable, "-m", "impactd", "serve", *where, "--port", "0", "--json"],

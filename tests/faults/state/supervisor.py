@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -19,8 +18,8 @@ import httpx2
 from drivers.simulated.relay_terminal import RelayTerminal
 from drivers.simulated.world import World, WorldSettings
 from impactd.data_lock import LOCK_NAME
-from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
+from tests.simulated_rig import write_simulated_rig
 
 HERE = Path(__file__).parent
 DROP = {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.03, "operator": "ab"}
@@ -40,10 +39,9 @@ class Supervisor:
         self.world = World(WorldSettings())
         self.board = RelayTerminal(self.world)
         self.data = folder / "data"
-        config = find_config("simulated.toml").read_text()
-        config = config.replace("loading_s", "impact_margin_s = 10.0\nloading_s")
-        (folder / "rig.toml").write_text(config)
-        shutil.copy(find_config("materials.toml"), folder)
+        write_simulated_rig(
+            folder, clock_speed="1.0", changes={"loading_s": "impact_margin_s = 10.0\nloading_s"}
+        )
         with Archive.open(self.data, reserve_bytes=0) as archive:
             secret = archive.tokens.create("tester", "operate")[1]
         self.headers = {"Authorization": f"Bearer {secret}"}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -15,8 +14,8 @@ from typing import Any
 
 import httpx2
 
-from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
+from tests.simulated_rig import write_simulated_rig
 
 HERE = Path(__file__).parent
 DROP = {"sphere": "acetal", "surface": "aluminium", "drop_height_m": 0.03, "operator": "ab"}
@@ -54,14 +53,7 @@ class DaemonProcess:
         self.journal = folder / "falls"
         self.log = folder / "serve.log"
         self.before = tuple(before)
-        self.config = folder / "rig.toml"
-        text = find_config("simulated.toml").read_text()
-        speed = {"clock_speed = 1.0": f"clock_speed = {clock_speed}"}
-        for old, new in (speed | (changes or {})).items():
-            assert old in text, old
-            text = text.replace(old, new)
-        self.config.write_text(text)
-        shutil.copy(find_config("materials.toml"), folder)
+        self.config = write_simulated_rig(folder, clock_speed=clock_speed, changes=changes)
         with Archive.open(self.data, reserve_bytes=0) as archive:
             secret = archive.tokens.create("tester", "operate")[1]
         self._headers = {"Authorization": f"Bearer {secret}"}

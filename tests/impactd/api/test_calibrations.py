@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from impactd.cli import app
 from impactd.console.calibration_chart import history, history_table
 from impactd.data_lock import read_holder
-from impactd.settings.settings import find_config
+from tests.simulated_rig import write_simulated_rig
 
 from .conftest import until
 
@@ -60,17 +60,15 @@ cell_model = "LC 201"
 
 def test_a_calibration_of_drops_becomes_a_certificate(rig, calibration, tmp_path):
     """Beside the running daemon; the drops must be of the cell that the settings name."""
-    text = find_config("simulated.toml").read_text("utf-8") + CERTIFICATE
-    (tmp_path / "materials.toml").write_bytes(find_config("materials.toml").read_bytes())
-    config = tmp_path / "impactd.toml"
+    other_cell = {'serial_number = "simulated"': 'serial_number = "SN 2"'}
+    config = write_simulated_rig(tmp_path, changes=other_cell, more=CERTIFICATE)
     words = ["certificate", "write", str(calibration["number"]), "--identifier", "1"]
     words += ["--data", str(rig.daemon.archive.directory), "--config", str(config)]
 
-    config.write_text(text.replace('serial_number = "simulated"', 'serial_number = "SN 2"'))
     refused = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "no.xml")])
     assert "is of the cell simulated" in str(refused.exception)
 
-    config.write_text(text)
+    write_simulated_rig(tmp_path, more=CERTIFICATE)
     made = CliRunner().invoke(app, [*words, "--out", str(tmp_path / "yes.xml")])
     assert made.exit_code == 0, made.output
     read = CliRunner().invoke(app, ["certificate", "read", str(tmp_path / "yes.xml"), "--json"])

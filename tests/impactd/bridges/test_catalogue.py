@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import shutil
 import signal
 import socket
 import subprocess
@@ -16,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from impactd.client import Rig, mm
-from impactd.settings.settings import find_config
+from tests.simulated_rig import write_simulated_rig
 
 for needed in ("tiled.server", "tiled.client"):
     pytest.importorskip(needed, reason="needs tiled: pip install 'impactd[integrations]'")
@@ -97,11 +96,8 @@ class Daemon:
     def __init__(self, folder: Path, name: str, programs: Callable[..., Program]) -> None:
         self.name, self.folder = name, folder / name
         self.folder.mkdir()
-        given = find_config("simulated.toml")
-        config = self.folder / "rig.toml"
-        config.write_text(given.read_text().replace('name = "', f'name = "{name} ', 1))
-        for other in given.parent.glob("materials*.toml"):
-            shutil.copy(other, self.folder)
+        named = {'name = "simulated': f'name = "{name} simulated'}
+        config = write_simulated_rig(self.folder, changes=named)
         self.files = ["--config", str(config), "--data", str(self.folder / "data")]
         words = ["impactd", "token", "create", "--scope", "operate", "--name", name]
         made = subprocess.run(

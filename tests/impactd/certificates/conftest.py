@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 from analysis import calibrate
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
 from impactd.cli import app
-from impactd.settings.settings import find_config
 from impactd.storage.archive import Archive
 from impactd.storage.campaign_folder import read_campaign
+from tests.simulated_rig import write_simulated_rig
 
 SECTION = """
 [certificate]
@@ -63,9 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def rig(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Rig:
     """Return a calibrated rig whose settings say who signs."""
     place = tmp_path_factory.mktemp("rig")
-    config = place / "impactd.toml"
-    config.write_text(find_config("simulated.toml").read_text("utf-8") + SECTION, "utf-8")
-    (place / "materials.toml").write_bytes(find_config("materials.toml").read_bytes())
+    config = write_simulated_rig(place, more=SECTION)
     result = calibrate(read_campaign(folder), "kv2").to_json()
     plan = [
         {"sphere": sphere, "surface": surface, "drop_height_m": 0.0465, "repeats": 1}
