@@ -48,6 +48,7 @@ def test_common_uncertainty_cancels(run: Any) -> None:
     json.dumps(one["drift_basis"], allow_nan=False)
 
 
+@pytest.mark.slow
 def test_stable_cells_are_called_stable_as_often_as_they_should(run: Any) -> None:
     """Over repeated calibrations of one cell the scores scatter like a standard normal."""
     documents = [run(seed) for seed in range(100, 112)]

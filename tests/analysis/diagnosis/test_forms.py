@@ -21,6 +21,7 @@ def sticky(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     return diagnose(campaign(tmp_path_factory.mktemp("sticky"), effect))
 
 
+@pytest.mark.slow
 def test_the_numbers_of_an_effect_hold_for_each_form(sticky: dict[str, Any]) -> None:
     """A constant pull of half the surface energy gives about the same traces."""
     (effect,) = sticky["effects"]
@@ -31,11 +32,13 @@ def test_the_numbers_of_an_effect_hold_for_each_form(sticky: dict[str, Any]) -> 
     assert low < GAMMA < high
 
 
+@pytest.mark.slow
 def test_the_sentence_says_which_forms_are_not_told_apart(sticky: dict[str, Any]) -> None:
     """One of them is in the model, and the moduli are those of that model."""
     assert "These data do not distinguish the form adhesion" in sticky["sentence"]
 
 
+@pytest.mark.slow
 def test_a_form_that_is_told_apart_stands_alone(tmp_path: Path) -> None:
     """A strong roll-off of one pole is none of six."""
     found = diagnose(

@@ -22,6 +22,7 @@ def _seed_of(loss: str) -> int:
     return next(seed for seed in range(10_000) if rig_model("drawn", seed) == closed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", FORMS)
 def test_another_law_of_loss_is_named_with_what_acts_beside_it(tmp_path: Path, loss: str) -> None:
     """A leaky coupler is as large as the difference of the laws."""

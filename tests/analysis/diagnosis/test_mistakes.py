@@ -223,6 +223,7 @@ def test_names_are_asked_only_where_they_can_make_the_difference(
     assert len(names) == asked
 
 
+@pytest.mark.slow
 def test_effects_are_compared_on_a_part_of_the_shots(clean: Campaign) -> None:
     """What the best of them leaves there, it leaves of all; what each explains is filled in."""
     selection, usual = _base(with_mass(clean, 1.1), "kv2", Watch())

@@ -56,6 +56,7 @@ def test_a_sound_model_that_tells_no_modulus_is_not_identifiable(
         assert add in block["moduli"]["specimen"]["reason"]
 
 
+@pytest.mark.slow
 def test_what_else_the_drops_show_is_found_all_the_same(tmp_path: Path) -> None:
     """A leaky coupler is named although no modulus can be told, and the sentence says both."""
     leaky = small_campaign(tmp_path, "coupler_highpass", time_constant_s=5e-3)

@@ -152,6 +152,7 @@ def test_hum_is_believed_only_where_it_is_there_before(swinging: Diagnosis) -> N
     assert is_there_before(shots, hum, np.zeros_like(loud))
 
 
+@pytest.mark.slow
 def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path) -> None:
     """Its size is that sphere's alone, or next to nothing on the other."""
     soft = make_effect("plastic_yield", {"yield_pressure_pa": 8e7}, Scope(sphere="acetal_small"))
@@ -163,6 +164,7 @@ def test_a_yield_of_one_sphere_that_shows_on_one_coupon_is_found(tmp_path: Path)
     assert found.verdict in ("identified", "family")
 
 
+@pytest.mark.slow
 def test_what_needs_every_coupons_mass_is_not_tried_where_one_is_unknown(tmp_path: Path) -> None:
     """On the shots of one material, all known, it could be; then it goes to all shots."""
     effect = make_effect("coupon_mode", MODE, scope=Scope(surface="specimen"))

@@ -44,6 +44,7 @@ def test_what_is_close_on_the_part_is_compared_on_all_shots(tmp_path: Path) -> N
     assert set(found.confusable) <= {r.effect_id for r in near}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curvature_per_v", [3e-5, 5e-5])
 def test_what_only_all_shots_show_is_added_there(curvature_per_v: float, tmp_path: Path) -> None:
     """A strong effect is named on the part; a weak one is noise there, or too little for a name."""
@@ -56,6 +57,7 @@ def test_what_only_all_shots_show_is_added_there(curvature_per_v: float, tmp_pat
     assert all(len(step.problem.shots) == 54 for step in found.steps)
 
 
+@pytest.mark.slow
 def test_where_a_part_shows_too_little_all_shots_are_searched(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -47,6 +47,7 @@ def test_a_mass_that_is_off_as_stated_leaves_noise(tmp_path, u, noise):
     assert leaves_noise(problem, fitted) is noise
 
 
+@pytest.mark.slow
 def test_what_nine_shots_do_not_show_is_sought_on_all(tmp_path):
     """A faint relaxation: nine shots leave noise, so all are asked, and every candidate on all."""
     usual = CampaignSettings()

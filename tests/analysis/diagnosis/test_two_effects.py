@@ -19,6 +19,7 @@ from drivers.simulated.effects import make_effect
 from .conftest import campaign_with
 
 
+@pytest.mark.slow
 def test_a_name_found_beside_nothing_is_held_against_others_beside_the_rest(tmp_path: Path) -> None:
     """A low-pass looks like an echo until the bent scale beside it is known."""
     effects = (

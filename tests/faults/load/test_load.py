@@ -112,6 +112,7 @@ def _load(folder: Path, drops: int, seconds: float) -> None:
     assert max(abort_s) < ABORT_LIMIT_S + 4 * bare_s.max()
 
 
+@pytest.mark.slow
 def test_slow_readers_and_a_busy_page_lose_no_sample(tmp_path: Path) -> None:
     """Twenty readers that do not read and fifty status requests a second, during a drop."""
     _load(tmp_path, 1, 4.0)

@@ -27,7 +27,7 @@ LONGEST_S = 1.2
 @pytest.mark.parametrize(
     "moments",
     [
-        5,
+        2,
         pytest.param(30, marks=pytest.mark.slow),
         pytest.param(200, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],

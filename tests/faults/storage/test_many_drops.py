@@ -85,7 +85,7 @@ def _own_bytes() -> int:
 @pytest.mark.parametrize(
     "drops",
     [
-        100,
+        pytest.param(100, marks=pytest.mark.slow),
         pytest.param(500, marks=pytest.mark.slow),
         pytest.param(10_000, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],

@@ -71,6 +71,7 @@ def _copied(sound: Path, folder: Path) -> Path:
     return shutil.copytree(sound, folder)
 
 
+@pytest.mark.slow
 def test_killed_at_every_step(sound: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
     """Before each file that it opens, writes, syncs, names or removes: nothing is lost."""
     folder, truth = sound
@@ -115,7 +116,7 @@ def test_killed_at_random_moments(
 @pytest.mark.parametrize(
     "points",
     [
-        8,
+        4,
         pytest.param(100, marks=pytest.mark.slow),
         pytest.param(1000, marks=[pytest.mark.slow, pytest.mark.soak]),
     ],

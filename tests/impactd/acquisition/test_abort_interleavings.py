@@ -196,7 +196,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
     made.laboratory.close()
 
 
-@pytest.mark.parametrize(("kind", "step"), [("drop", 2), ("locked_drop", 8), ("series", 8)])
+@pytest.mark.parametrize(("kind", "step"), [("drop", 4), ("locked_drop", 8), ("series", 24)])
 def test_nothing_falls_after_an_abort_at_any_seam(bench: Bench, kind: str, step: int) -> None:
     """The valve's own log has no opening behind the answer, and the next drop works."""
     seams = _at_every_seam(bench, kind, 0.0, step)

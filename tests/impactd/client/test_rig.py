@@ -83,8 +83,8 @@ def test_an_error_in_a_series_aborts_its_drop(served: Served, rig: Rig) -> None:
         own.series("acetal", "aluminium", 30 * mm, repeats=2) as series,
     ):
         list(series)
-    newest = served.reader.get("/v1/drops", params={"limit": 1}).json()["items"][0]
-    assert newest["state"] == "aborted"
+    (newest,) = served.reader.get("/v1/drops", params={"limit": 1}).json()["items"]
+    assert served.ended(newest["number"])["state"] == "aborted"
     with pytest.raises(EndedError, match="abort") as failed:
         rig.connection.run(_shot_of(newest["number"]))
     assert failed.value.answer["number"] == newest["number"]
