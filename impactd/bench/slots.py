@@ -36,6 +36,8 @@ from impactd.bench.simulated_campaign import simulated_campaign  # noqa: E402 - 
 VISIBLE = 200.0
 """Whitened squares of the best family, coefficients paid for, from which a campaign counts. A
 choice: twenty times what chance brings to one of all families, so that it moves the odds little."""
+LEVELS = 5
+"""Groups of stated probabilities, each as wide as the others."""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,16 @@ def table(judged: Sequence[Judged]) -> str:
         if count:
             low, high = wilson95(right, count)
             lines.append(f"{name}: {right} of {count}, {low:.2f} .. {high:.2f}")
+    if seen:
+        named = sum(len(j.named) for j in seen) / len(seen)
+        lines.append(f"slots named: {named:.1f} of {len(seen[0].odds)}, mean")
+    lines += ["", "| stated probability, mean | how often true | of |", "|---|---|---|"]
+    stated = [(p, slot == j.slot) for j in seen for slot, p in j.odds.items()]
+    for level in range(LEVELS):
+        some = [(p, true) for p, true in stated if min(int(p * LEVELS), LEVELS - 1) == level]
+        if some:
+            p, true = (sum(column) / len(some) for column in zip(*some, strict=True))
+            lines.append(f"| {p:.2f} | {true:.2f} | {len(some)} |")
     return "\n".join(lines)
 
 

@@ -138,10 +138,15 @@ def _outside(trials: Group) -> Iterator[Answer | None]:
     admitted = ("unknown", "partial")
     yield share("outside: unknown or partial", outside, lambda t: t.verdict in admitted, ">= 0.9")
     yield share("outside: right slot", outside, lambda t: t.slot in t.slots, ">= 0.8")
+    yield share("- or among those named", outside, _slot_is_among_those_named)
     yield middle("outside: held-out error, before over after", outside, _fall, ">= 3")
     yield middle("- the noise taken out of both", outside, _fall_beyond_noise)
     loud = [t for t in outside if (_over_noise("before")(t) or 0.0) >= LOUD]
     yield middle("- where the noise leaves room for 3-fold (before >= 3 x noise)", loud, _fall)
+
+
+def _slot_is_among_those_named(trial: Trial) -> bool:
+    return not {trial.slot, *trial.also_slots}.isdisjoint(trial.slots)
 
 
 def _pairs(trials: Group) -> Iterator[Answer | None]:

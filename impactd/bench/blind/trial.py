@@ -52,6 +52,8 @@ class Trial:
         value, u, interval95 and the like.
     slot : str or None
         Where it put the discrepancy.
+    also_slots : list of str
+        The other slots that it could not exclude.
     p_value : float or None
         Of structure in the base model's residual.
     visible : float or None
@@ -98,6 +100,7 @@ class Trial:
     acts_on: list[Json] | None = None  # of lines that were written before it was asked
     numbers: list[Json] = field(default_factory=list)
     slot: str | None = None
+    also_slots: list[str] = field(default_factory=list)
     p_value: float | None = None
     visible: float | None = None
     visible_each: list[float] = field(default_factory=list)
@@ -238,6 +241,7 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
         "numbers": [e.get("parameters", {}) for e in effects],
         "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),
         "slot": stated["slot"],
+        "also_slots": stated["also_possible_slots"],
         "p_value": stated["p_value"],
         "visible": seen.together if seen else None,
         "visible_each": seen.each if seen else [],

@@ -139,6 +139,7 @@ def test_a_trial_takes_over_what_a_document_says_of_mistakes(
         "effects": [change],
         "set_aside": [{"shot": 17, "because": "of its size"}, {"shot": 3}],
         "slot": "record",
+        "also_possible_slots": [],
         "p_value": None,
         "noise_rms_V": 1e-3,
         "before": block,
