@@ -30,7 +30,7 @@ A signal of free size in every shot (hum) is no law and has none.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,6 +69,8 @@ class Discrepancy:
     """What each column adds to the promised ln v0, shape (q,)."""
     places: list[Places]
     """Whose coefficient each column has, among ``names``, shape (q,)."""
+    sharing: Mapping[int, Sequence[int]]
+    """For the coefficient of an effect's number, those of all pairs that have this number."""
     u: float = LAW_U
     """Standard uncertainty of every coefficient."""
 
@@ -78,15 +80,23 @@ class Discrepancy:
         return np.asarray(np.eye(len(self.names)) / self.u**2)
 
     def as_inputs(self, items: Sequence[FitShot]) -> tuple[FirstOrderInput, ...]:
-        """Return the coefficients as inputs of a joint fit of these shots."""
+        """Return the coefficients as inputs of a joint fit of these shots.
+
+        Those of a number are what its pairs deviate from their mean, which is the number itself. To
+        first order the fit could not tell that mean from it; to second order it would, by a column
+        that is not bent as the model is.
+        """
         added: list[dict[float, Array]] = [{} for _ in self.names]
         faster: list[dict[float, float]] = [{} for _ in self.names]
         for item, columns, speeds, places in zip(
             items, self.columns, self.speeds, self.places, strict=True
         ):
             for column, speed, j in zip(columns.T, speeds.tolist(), places, strict=True):
-                added[j][item.frame.place] = column
-                faster[j][item.frame.place] = speed
+                pairs = self.sharing.get(int(j), [])
+                for k in {j, *pairs}:
+                    share = float(j == k) - (1.0 / len(pairs) if pairs else 0.0)
+                    added[k][item.frame.place] = share * column
+                    faster[k][item.frame.place] = share * speed
         u = Uncertainty(self.u)
         return tuple(
             FirstOrderInput(
@@ -136,7 +146,26 @@ def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
         [np.column_stack(c) for c in columns],
         [np.concatenate(s) for s in speeds],
         [np.arange(at, at + len(laws), dtype=np.intp) for at in first],
+        _sharing(problem, effects, {pair: k * len(laws) for k, pair in enumerate(pairs)}),
     )
+
+
+def _sharing(
+    problem: JointProblem, effects: Sequence[Effect], first: Mapping[str, int]
+) -> dict[int, list[int]]:
+    """Return which coefficients of numbers belong to one number; ``first`` is each pair's first."""
+    of_number: dict[ParameterName | int, list[int]] = {}
+    items = {item.pair: item for item in problem.shots}
+    for pair, begin in first.items():
+        place = begin
+        for effect in effects:
+            place += HIGHEST_ORDER + 2  # behind its sizes and its delay
+            for row in problem.model.places[effect.id]:
+                # a number that every shot has for itself takes up all that its pair deviates by
+                name = problem.effect_key(row, items[pair])
+                of_number.setdefault(place if name is None else name, []).append(place)
+                place += 1
+    return {place: sharing for sharing in of_number.values() for place in sharing}
 
 
 def _of_shot(

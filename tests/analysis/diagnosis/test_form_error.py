@@ -25,6 +25,7 @@ from analysis.diagnosis.selection import Selection, Step
 from analysis.effects.library import effect_named
 from analysis.fit import joint
 from analysis.fit.blocks import prior_rows
+from analysis.fit.first_order_input import FirstOrderInput
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.problem import FitShot, JointProblem, build
 from analysis.fit.result import FitResult
@@ -157,6 +158,28 @@ def test_the_sources_still_add_up_to_the_covariance(stated: FitResult) -> None:
         fitted.covariance / np.outer(scale, scale),
         atol=1e-6,
     )
+
+
+def test_what_all_pairs_deviate_by_is_the_number_itself(stated: FitResult) -> None:
+    """The coefficients of a number add nothing to a record where they are one for all pairs."""
+    numbers = {p.name for p in effect_named("adhesive_layer").parameters}
+    laws = [one for one in stated.problem.inputs if isinstance(one, FirstOrderInput)]
+    for item in stated.problem.shots:
+        for number in numbers:
+            added = [one.signal(item) for one in laws if f".{number} [" in str(one.name)]
+            assert len(added) == 4
+            assert np.abs(np.sum(added, axis=0)).max() < 1e-12 * np.abs(added).max()
+
+
+def test_a_ring_of_many_periods_keeps_its_damping() -> None:
+    """Its trace bends so much with the damping that a column for all pairs would be no tangent."""
+    mode = {"frequency_hz": 29.5e3, "damping_ratio": 0.0115, "share": -0.27}
+    problem, fitted = _with_effect(_drawn("second_mode", "", mode)[0], "second_mode", mode)
+    stated = as_fit_result(problem, fitted, heldout=False)
+    at = [str(name) for name in problem.names].index("second_mode.damping_ratio")
+    found, u = stated.fitted.theta[at], math.sqrt(stated.fitted.covariance[at, at])
+    assert u < 5e-3
+    assert abs(found - math.log(mode["damping_ratio"])) < 3.0 * u
 
 
 def test_no_contradicted_statement_is_that_a_law_is_exact(stated: FitResult) -> None:
