@@ -162,7 +162,8 @@ def _sharing(
             place += HIGHEST_ORDER + 2  # behind its sizes and its delay
             for row in problem.model.places[effect.id]:
                 # a number that every shot has for itself takes up all that its pair deviates by
-                name = problem.effect_key(row, items[pair])
+                shared = row < len(problem.model.shared)
+                name = problem.effect_key(row, items[pair]) if shared else None
                 of_number.setdefault(place if name is None else name, []).append(place)
                 place += 1
     return {place: sharing for sharing in of_number.values() for place in sharing}
