@@ -121,7 +121,16 @@ _BESSEL_RATIO = math.sqrt((1 + math.sqrt(5)) / 2)
 
 _PARAMETERS = (
     EffectParameter(
-        "cutoff_hz", "Hz", "rig", "inverse", 2e4, 2e3, 2e6, (6e4, 2e5, 2e4), "frequency at -3 dB"
+        "cutoff_hz",
+        "Hz",
+        "rig",
+        "inverse",
+        2e4,
+        2e3,
+        2e6,
+        (6e4, 2e5, 2e4),
+        "frequency at -3 dB",
+        delays=True,
     ),
 )
 

@@ -130,6 +130,8 @@ class EffectParameter:
     signal's own unit; where given they are better than ``starts``."""
     threshold: bool = False
     """Nothing happens on the far side of it, and nothing there has a slope towards it."""
+    delays: bool = False
+    """To first order it does no more than delay the signal, as a later touch-down does."""
     resolved: bool = False
     """The effect is told by it: a fit that ends beyond its bounds has found another, however little
     the data say of the number itself."""

@@ -19,6 +19,8 @@ AMPLITUDE_STEP = 0.05
 """Part of the start's amplitude at which a column is taken; small, so that it is a derivative."""
 
 
+DELAY_STEPS = 3
+"""Newton steps to the touch-down that takes up a delay. Of a tenth of a period it needs two."""
 RUN_AWAY = 1e100
 """Signal of a motion that ran away, whose squares would overflow. [unit of the signal]"""
 
@@ -139,9 +141,11 @@ def column(
         return found * item.window.peak, np.zeros(found.shape[1])
     at = len(model.shared)
     coordinates = np.array(proposal.coordinates)
-    step = 1.0
+    step, delays = 1.0, False
     if proposal.amplitude is not None:
-        step = AMPLITUDE_STEP * coordinates[proposal.amplitude]
+        # where the derivative is a delay, what matters is of a higher order, and shows at full size
+        delays = effect.parameters[proposal.amplitude].delays
+        step = (1.0 if delays else AMPLITUDE_STEP) * coordinates[proposal.amplitude]
         coordinates[proposal.amplitude] = step
     share = [coupon_share] if effect.by_coupon_share else []
     moved = np.concatenate([local[:at], coordinates, share, local[at:]])
@@ -149,7 +153,20 @@ def column(
     shift = tried.speed_shift(moved, item.frame) - model.speed_shift(local, item.frame)
     if not np.abs(signal).max() < RUN_AWAY:  # nor is a NaN
         signal = base
+    elif delays:
+        base = _delayed_as(signal, model, local, item)
     return ((signal - base) / step)[:, None], np.array([shift / step])
+
+
+def _delayed_as(signal: Array, model: ImpactModel, local: Array, item: FitShot) -> Array:
+    """Return a model's signal of a shot, its touch-down moved to be nearest to another signal."""
+    touch_down, moved = model.names.index("t0_us"), local.copy()
+    base = model.predict(moved, item.frame).signal
+    for _ in range(DELAY_STEPS):
+        slope = np.gradient(base) * item.frame.sample_rate_hz * 1e-6
+        moved[touch_down] -= float(slope @ (signal - base)) / max(float(slope @ slope), 1e-300)
+        base = model.predict(moved, item.frame).signal
+    return base
 
 
 def rescoped(effect: Effect, scope: str) -> Effect:

@@ -47,3 +47,14 @@ def test_a_start_explains_most_of_what_was_promised(tmp_path: Path, effect: str)
 
     assert gain(0) > 0.5 * first.promised
     assert gain(8) == pytest.approx(gain(60), rel=0.01)
+
+
+def test_what_a_slow_amplifier_does_beside_its_delay_is_seen(tmp_path: Path) -> None:
+    """Its derivative is a delay, which touch-down takes up: an echo would seem likelier."""
+    campaign = small_campaign(tmp_path, "amplifier_lowpass", cutoff_hz=7.5e4, filter_order=2)
+    problem, nuisances = with_start(build(campaign, model_named("kv2")))
+    base = joint.fit(problem, nuisances)
+    tried = [p for p in proposals(problem)[0] if p.effect_id in ("amplifier_lowpass", "echo")]
+    found = starts(linearise(problem, base, tried), tried)
+    assert next(iter(found)) == "amplifier_lowpass"
+    assert found["amplifier_lowpass"][0].proposal.effect.id == "amplifier_lowpass:second_order"
