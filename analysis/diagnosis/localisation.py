@@ -52,8 +52,9 @@ FIRST_ORDER_ERROR = 0.02
 0.02 and 0.1 gave the same slots in 52 campaigns."""
 
 UNLISTED = 0.05
-"""Probability of a change that no family describes. A choice: one in twenty. In 200 campaigns whose
-seeds served to choose it 0.02 to 0.1 changed no decision about the likeliest slot."""
+"""Probability of a change that no family describes. Measured: in 10 of 200 visible campaigns with
+seeds from 47100000 no family of a slot explained 0.3 of the squares. The likeliest slot does not
+depend on it."""
 
 SHARES: dict[str, tuple[float, float, float, float, float]] = {
     #            release contact mounting sensor electronics

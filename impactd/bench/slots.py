@@ -37,7 +37,8 @@ VISIBLE = 200.0
 """Whitened squares of the best family, coefficients paid for, from which a campaign counts. A
 choice: twenty times what chance brings to one of all families, so that it moves the odds little."""
 LEVELS = 5
-"""Groups of stated probabilities, each as wide as the others."""
+"""Groups of stated probabilities, equally wide. Derived: five slots have 0.2 each by chance, which
+ends the first group."""
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.polynomial.legendre import legvander
@@ -82,9 +83,9 @@ class Discrepancy:
     def as_inputs(self, items: Sequence[FitShot]) -> tuple[FirstOrderInput, ...]:
         """Return the coefficients as inputs of a joint fit of these shots.
 
-        Those of a number are what its pairs deviate from their mean, which is the number itself. To
-        first order the fit could not tell that mean from it; to second order it would, by a column
-        that is not bent as the model is.
+        Those of a number say how far each pair is from the mean of its pairs, because the mean is
+        the number itself. A coefficient for the mean would have a straight column beside a curved
+        model, and the fit would mistake the difference for information.
         """
         added: list[dict[float, Array]] = [{} for _ in self.names]
         faster: list[dict[float, float]] = [{} for _ in self.names]
@@ -92,9 +93,9 @@ class Discrepancy:
             items, self.columns, self.speeds, self.places, strict=True
         ):
             for column, speed, j in zip(columns.T, speeds.tolist(), places, strict=True):
-                pairs = self.sharing.get(int(j), [])
-                for k in {j, *pairs}:
-                    share = float(j == k) - (1.0 / len(pairs) if pairs else 0.0)
+                pairs = self.sharing.get(int(j))
+                for k in (j,) if pairs is None else pairs:
+                    share = float(j == k) - (0.0 if pairs is None else 1.0 / len(pairs))
                     added[k][item.frame.place] = share * column
                     faster[k][item.frame.place] = share * speed
         u = Uncertainty(self.u)
@@ -133,11 +134,16 @@ def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
             shift = np.zeros(one.law.shape[1] + scale.size)
             shift[0] = one.speed
             speeds[row].append(shift)
-    sizes = [f"size {k}" for k in range(HIGHEST_ORDER + 1)]
+    of_law_itself = (*(f"size {k}" for k in range(HIGHEST_ORDER + 1)), "delay")
     laws = [
         (e.id, column)
         for e in effects
-        for column in (*sizes, "delay", *(p.name for p in e.parameters))
+        for column in (*of_law_itself, *(p.name for p in e.parameters))
+    ]
+    rows = [
+        row
+        for e in effects
+        for row in (*(None for _ in of_law_itself), *problem.model.places[e.id])
     ]
     pairs = sorted({item.pair for item in problem.shots})
     first = [pairs.index(item.pair) * len(laws) for item in problem.shots]
@@ -146,26 +152,26 @@ def discrepancy(problem: JointProblem, fitted: Fitted) -> Discrepancy | None:
         [np.column_stack(c) for c in columns],
         [np.concatenate(s) for s in speeds],
         [np.arange(at, at + len(laws), dtype=np.intp) for at in first],
-        _sharing(problem, effects, {pair: k * len(laws) for k, pair in enumerate(pairs)}),
+        _sharing(problem, pairs, rows),
     )
 
 
 def _sharing(
-    problem: JointProblem, effects: Sequence[Effect], first: Mapping[str, int]
+    problem: JointProblem, pairs: Sequence[str], rows: Sequence[int | None]
 ) -> dict[int, list[int]]:
-    """Return which coefficients of numbers belong to one number; ``first`` is each pair's first."""
+    """Return for the coefficient of an effect's number those of all pairs that have this number.
+
+    ``rows`` is the local parameter of each coefficient of a pair, None where it is no number's.
+    """
     of_number: dict[ParameterName | int, list[int]] = {}
     items = {item.pair: item for item in problem.shots}
-    for pair, begin in first.items():
-        place = begin
-        for effect in effects:
-            place += HIGHEST_ORDER + 2  # behind its sizes and its delay
-            for row in problem.model.places[effect.id]:
-                # a number that every shot has for itself takes up all that its pair deviates by
-                shared = row < len(problem.model.shared)
-                name = problem.effect_key(row, items[pair]) if shared else None
-                of_number.setdefault(place if name is None else name, []).append(place)
-                place += 1
+    for place, (pair, row) in enumerate(product(pairs, rows)):
+        if row is None:
+            continue
+        # where each shot has its own number, nothing is left for its pair to be off by
+        shared = row < len(problem.model.shared)
+        name = problem.effect_key(row, items[pair]) if shared else None
+        of_number.setdefault(place if name is None else name, []).append(place)
     return {place: sharing for sharing in of_number.values() for place in sharing}
 
 

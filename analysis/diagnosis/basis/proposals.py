@@ -20,7 +20,8 @@ AMPLITUDE_STEP = 0.05
 
 
 DELAY_STEPS = 3
-"""Newton steps to the touch-down that takes up a delay. Of a tenth of a period it needs two."""
+"""Newton steps to the touch-down that takes up a delay. Derived: of a phase p each leaves p^3 / 6.
+A cutoff of 60 kHz delays by 4 us, 0.9 rad of a ring at 40 kHz: 0.1, 3e-4 and 1e-11 rad are left."""
 RUN_AWAY = 1e100
 """Signal of a motion that ran away, whose squares would overflow. [unit of the signal]"""
 
@@ -154,14 +155,15 @@ def column(
     if not np.abs(signal).max() < RUN_AWAY:  # nor is a NaN
         signal = base
     elif delays:
-        base = _delayed_as(signal, model, local, item)
+        base = _delayed_as(signal, base, model, local, item)
     return ((signal - base) / step)[:, None], np.array([shift / step])
 
 
-def _delayed_as(signal: Array, model: ImpactModel, local: Array, item: FitShot) -> Array:
-    """Return a model's signal of a shot, its touch-down moved to be nearest to another signal."""
+def _delayed_as(
+    signal: Array, base: Array, model: ImpactModel, local: Array, item: FitShot
+) -> Array:
+    """Return a model's signal, ``base``, with touch-down moved to be nearest to ``signal``."""
     touch_down, moved = model.names.index("t0_us"), local.copy()
-    base = model.predict(moved, item.frame).signal
     for _ in range(DELAY_STEPS):
         slope = np.gradient(base) * item.frame.sample_rate_hz * 1e-6
         moved[touch_down] -= float(slope @ (signal - base)) / max(float(slope @ slope), 1e-300)

@@ -86,7 +86,7 @@ def test_an_effect_is_as_uncertain_as_the_numbers_that_were_stated(leaky):
     (effect,) = found["effects"]
     constant = effect["parameters"]["time_constant_s"]
     assert constant == found["after"]["parameters"]["coupler_highpass.time_constant_s"]
-    # what is stated of materials and cell tells a little of the clock
+    # the shots themselves tell the clock to 0.5 %, so that its one per cent is not the whole of it
     assert constant["u"] == pytest.approx(0.01 * constant["value"], rel=0.1)
     (known,) = found["accepted_model"]["effects"][0]["numbers"].values()
     relative = constant["u"] / constant["value"]

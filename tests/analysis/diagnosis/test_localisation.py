@@ -56,8 +56,8 @@ def test_every_family_but_the_generic_one_is_the_work_of_some_slot():
 def test_the_work_of_one_slot_speaks_for_it_and_a_shared_one_for_both():
     """Speeds that contradict heights are the release's; a curve may be crystal or converter."""
     speed = {("locked", "rig"): 9e4, ("speed", "shot"): 8e4, ("curve", "rig"): 1e3}
-    assert probabilities(speed, 9e4, 5)["release"] > 0.9
-    curve = probabilities({("speed", "shot"): 1e3, ("curve", "rig"): 9e4}, 9e4, 5)
+    assert probabilities(speed, 9e4, 9)["release"] > 0.95
+    curve = probabilities({("speed", "shot"): 1e3, ("curve", "rig"): 9e4}, 9e4, 9)
     assert curve["sensor"] == curve["electronics"] > 0.45
 
 
