@@ -23,6 +23,7 @@ from analysis.diagnosis.successive_halving import better_on_part
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
 from analysis.fit import joint
+from analysis.fit.blocks import linearise_shot
 from analysis.fit.nuisances import carried_over
 from analysis.fit.problem import JointProblem
 from analysis.parameters import of_effect
@@ -176,6 +177,46 @@ def sizes_of(found: Refit, kind: str) -> Sizes | None:
         now = np.exp(now)
         score, known = score / now, known / np.outer(now, now)
     return Sizes.from_score(kind, names, score + known @ now, known)
+
+
+def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> ActsOn | None:
+    """Return the materials whose own shots show that an effect acts on them.
+
+    None where all do that it acts on. It is taken away from the shots of one material at a time,
+    and everything else follows by one step: a material shows it if the squares then rise by
+    *least_lead*. A coupon too hard to yield is evidence neither for its yield nor against it.
+    """
+    kinds = [kind for kind in KINDS if kind in scopes_of(effect)]
+    if not kinds:
+        return None
+    without = dataclasses.replace(problem, model=problem.model.silenced(effect.id))
+    silent = [
+        linearise_shot(without, item, fitted.theta, own)
+        for item, own in zip(problem.shots, fitted.nuisances, strict=True)
+    ]
+    now = joint.least_squares_nearby(problem, fitted.blocks, fitted.theta)
+
+    def shows(kind: str, name: str) -> bool:
+        """Tell whether the squares rise without the effect on a material."""
+        blocks = [
+            other if getattr(item.shot, kind) == name else block
+            for item, block, other in zip(problem.shots, fitted.blocks, silent, strict=True)
+        ]
+        left = [block for block in blocks if block is not None]
+        if len(left) < len(blocks):
+            return True  # there is not even a contact without it
+        squares = joint.least_squares_nearby(problem, left, fitted.theta)
+        return squares - now >= CRITERIA.least_lead
+
+    for kind in kinds:
+        only = effect.only
+        acted = {str(getattr(item.shot, kind)) for item in problem.shots}
+        if only is not None:
+            acted &= set(only.names if only.kind == kind else acted)
+        seen = {name for name in acted if shows(kind, name)}
+        if seen and seen < acted:
+            return ActsOn(kind, tuple(seen))
+    return None
 
 
 def _others(problem: JointProblem, found: Refit) -> Iterator[tuple[Effect, str]]:

@@ -167,6 +167,16 @@ def normal_equations(problem: JointProblem, fitted: Fitted) -> tuple[Array, Arra
     return _gather(problem, fitted.blocks, fitted.theta, 0.0)
 
 
+def least_squares_nearby(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
+    """Return the least squares with priors that a problem has if it is linear around a point."""
+    matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
+    squares = _prior_cost(problem, theta) - float(vector @ solve_normal(matrix, vector))
+    for block, part in zip(blocks, parts, strict=True):
+        shared = block.chain.shape[0]
+        squares += block.cost - float(block.vector[shared:] @ part.own)
+    return squares
+
+
 def _prior_cost(problem: JointProblem, theta: Array) -> float:
     d = theta - problem.prior_mean
     return float(d @ problem.prior_precision @ d)
@@ -421,9 +431,7 @@ class _Begin:
     blocks: list[ShotBlock]
 
 
-def _descend(
-    problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: _Steps
-) -> Fitted:
+def _descend(problem: JointProblem, all_shots: _AllShots, begin: _Begin, steps: _Steps) -> Fitted:
     """Return the minimum that lies below a point."""
     theta, nuisances, blocks = begin.theta, begin.nuisances, begin.blocks
     damping = steps.damping

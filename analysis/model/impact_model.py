@@ -246,6 +246,13 @@ class ImpactModel:
         """Return this model with one more effect."""
         return replace(self, effects=(*self.effects, effect))
 
+    def silenced(self, effect_id: str) -> ImpactModel:
+        """Return this model with the same numbers, one effect without a consequence."""
+        return replace(
+            self,
+            effects=tuple(e.silent() if e.id == effect_id else e for e in self.effects),
+        )
+
     @cached_property
     def _for_some(self) -> dict[tuple[str | None, str | None], ImpactModel]:
         return {}

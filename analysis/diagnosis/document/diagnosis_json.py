@@ -23,6 +23,7 @@ from analysis.diagnosis.document.moduli_stated import (
     withhold_sought,
     without_uncertainty,
 )
+from analysis.diagnosis.grouping_search import seen_on
 from analysis.diagnosis.held_out import as_fit_result, heldout_or_none
 from analysis.diagnosis.linearised import Explained
 from analysis.diagnosis.localisation import Located
@@ -31,6 +32,7 @@ from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.progress import BudgetSpentError
 from analysis.diagnosis.selection import Step
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit.freed_inputs import inputs_freed
@@ -81,6 +83,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
     candidates = _candidates(diagnosis, first)
     turns = [_turn(diagnosis, step) for step in diagnosis.steps]
     ended = diagnosis.watch.ended
+    effects = [_effect(diagnosis, refit, free_after) for refit in diagnosis.chosen]
     said = [
         *wording.base_sentences(diagnosis),
         *wording.set_aside_sentences(diagnosis.set_aside),
@@ -88,6 +91,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
             diagnosis, before, after, wording.moved_moduli(base["moduli"], stated["moduli"])
         ),
         *wording.form_sentences(diagnosis),
+        *wording.seen_on_sentences(effects),
         *wording.heldout_sentences(diagnosis, stated, free_after.problem),
         *wording.beside_mean_waveform(mean, stated.get("heldout_rms_V"), first.problem),
         *_on_moduli(stated, free_after),
@@ -103,10 +107,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
         "p_value": _p_value(diagnosis, first),
         "noise_rms_V": before.noise_rms,
         "noise": noise_json(before, diagnosis.check_noise),
-        "effects": [
-            *(_effect(diagnosis, refit, free_after) for refit in diagnosis.chosen),
-            *_mistake(diagnosis),
-        ],
+        "effects": [*effects, *_mistake(diagnosis)],
         "set_aside": [dataclasses.asdict(one) for one in diagnosis.set_aside],
         "slot": diagnosis.slot,
         "slots": {} if located is None else _slots(last, located),
@@ -331,6 +332,7 @@ def _effect(diagnosis: Diagnosis, refit: Refit, after: FitResult) -> Json:
         "title": refit.effect.title,
         "scope": refit.scope,
         "acts_on": _acts_on(refit),
+        "seen_on": _seen_on(diagnosis, refit),
         "parameters": parameters | _parameters_by_shot(refit.effect, after),
         "forms_as_good": [one.effect.id for one in forms],
         "confusable_with": diagnosis.confusable_with(refit.effect_id),
@@ -347,6 +349,7 @@ def _mistake(diagnosis: Diagnosis) -> list[Json]:
             "title": one.sentence,
             "scope": {one.kind: one.name},
             "acts_on": None,
+            "seen_on": None,
             "parameters": {
                 name: {"value": value, "u": u, "unit": unit}
                 for name, (value, u, unit) in one.parameters.items()
@@ -363,10 +366,25 @@ def _mistake(diagnosis: Diagnosis) -> list[Json]:
 def _acts_on(refit: Refit) -> Json | None:
     """Return the materials that an effect acts on, None of one that acts on everything."""
     only = refit.effect.only
-    if only is None:
+    return None if only is None else _materials(only, refit)
+
+
+def _materials(some: ActsOn, refit: Refit) -> Json:
+    words = wording.on_materials(some, refit.problem)
+    return {"kind": some.kind, "names": list(some.names), "words": words}
+
+
+def _seen_on(diagnosis: Diagnosis, refit: Refit) -> Json | None:
+    """Return the materials whose shots show an effect, None where all do that it acts on.
+
+    None as well where structure remains: the squares of one material may be those of what is
+    missing.
+    """
+    last = diagnosis.steps[-1]
+    if not diagnosis.leaves_noise or last.problem.model.places.get(refit.effect.id) is None:
         return None
-    words = wording.where_it_acts(refit)
-    return {"kind": only.kind, "names": list(only.names), "words": words}
+    only = seen_on(refit.effect, last.problem, last.fitted)
+    return None if only is None else _materials(only, refit)
 
 
 def _parameters_by_shot(effect: Effect, result: FitResult) -> Json:

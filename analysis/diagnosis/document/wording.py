@@ -21,6 +21,7 @@ from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.odd_shots import SetAside
 from analysis.diagnosis.procedure import Diagnosis
 from analysis.diagnosis.selection import Step
+from analysis.effects.acts_on import ActsOn
 from analysis.effects.library import effect_named, library
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import FitShot, JointProblem
@@ -150,6 +151,16 @@ def form_sentences(diagnosis: Diagnosis) -> list[str]:
                 "intervals of its numbers hold for each."
             )
     return said
+
+
+def seen_on_sentences(effects: Sequence[Json]) -> list[str]:
+    """Return a sentence for each effect that some materials do not show, as the document has it."""
+    return [
+        f"Only the shots {one['seen_on']['words']} show {one['id']}: these data do not tell "
+        f"whether it acts on the other {one['seen_on']['kind']}s too."
+        for one in effects
+        if one["seen_on"] is not None
+    ]
 
 
 def base_sentences(diagnosis: Diagnosis) -> list[str]:
@@ -286,9 +297,12 @@ def _named(found: Refit) -> str:
 def where_it_acts(found: Refit) -> str:
     """Return on which materials an effect acts; nothing of one that acts on everything."""
     only = found.effect.only
-    if only is None:
-        return ""
-    return only.words({str(getattr(item.shot, only.kind)) for item in found.problem.shots})
+    return "" if only is None else on_materials(only, found.problem)
+
+
+def on_materials(some: ActsOn, problem: JointProblem) -> str:
+    """Return some of a campaign's materials in words."""
+    return some.words({str(getattr(item.shot, some.kind)) for item in problem.shots})
 
 
 def _noise_left(result: FitResult) -> str:

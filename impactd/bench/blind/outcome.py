@@ -190,6 +190,39 @@ def groups_right(trial: Trial) -> bool:
     return all(said.get(str(e["id"])) == e.get("scope", {}) for e in trial.effects)
 
 
+def shown_rightly(trial: Trial) -> bool:
+    """Return whether what is said of the materials is true of each effect, if not all of the truth.
+
+    Parameters
+    ----------
+    trial : Trial
+        As of `groups_right`, of which effects acted.
+
+    Returns
+    -------
+    bool
+        All that show it have it, and none that has it is left out of those that it may act on.
+    """
+    acts_on = dict(zip(trial.named, trial.acts_on or [], strict=True))
+    seen_on = dict(zip(trial.named, trial.seen_on or trial.acts_on or [], strict=True))
+    return all(
+        _within(seen_on[name] or acts_on[name], scope) and _within(scope, acts_on[name])
+        for name, scope in ((str(e["id"]), e.get("scope", {})) for e in trial.effects)
+        if name in acts_on
+    )
+
+
+def _within(some: Json, others: Json) -> bool:
+    """Return whether some materials are all among others; an empty one means everything."""
+    if not some or not others:
+        return not others
+    return all(k in some and _names(some[k]) <= _names(others[k]) for k in others)
+
+
+def _names(said: str | list[str]) -> set[str]:
+    return {said} if isinstance(said, str) else set(said)
+
+
 def _is_place_of(mistake: Json, said: Json) -> bool:
     """Return whether a scope, and the first shot of a change, are those of a mistake."""
     numbers, scope = mistake["numbers"], dict(said)

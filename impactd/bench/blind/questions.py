@@ -26,6 +26,7 @@ from impactd.bench.blind.outcome import (
     groups_right,
     names_all,
     outcome,
+    shown_rightly,
 )
 from impactd.bench.blind.own_numbers import of_own_numbers
 from impactd.bench.blind.plan import COLOURS
@@ -104,6 +105,8 @@ def _groupings(trials: Group) -> Iterator[Answer | None]:
     yield share(question, single, ended_as("right", "family"), ">= 0.95")
     named = [t for t in single if set(t.truth) <= set(t.named)]
     yield share("- named: with the right materials", named, groups_right, ">= 0.95")
+    question = "- named: what is said of the materials is true"
+    yield share(question, [t for t in named if t.seen_on is not None], shown_rightly, ">= 0.95")
     for how_many in ("one", "some", "all"):
         own = [t for t in single if grouping_of(t) == how_many]
         yield share(f"- {how_many}: right name or family", own, ended_as("right", "family"))

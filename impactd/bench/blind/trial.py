@@ -47,6 +47,8 @@ class Trial:
         Where each named effect acts, as the truth says it: side to name or names; empty where it
         acts on everything. Of a mistake that was named its scope, and ``first_shot`` where the
         diagnosis says from which place in the order of the shots on.
+    seen_on : list of dict
+        The materials whose shots show each named effect; empty where all do that it acts on.
     numbers : list of dict
         Of each named effect its own numbers as the diagnosis states them, by name and group:
         value, u, interval95 and the like.
@@ -98,6 +100,7 @@ class Trial:
     named: list[str] = field(default_factory=list)
     confusable: list[list[str]] = field(default_factory=list)  # for each of ``named``
     acts_on: list[Json] | None = None  # of lines that were written before it was asked
+    seen_on: list[Json] | None = None  # the same
     numbers: list[Json] = field(default_factory=list)
     slot: str | None = None
     also_slots: list[str] = field(default_factory=list)
@@ -238,6 +241,7 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
         "named": [e["id"] for e in effects],
         "confusable": [e.get("confusable_with", []) for e in effects],
         "acts_on": [where(e) for e in effects],
+        "seen_on": [_materials(e.get("seen_on")) for e in effects],
         "numbers": [e.get("parameters", {}) for e in effects],
         "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),
         "slot": stated["slot"],
@@ -287,11 +291,15 @@ def where(effect: Json) -> Json:
     if effect["slot"] == RECORD_SLOT:
         first = effect.get("parameters", {}).get("first_shot")
         return dict(effect["scope"]) | ({} if first is None else {"first_shot": first["value"]})
-    acts_on = effect["acts_on"]
-    if acts_on is None:
+    return _materials(effect["acts_on"])
+
+
+def _materials(said: Json | None) -> Json:
+    """Return materials of a document in the truth's words; nothing of all."""
+    if said is None:
         return {}
-    names = acts_on["names"]
-    return {acts_on["kind"]: names[0] if len(names) == 1 else names}
+    names = said["names"]
+    return {said["kind"]: names[0] if len(names) == 1 else names}
 
 
 def _of_specimen(block: Json, quantity: str) -> Json | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from analysis.campaign import Campaign
@@ -15,6 +16,7 @@ from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.grouping_search import (
     best_grouping,
     promises_other_grouping,
+    seen_on,
     sizes_of,
 )
 from analysis.diagnosis.linearised import linearise
@@ -157,3 +159,23 @@ def test_a_plate_under_two_of_three_surfaces_is_named(tmp_path: Path) -> None:
     definition = definition_of(last.problem, last.fitted)
     assert definition is not None
     assert model_of(definition).effects[0].only == only
+
+
+def test_materials_on_which_nothing_yields_show_no_yield(tmp_path: Path) -> None:
+    """One yield pressure that only aluminium's contact reaches: the records are the same."""
+    reached = {"yield_pressure_pa": 1.1e8}
+    on_all = campaign(tmp_path / "all", "plastic_yield", Scope(), **reached)
+    on_one = campaign(tmp_path / "one", "plastic_yield", Scope(surface="aluminium"), **reached)
+    for one, other in zip(on_all.shots, on_one.shots, strict=True):
+        assert np.array_equal(one.signal, other.signal)
+    _, found = fitted(on_all, "plastic_yield")
+    assert found.effect.only is None
+    assert seen_on(found.effect, found.problem, found.fitted) == ActsOn("surface", ("aluminium",))
+
+
+@pytest.mark.parametrize("name", sorted(VALUES))
+def test_materials_that_feel_an_effect_show_it(tmp_path: Path, name: str) -> None:
+    """On two of three surfaces: both of them show it."""
+    scope = Scope(surface=("polycarbonate", "specimen"))
+    _, found = fitted(campaign(tmp_path, name, scope), name)
+    assert seen_on(found.effect, found.problem, found.fitted) is None

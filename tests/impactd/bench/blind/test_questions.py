@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from impactd.aliases import Json
+from impactd.bench.blind.outcome import shown_rightly
 from impactd.bench.blind.questions import answers
 from impactd.bench.blind.trial import Trial
 
@@ -50,6 +51,26 @@ def test_a_grouping_is_right_where_the_very_materials_are_named(
     assert (right.count, right.value) == (4, 0.75)
     assert asked["- some, named: with the right materials"].value == 0.5
     assert asked["groupings drawn at random: right name or family"].value == 0.8
+
+
+def test_what_is_said_of_materials_is_true_where_all_that_show_it_have_it(
+    a_trial: Callable[..., Trial],
+) -> None:
+    """On all, shown by one of its own: true. Shown by another, or given to too few: not."""
+    effect = {"id": "plate_radiation", "slot": "contact", "scope": {"surface": ["a", "b"]}}
+
+    def trial(said: Json, seen: Json) -> Trial:
+        """Return a trial in which a plate radiates on two surfaces."""
+        own = {"effects": [effect], "named": ["plate_radiation"], "visible_each": [1e4]}
+        return a_trial(**own, acts_on=[said], seen_on=[seen])
+
+    one = {"surface": "a"}
+    assert shown_rightly(trial({}, one))
+    assert shown_rightly(trial({"surface": ["a", "b"]}, {}))
+    assert shown_rightly(trial({"surface": ["a", "b"]}, one))
+    assert not shown_rightly(trial({}, {}))
+    assert not shown_rightly(trial({}, {"surface": "c"}))
+    assert not shown_rightly(trial(one, {}))
 
 
 def test_forms_left_out_are_asked_one_by_one(a_trial: Callable[..., Trial]) -> None:
