@@ -41,9 +41,12 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
 
     Forms are held against one another on shots that stand for all; the best of another is then
     fitted to all, where it must be ahead again. ``found`` itself where no other form does better,
-    or its numbers belong to single shots.
+    or its numbers belong to single shots. Forms that no search tries (`Effect.by_name`) are asked
+    where this one explains nearly all: then the effect is known, and its law is not yet.
     """
-    forms = _forms_of(problem, found)
+    samples = sum(item.data for item in problem.shots)
+    known = found.gain >= CRITERIA.nearly_all * (base.cost - samples)
+    forms = _forms_of(problem, found, by_name=known)
     if not forms:
         return found
 
@@ -59,7 +62,8 @@ def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> li
 
     Each is fitted to these shots. The numbers of two forms may differ by a factor.
     """
-    forms = [form for form in _forms_of(problem, found) if form.id != found.effect.id]
+    forms = _forms_of(problem, found, by_name=found.effect.by_name)
+    forms = [form for form in forms if form.id != found.effect.id]
     if not forms:
         return []
     few, few_base, known = refit_of_part(problem, base, found, thinned(problem, MORE))
@@ -67,8 +71,10 @@ def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> li
     return [one for one in others if known.score() - one.score() < CRITERIA.least_lead]
 
 
-def _forms_of(problem: JointProblem, found: Refit) -> list[Effect]:
+def _forms_of(problem: JointProblem, found: Refit, *, by_name: bool = False) -> list[Effect]:
     """Return the forms of an effect that can be fitted from another's best, its own in valleys.
+
+    Those that no search tries are among them only if asked for, ``by_name``.
 
     Empty where its numbers belong to single shots.
     """
@@ -82,7 +88,7 @@ def _forms_of(problem: JointProblem, found: Refit) -> list[Effect]:
         if (form.id != found.effect.id or any(p.valleys for p in form.parameters))
         and form.basis is None
         and form.parameters
-        and not form.by_name
+        and (by_name or not form.by_name)
         and problem.model.base in form.bases
     ]
 

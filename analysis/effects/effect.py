@@ -252,7 +252,8 @@ class Effect:
     """It depends on the coupon's share in the compliance of the two bodies, a local parameter
     ``<id>.coupon_share`` that follows from the moduli and is nobody's own."""
     by_name: bool = False
-    """Fitted only in a model that names it; the search for effects does not try it."""
+    """The search for effects does not try it: fitted in a model that names it, or where another
+    form of the same effect explains nearly all of what is missing."""
 
     @property
     def hooks(self) -> tuple[object, ...]:

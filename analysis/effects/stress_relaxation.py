@@ -53,6 +53,7 @@ pair and takes up the stiffness at one contact time; surface or sphere come seco
 """
 
 import math
+from dataclasses import replace
 
 from numba import njit
 
@@ -157,7 +158,8 @@ EFFECT = Effect(
             parameters=(
                 _strength("strength", "share of the faster arm, over the relaxed stiffness"),
                 _strength("slow_strength", "share of the arm with ten times its time"),
-                _TIME,
+                # the time of a single arm may be that of either
+                replace(_TIME, valleys=(1.0 / _DECADE,)),
             ),
             contact=_term,
             pack=_two_arms,

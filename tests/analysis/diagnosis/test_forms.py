@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from analysis.diagnosing import diagnose
+from analysis.diagnosis.criteria import CRITERIA
+from analysis.diagnosis.forms import best_form
 from drivers.simulated.effects import make_effect
+from drivers.simulated.effects.effect import Scope
+from tests.analysis.diagnosis import test_groupings
 from tests.analysis.diagnosis.test_mistakes import campaign
 
 GAMMA, NAME = 0.8, "surface_energy_j_per_m2"
@@ -47,3 +52,16 @@ def test_a_form_that_is_told_apart_stands_alone(tmp_path: Path) -> None:
     (effect,) = found["effects"]
     assert effect["id"] == "amplifier_lowpass"
     assert effect["forms_as_good"] == []
+
+
+def test_a_rare_form_is_asked_where_the_usual_one_explains_nearly_all(tmp_path: Path) -> None:
+    """Three arms a decade apart are no single arm; of an effect of which half is seen none knows."""
+    name, values = "stress_relaxation", {"strength": 0.15, "relaxation_time_s": 7e-6}
+    drawn = test_groupings.campaign(tmp_path, name, Scope(), form="maxwell", **values)
+    problem, base, found = test_groupings.with_one_size(drawn, name)
+    better = best_form(problem, base, found)
+    assert better.effect.by_name
+    assert better.score() > found.score() + CRITERIA.least_lead
+    missing = base.cost - sum(item.data for item in problem.shots)
+    half = dataclasses.replace(found, gain=0.5 * missing)
+    assert not best_form(problem, base, half).effect.by_name

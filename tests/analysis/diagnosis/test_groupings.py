@@ -26,7 +26,7 @@ from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.diagnosis.successive_halving import rivals_refitted
 from analysis.effects.acts_on import ActsOn
 from analysis.fit import joint
-from analysis.fit.problem import build
+from analysis.fit.problem import JointProblem, build
 from analysis.fit.start import with_start
 from analysis.model.impact_model import model_named
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign, write_campaign_folder
@@ -42,7 +42,9 @@ VALUES = {
 }
 
 
-def campaign(folder: Path, name: str, scope: Scope, heights: int = 2, **values: float) -> Campaign:
+def campaign(
+    folder: Path, name: str, scope: Scope, heights: int = 2, form: str = "", **values: float
+) -> Campaign:
     """Return two spheres on three surfaces with one effect, read back from a folder."""
     usual = CampaignSettings()
     settings = dataclasses.replace(
@@ -50,13 +52,13 @@ def campaign(folder: Path, name: str, scope: Scope, heights: int = 2, **values: 
         spheres={n: usual.spheres[n] for n in ("acetal", "acetal_small")},
         drop_heights_m=(0.0115, 0.0465, 0.0255)[:heights],
         repeats=1,
-        effects=(make_effect(name, values or VALUES[name], scope),),
+        effects=(make_effect(name, values or VALUES[name], scope, form=form),),
     )
     return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 11)))
 
 
-def fitted(campaign: Campaign, name: str) -> tuple[Refit, Refit]:
-    """Return an effect fitted to all shots with one size, and in the grouping found from there."""
+def with_one_size(campaign: Campaign, name: str) -> tuple[JointProblem, joint.Fitted, Refit]:
+    """Return the base fit of a campaign, and an effect fitted to all shots with one size."""
     usual = CampaignSettings()
     problem, nuisances = with_start(build(campaign, model_named(BASES[usual.rig])))
     base = joint.fit(problem, nuisances)
@@ -71,6 +73,12 @@ def fitted(campaign: Campaign, name: str) -> tuple[Refit, Refit]:
         coefficients=start.coefficients,
         linear_gain=start.promised,
     )
+    return problem, base, whole
+
+
+def fitted(campaign: Campaign, name: str) -> tuple[Refit, Refit]:
+    """Return an effect fitted to all shots with one size, and in the grouping found from there."""
+    problem, base, whole = with_one_size(campaign, name)
     return whole, best_grouping(problem, base, whole)
 
 
