@@ -55,7 +55,7 @@ def test_a_form_that_is_told_apart_stands_alone(tmp_path: Path) -> None:
 
 
 def test_a_rare_form_is_asked_where_the_usual_one_explains_nearly_all(tmp_path: Path) -> None:
-    """Three arms a decade apart are no single arm; of an effect of which half is seen none knows."""
+    """Three arms a decade apart are no single arm. Where it explains half, nobody asks."""
     name, values = "stress_relaxation", {"strength": 0.15, "relaxation_time_s": 7e-6}
     drawn = test_groupings.campaign(tmp_path, name, Scope(), form="maxwell", **values)
     problem, base, found = test_groupings.with_one_size(drawn, name)
