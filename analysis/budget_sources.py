@@ -17,7 +17,7 @@ from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Quantity, Sphere, Surface, Uncertainty
 from analysis.fit.blocks import ShotBlock
 from analysis.fit.first_order_input import FirstOrderInput
-from analysis.fit.inputs import LAW
+from analysis.fit.inputs import LAW, LINEAR
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import (
     LEAST_RELATIVE_U,
@@ -53,6 +53,7 @@ INPUT_LABELS = {
     "height_offset": "offset that all drop heights share",
     "time_base": "time base (true over stated sample rate)",
     "gravity": "acceleration of fall",
+    "air_resistance": "drag of the air in the fall (true over steady drag)",
     "converter_gain": "gain of the converter (true over stated)",
     LAW: "inexactness of the law of {}",
 }
@@ -125,7 +126,7 @@ def _of_inputs(problem: JointProblem, covariance: Array) -> Iterator[tuple[Array
             continue
         column = covariance[:, [j]] / one.u
         label = INPUT_LABELS[one.kind].format(one.owner)
-        relative = one.kind != "height_offset"
+        relative = one.kind not in LINEAR
         said, unit = one.uncertainty, one.unit
         source = Source(one.path, label, one.value, said, unit, relative, True, column)
         precision = _unit_precision(size, np.eye(size)[j], one.u)

@@ -16,6 +16,7 @@ from analysis.aliases import Array, Json
 from analysis.budget import Budget, budgets_of, by_material
 from analysis.budget_sources import INPUT_LABELS, Source, of_moduli
 from analysis.campaign import Sphere, Surface, Uncertainty
+from analysis.fit.inputs import LINEAR
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.moduli import Adjustment
 from analysis.moduli_network import linearise_rows
@@ -29,6 +30,7 @@ _OF_RIG = {
     "height_offset": ("release.height_offset_u_m", "m", 1e-3),
     "time_base": ("sample_rate_u_relative", "1", 1.0),
     "gravity": ("gravity_m_per_s2", "1", 1.0),
+    "air_resistance": ("air_resistance", "1", 1.0),
     "converter_gain": ("volts_per_code", "1", 1.0),
 }
 """Where a campaign states it, unit of its uncertainty, and that unit over the coordinate's."""
@@ -106,7 +108,7 @@ def _of_input(
     kind, owner = name.quantity, name.owner
     label = INPUT_LABELS.get(kind, kind).format(owner)
     path, unit, scale = _OF_RIG.get(kind, (name, "1", 1.0))
-    value: float | None = 1.0 if kind in ("time_base", "converter_gain") else None
+    value: float | None = 1.0 if kind in ("time_base", "converter_gain", "air_resistance") else None
     said = Uncertainty(math.nan if u is None else u * scale)
     material: Sphere | Surface | None = None
     stated: ParameterName | None = None
@@ -117,7 +119,7 @@ def _of_input(
     if material is not None:
         path, unit, stated = f"{side}.{owner}.{key}", key.rpartition("_")[2], name
         value, said = getattr(material, key), _as_stated(material, key, u)
-    relative = kind != "height_offset"
+    relative = kind not in LINEAR
     return Source(path, label, value, said, unit, relative, True, column, stated=stated)
 
 

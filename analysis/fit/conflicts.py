@@ -11,7 +11,7 @@ import numpy as np
 from analysis.aliases import Array, Json
 from analysis.campaign import Quantity
 from analysis.fit import joint
-from analysis.fit.inputs import LAW
+from analysis.fit.inputs import AIR_RESISTANCE, LAW
 from analysis.fit.joint import Fitted
 from analysis.fit.priors import UNKNOWN_LOG_U
 from analysis.fit.problem import JointProblem
@@ -84,9 +84,9 @@ def _statements(problem: JointProblem) -> list[int]:
             found.append(j)
     found.extend(j for j, _ in stated_effects(problem))
     first = len(problem.names) - len(problem.inputs)
-    # that a law is exact is no statement of the campaign's
+    # that a law is exact, or the air's drag, is no statement of the campaign's
     inputs = enumerate(problem.inputs, start=first)
-    return [*found, *(j for j, one in inputs if one.kind != LAW)]
+    return [*found, *(j for j, one in inputs if one.kind not in (LAW, AIR_RESISTANCE))]
 
 
 def _stated_modulus(problem: JointProblem, name: ParameterName) -> Quantity | None:

@@ -42,6 +42,8 @@ class FitShot:
     """On ln v0."""
     in_air: bool = False
     """Whether that is the speed of a fall through air (``kv2``) or through nothing."""
+    air_resistance: float = 1.0
+    """Drag of the air over that of the law. [1]"""
     mass_is_stated: bool = True
     """Else the sphere counts as 1 kg."""
 
@@ -144,14 +146,15 @@ def _gain_of(shot: Shot, frame: ShotFrame, *, known_gain: bool) -> float | None:
     return None if known_gain else 0.0
 
 
-def log_speed_in_air(frame: ShotFrame) -> float:
+def log_speed_in_air(frame: ShotFrame, resistance: float = 1.0) -> float:
     """Return ln of a frame's speed of fall; minus infinite where nothing falls. [m/s]"""
     height, radius = frame.drop_height_m, frame.radius_m
     assert height is not None
     assert radius is not None
     if height <= 0:
         return -math.inf
-    speed = speed_in_air(height, radius, frame.mass_kg, frame.gravity_m_per_s2)
+    gravity = frame.gravity_m_per_s2
+    speed = speed_in_air(height, radius, frame.mass_kg, gravity, resistance=resistance)
     return math.log(speed) if speed > 0 else -math.inf
 
 
@@ -212,7 +215,7 @@ def fit_shot(
         sphere.radius_m if physical and scaled and sphere else None,
         speed,
         in_air,
-        mass_is_stated,
+        mass_is_stated=mass_is_stated,
     )
 
 

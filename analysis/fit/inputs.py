@@ -13,6 +13,7 @@ joint covariance, which is generalised least squares with the common errors as p
 ``input.height_offset``    offset that all drop heights share [mm]
 ``input.time_base``        ln of true over stated sample rate, of all shots [1]
 ``input.gravity``          ln of the acceleration of fall [m/s^2]
+``input.air_resistance``   drag of the air over that of the law [1]
 ``input.converter_gain``   ln of true over stated volts per code, of all shots [1]
 ``input.law.<column>``     how far an effect's law is wrong along a column [1]
 ``input.stated.<input>``   distance of one of the above from where it is stated, to first order
@@ -29,13 +30,17 @@ from analysis.aliases import Array
 from analysis.campaign import UNKNOWN_POISSONS_RATIO, Campaign, Uncertainty
 from analysis.fit.fit_shot import FitShot, log_speed_in_air
 from analysis.fit.priors import Prior
+from analysis.model.free_fall import AIR_RESISTANCE_U
 from analysis.model.impact_model import ShotFrame
 from analysis.parameters import ParameterName, of_input
 
+AIR_RESISTANCE = "air_resistance"
 LAW, STATED = "law", "stated"
 """Kinds of inputs that act to first order: the error of a law, and of a stated number."""
+LINEAR = {"height_offset": 1e3, AIR_RESISTANCE: 1.0}
+"""Coordinate over value of the inputs whose coordinate is no logarithm."""
 LOG_STEP = 1e-6
-HEIGHT_STEP_MM = 1e-4
+LINEAR_STEP = 1e-4
 LARGEST_LOG = 300.0
 """No stated number is wrong by e^300; more than twice that, and a double cannot hold it."""
 
@@ -65,12 +70,12 @@ class Input:
     @property
     def scale(self) -> float:
         """Return the coordinate's change per unit of ``value``."""
-        return 1e3 if self.kind == "height_offset" else 1.0 / self.value
+        return LINEAR.get(self.kind) or 1.0 / self.value
 
     @property
     def stated(self) -> float:
         """Return the coordinate of the stated value."""
-        return 0.0 if self.kind == "height_offset" else math.log(self.value)
+        return self.value * self.scale if self.kind in LINEAR else math.log(self.value)
 
     @property
     def u(self) -> float:
@@ -80,17 +85,15 @@ class Input:
     @property
     def step(self) -> float:
         """Return how far the coordinate is moved for a derivative."""
-        return HEIGHT_STEP_MM if self.kind == "height_offset" else LOG_STEP
+        return LINEAR_STEP if self.kind in LINEAR else LOG_STEP
 
     def value_at(self, coordinate: float) -> float:
         """Return the value in ``unit`` that a coordinate stands for."""
-        if self.kind == "height_offset":
-            return coordinate * 1e-3
-        return math.exp(coordinate)
+        return coordinate / self.scale if self.kind in LINEAR else math.exp(coordinate)
 
     def is_thinkable(self, coordinate: float) -> bool:
         """Tell whether the coordinate stands for a finite number."""
-        return self.kind == "height_offset" or abs(coordinate - self.stated) < LARGEST_LOG
+        return self.kind in LINEAR or abs(coordinate - self.stated) < LARGEST_LOG
 
     def acts_on(self, item: FitShot) -> bool:
         """Tell whether a shot depends on it, directly or through the cell's calibration."""
@@ -104,6 +107,8 @@ class Input:
             return item.shot.surface == self.owner
         if self.kind == "height_offset":
             return _fell(item)
+        if self.kind == AIR_RESISTANCE:
+            return item.in_air
         if self.kind == "height":
             return _fell(item) and item.shot.drop_height_m == self.value
         return True
@@ -163,7 +168,8 @@ def _refallen(item: FitShot, frame: ShotFrame, by: float) -> FitShot:
     """Return a shot of another frame with its speed of fall; ``by`` without air. [ln m/s]"""
     prior = item.speed_prior
     if prior is not None and _fell(item):
-        mean = log_speed_in_air(frame) if item.in_air else prior.mean + by
+        in_air = item.in_air
+        mean = log_speed_in_air(frame, item.air_resistance) if in_air else prior.mean + by
         prior = Prior(mean, prior.u)
     return replace(item, frame=frame, speed_prior=prior)
 
@@ -226,6 +232,10 @@ def _gravity(item: FitShot, by: float) -> FitShot:
     return _refallen(item, frame, 0.5 * by)
 
 
+def _air_resistance(item: FitShot, by: float) -> FitShot:
+    return _refallen(replace(item, air_resistance=item.air_resistance + by), item.frame, 0.0)
+
+
 _MOVES = {
     "mass": _mass,
     "radius": _radius,
@@ -235,6 +245,7 @@ _MOVES = {
     "height": _height,
     "time_base": _time_base,
     "gravity": _gravity,
+    AIR_RESISTANCE: _air_resistance,
 }
 """The converter's gain is no part of a shot: it moves the local parameter ``ln_S``."""
 
@@ -278,6 +289,9 @@ def _of_the_rig(campaign: Campaign, items: Sequence[FitShot]) -> Iterator[_State
         yield _Stated("height_offset", None, 0.0, "m", u, "release.height_offset_u_m")
         g = campaign.gravity_m_per_s2
         yield _Stated("gravity", None, g, "m/s^2", campaign.u_gravity_m_per_s2, "gravity_m_per_s2")
+    if any(i.in_air for i in items):
+        air = Uncertainty(AIR_RESISTANCE_U)
+        yield _Stated(AIR_RESISTANCE, None, 1.0, "1", air, AIR_RESISTANCE)
     u = _time_base_u(campaign, items)
     yield _Stated("time_base", None, 1.0, "1", u, "sample_rate_u_relative")
     gain = max(i.shot.u_gain_relative for i in items)

@@ -35,7 +35,9 @@ SETTINGS = CampaignSettings(
     states_u=True,
 )
 SPECIMEN = "surface.specimen"
-INPUTS = {"mass", "radius", "coupon_mass", "height_offset", "gravity", "time_base"}
+INPUTS = {"mass", "radius", "coupon_mass", "height_offset", "gravity", "time_base"} | {
+    "air_resistance"
+}
 
 
 @pytest.fixture(scope="module")
@@ -135,7 +137,7 @@ def test_undeclared_inputs_are_taken_as_exact_and_state_too_little(
 ) -> None:
     """The same records without u of inputs state too little."""
     exact = fit_campaign(_undeclared(made[0]), "kv2", heldout=False)
-    assert exact.problem.inputs == ()
+    assert {one.kind for one in exact.problem.inputs} == {"air_resistance"}  # no campaign states it
     assert any("surfaces.specimen.coupon_mass_kg" in said for said in exact.problem.assumptions)
     wide, narrow = (f.moduli()["specimen"]["plane_strain_modulus_Pa"]["u"] for f in (fit, exact))
     assert narrow < wide
@@ -181,7 +183,8 @@ def test_the_speed_of_fall_and_the_riding_mass_follow_the_inputs(
     assert item.speed_prior is not None
     assert f.drop_height_m is not None
     assert f.radius_m is not None
-    expected = speed_in_air(f.drop_height_m, f.radius_m, f.mass_kg, f.gravity_m_per_s2)
+    fall = f.drop_height_m, f.radius_m, f.mass_kg, f.gravity_m_per_s2
+    expected = speed_in_air(*fall, resistance=moved.air_resistance)
     assert moved.speed_prior.mean == math.log(expected)
     assert (moved.speed_prior.mean == item.speed_prior.mean) == (kind == "coupon_mass")
     assert f.coupon_on_crystal_kg == f.coupon_mass_kg
