@@ -22,7 +22,13 @@ from analysis.diagnosis.candidate import (
     refitted,
 )
 from analysis.diagnosis.criteria import CRITERIA
-from analysis.diagnosis.successive_halving import MORE, better_on_part, refit_of_part, thinned
+from analysis.diagnosis.successive_halving import (
+    MORE,
+    better_on_part,
+    on_all,
+    refit_of_part,
+    thinned,
+)
 from analysis.effects.effect import Effect
 from analysis.effects.library import library
 from analysis.fit import joint
@@ -58,17 +64,37 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
 
 
 def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> list[Refit]:
-    """Return the other forms that shots which stand for all do not tell from the refit's own.
+    """Return an effect's refits in the other forms that the data do not tell from its own.
 
-    Each is fitted to these shots. The numbers of two forms may differ by a factor.
+    Rare forms are among them, but none with more numbers: that may hold this one, and explains as
+    much at any rate. Forms that shots which stand for all do not tell apart are fitted to all.
     """
-    forms = _forms_of(problem, found, by_name=found.effect.by_name)
-    forms = [form for form in forms if form.id != found.effect.id]
+    size = len(found.effect.parameters)
+    forms = [
+        form
+        for form in _forms_of(problem, found, by_name=True)
+        if form.id != found.effect.id and len(form.parameters) <= size
+    ]
     if not forms:
         return []
-    few, few_base, known = refit_of_part(problem, base, found, thinned(problem, MORE))
-    others = _in_forms(forms, few, few_base, known)
-    return [one for one in others if known.score() - one.score() < CRITERIA.least_lead]
+    places = thinned(problem, MORE)
+    few, few_base, known = refit_of_part(problem, base, found, places)
+    near = [
+        one
+        for one in _in_forms(forms, few, few_base, known)
+        if known.score() - one.score() < CRITERIA.least_lead
+    ]
+
+    def on_all_shots(one: Refit) -> Refit:
+        """Return a form's refit on all shots."""
+        return on_all(one, problem, base, (places, few_base))
+
+    carried = problem.each(on_all_shots, near)
+    return [
+        one
+        for one in carried
+        if not one.at_bound and found.score() - one.score() < CRITERIA.least_lead
+    ]
 
 
 def _forms_of(problem: JointProblem, found: Refit, *, by_name: bool = False) -> list[Effect]:

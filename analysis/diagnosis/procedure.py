@@ -88,7 +88,7 @@ class Diagnosis:
     """For each effect chosen that has some, the refits that the data cannot tell from it."""
     forms_as_good: dict[str, list[Refit]] = field(default_factory=dict)
     """For each effect chosen that has some, other forms of its law that the data cannot tell from
-    the one taken, fitted to a part of the shots."""
+    the one taken."""
     open_names: OpenNames = field(default_factory=dict)
     """For each effect that has some, the names it was not held against, as the time was over."""
     slot: str | None = None
@@ -448,7 +448,10 @@ def _judge(
         verdict = "family" if near or unheld else "identified"
         with contextlib.suppress(BudgetSpentError):
             forms = forms_not_told_apart(selection)
-        near = {name: [exact_refit(r) for r in rivals] for name, rivals in near.items()}
+        near, forms = (
+            {name: [exact_refit(r) for r in refits] for name, refits in each.items()}
+            for each in (near, forms)
+        )
         exact = with_numbers_as_stated(selection, start)
         slot = exact.chosen[0].effect.slot
         return Diagnosis(verdict, exact.steps, exact.chosen, near, forms, unheld, slot)

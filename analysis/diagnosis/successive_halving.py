@@ -456,6 +456,22 @@ def refit_of_part(
     return few, few_base, refitted(known, few, few_base)
 
 
+def on_all(
+    found: Refit, problem: JointProblem, base: joint.Fitted, part: tuple[list[int], joint.Fitted]
+) -> Refit:
+    """Return a refit of some shots fitted to all; ``part`` has their places and their base fit."""
+    places, few_base = part
+    return refit_elsewhere(
+        found,
+        few=places,
+        many=list(range(len(problem.shots))),
+        few_base=few_base,
+        base=base,
+        problem=problem,
+        max_iterations=STEPS_FROM_NEAR,
+    )
+
+
 def better_on_part(
     problem: JointProblem,
     base: joint.Fitted,
@@ -472,15 +488,7 @@ def better_on_part(
     best = search(few, few_base, known)
     if best is known:
         return found
-    whole = refit_elsewhere(
-        best,
-        few=places,
-        many=list(range(len(problem.shots))),
-        few_base=few_base,
-        base=base,
-        problem=problem,
-        max_iterations=STEPS_FROM_NEAR,
-    )
+    whole = on_all(best, problem, base, (places, few_base))
     if best.common > 0.0:  # of what one size for these shots takes up, as much more as of the whole
         whole = dataclasses.replace(whole, common=best.common * whole.gain / best.gain)
     return whole if not whole.at_bound and whole.score() > found.score() else found

@@ -72,7 +72,7 @@ def diagnosis_json(diagnosis: Diagnosis, *, software: str) -> Json:
             explained_before = is_noise_without_statements(first.problem, free_before)
         withhold_sought(base, free_before, explained=explained_before)
         withhold_sought(stated, free_after, explained=explained)
-    elif diagnosis.rivals:
+    elif diagnosis.rivals or diagnosis.forms_as_good:
         widen_over_family(stated, family_members(diagnosis, free_after))
     if diagnosis.open_names:
         withhold_fitted(stated["moduli"], "the name of the other effect is not certain")

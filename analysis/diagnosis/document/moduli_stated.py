@@ -2,8 +2,8 @@
 
 A modulus is stated where the model that stands leaves only noise, and withheld everywhere else:
 nobody knows how far what the model lacks moves it. An effect's own numbers stand there without an
-uncertainty. Where several names leave noise alike, the interval reaches to the ends of every one of
-theirs; that of an effect's own number does so where several forms of its law do.
+uncertainty. Where several names leave noise alike, or several forms of a law, the interval reaches
+to the ends of every one of theirs; so does that of an effect's own number over forms.
 """
 
 from __future__ import annotations
@@ -123,19 +123,22 @@ class Member:
 
 
 def family_members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
-    """Return the models of a family, each with one name replaced, the one that stands first.
+    """Return the models that the data do not tell apart, the one that stands first.
+
+    Each other one has one name replaced, or one form.
 
     ``after`` is that one, masses and the like as uncertain as they are.
     """
     found: list[Member] = []
     for taken in diagnosis.chosen:
-        rivals = diagnosis.rivals.get(taken.effect_id, [])
+        forms = diagnosis.forms_as_good.get(taken.effect_id, [])
+        rivals = [*diagnosis.rivals.get(taken.effect_id, []), *forms]
         if rivals and not found:
-            found.append(Member(taken.effect_id, after, diagnosis.steps[-1].fitted.cost))
+            found.append(Member(taken.effect.id, after, diagnosis.steps[-1].fitted.cost))
         for rival in rivals:
             freed = inputs_freed(as_fit_result(rival.problem, rival.fitted, heldout=False))
             squares = rival.fitted.cost + _price(rival) - _price(taken)
-            found.append(Member(rival.effect_id, freed, squares))
+            found.append(Member(rival.effect.id, freed, squares))
     return found
 
 

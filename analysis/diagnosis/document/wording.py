@@ -148,7 +148,7 @@ def form_sentences(diagnosis: Diagnosis) -> list[str]:
             others = " and ".join(one.effect.id for one in forms)
             said.append(
                 f"These data do not distinguish the form {taken.effect.id} from {others}: the "
-                "intervals of its numbers hold for each."
+                "intervals of its numbers and of the moduli hold for each."
             )
     return said
 
@@ -164,12 +164,20 @@ def seen_on_sentences(effects: Sequence[Json]) -> list[str]:
 
 
 def base_sentences(diagnosis: Diagnosis) -> list[str]:
-    """Return a sentence where the records chose another base model than the default."""
+    """Return a sentence where the records chose another base model than the default.
+
+    Where structure is left what is missing may have chosen it.
+    """
     model = diagnosis.steps[0].problem.model
     base = model.base_name
     if diagnosis.base_asked is not None or base == DEFAULT_BASE:
         return []
     left_out = " and ".join(WITHOUT_LAW[law] for law in LAWS if not model.obeys(law))
+    if not diagnosis.leaves_noise:
+        return [
+            f"The diagnosis starts from {base} ({left_out}), which fits better than the closed "
+            f"{DEFAULT_BASE}. Structure remains, so what is missing may be the reason for that."
+        ]
     return [
         f"These records obey {base} rather than the closed {DEFAULT_BASE} ({left_out}), as only a "
         f"simulated rig can: the diagnosis starts from {base}."
