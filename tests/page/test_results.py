@@ -13,6 +13,10 @@ from tests.impactd.bench.test_large_archive import PAIR, RESULT, SHOT
 from tests.page.conftest import DESKTOP, Daemon, Visitor
 
 _HOPELESS_MS = 20_000
+_OVERFLOWING = """() => [...document.querySelectorAll('.chart .main-svg')]
+  .filter((one) => one.getBoundingClientRect().width > one.closest('.card').offsetWidth)
+  .map((one) => one.closest('.card').innerText)"""
+"""Charts that are drawn wider than their card."""
 
 
 def test_a_budget_is_unfolded_and_a_limit_decided(visitor):
@@ -72,11 +76,11 @@ def test_pairs_have_charts_and_a_selection_is_taken_away(visitor):
     with page.expect_popup() as opened:
         page.get_by_role("link", name="Report of this period").click()
     report = opened.value
-    report.get_by_role("img", name="Control chart of acetal on polycarbonate").wait_for()
+    report.get_by_role("heading", name="Control charts").wait_for()
     report.close()
     taken = page.get_by_role("region", name="Take away")
     taken.get_by_label("Pair").select_option(label="acetal on polycarbonate")
-    shots = row.get_by_role("cell").first
+    shots = row.get_by_role("cell").nth(1)
     before = int(shots.inner_text())
     _drop_in_another_tab(visitor)
     expect(shots).not_to_have_text(str(before), timeout=60_000)
@@ -108,6 +112,11 @@ def test_the_rig_is_shown_as_it_was_found(visitor):
     page.locator("[data-check=warn]").get_by_text("never calibrated").wait_for()
     page.get_by_text("more shots").wait_for()
     page.get_by_role("heading", name="Noise before the trigger").wait_for()
+    page.set_viewport_size(DESKTOP)
+    visitor.go("Log")
+    visitor.go("Rig")
+    page.locator(".chart .main-svg").first.wait_for(state="attached")
+    assert page.evaluate(_OVERFLOWING) == []
     visitor.assert_clean()
 
 
