@@ -16,6 +16,11 @@ _WHILE_CHECKING = """async () => {
 }"""
 """What a person is asked while a held sphere waits for a quiet input."""
 
+_OVERFLOWING = """() => [...document.querySelectorAll('.chart .main-svg')]
+  .filter((one) => one.getBoundingClientRect().width > one.closest('.card').offsetWidth)
+  .map((one) => one.closest('.card').innerText)"""
+"""Charts that are drawn wider than their card."""
+
 
 @pytest.mark.slow
 def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(calm_hands):
@@ -52,6 +57,8 @@ def test_a_calibration_tells_what_to_load_and_ends_in_the_chart(calm_hands):
     page.locator("[aria-labelledby=gain-title] .xtick").first.wait_for(state="attached")
     days = page.locator("[aria-labelledby=gain-title] .xtick").all_text_contents()
     assert not any(re.search(r":\d\d\.", one) for one in days), days
+    page.locator("[aria-labelledby=noise-title] .main-svg").first.wait_for(state="attached")
+    assert page.evaluate(_OVERFLOWING) == []
     visitor.assert_clean()
 
 
