@@ -105,6 +105,7 @@ def test_abort_is_one_press_on_every_view_and_ends_the_series(slow_hands):
     visitor.go("Drop")
     page.locator("#light[data-light=ready]").wait_for()
     assert _latest(visitor) == 2
+    page.get_by_role("heading", name="The latest drops left no shot").wait_for()
     visitor.go("Log")
     page.get_by_text("the operate pressed Abort.").first.wait_for()
     visitor.assert_clean()

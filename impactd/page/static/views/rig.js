@@ -113,7 +113,8 @@ export async function showRig(place, { signal }) {
     if (last && shown === null) await showShot(last);
     else if (shown === null) {
       result.hidden = false;
-      fill(result, h("h2", {}, "No shot yet"), h("p", { class: "soft" }, "Choose sphere, surface and height, then press Arm and drop. The shot is shown here two seconds after the impact."));
+      if (drops.items.some(hasEnded)) fill(result, h("h2", {}, "The latest drops left no shot"), h("p", { class: "soft" }, "Earlier shots are under Shots."));
+      else fill(result, h("h2", {}, "No shot yet"), h("p", { class: "soft" }, "Choose sphere, surface and height, then press Arm and drop. The shot is shown here two seconds after the impact."));
     }
   } catch (problem) {
     fill(formPlace, h("div", { class: "card" }, h("p", { class: "wrong" }, problem.message), h("button", { class: "button", type: "button", on: { click: () => showRig(place, { signal }) } }, "Try again")));
