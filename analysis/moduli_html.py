@@ -26,7 +26,7 @@ def moduli_html(model: str, outcome: str, moduli: Json) -> str:
             entry["status"],
             measured(entry["youngs_modulus_Pa"], scale=1e-9, sign="±"),
             measured(entry["plane_strain_modulus_Pa"], scale=1e-9, sign="±"),
-            entry.get("reason") or "",
+            entry.get("reason") or _stated(entry),
         )
         for name, entry in moduli.items()
     ]
@@ -37,6 +37,11 @@ def moduli_html(model: str, outcome: str, moduli: Json) -> str:
         f"<table><caption>{caption}</caption><thead>{_row(_HEAD, 'th')}</thead>"
         f"<tbody>{''.join(_row(row, 'td') for row in rows)}</tbody></table>"
     )
+
+
+def _stated(entry: Json) -> str:
+    known = entry.get("stated_youngs_modulus_Pa")
+    return f"stated {measured(known, scale=1e-9, sign='±')}" if known else ""
 
 
 def _row(cells: tuple[str, ...], tag: str) -> str:

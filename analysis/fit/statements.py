@@ -97,9 +97,11 @@ def _modulus(log: float, u: float, side: str, material: Sphere | Surface) -> Jso
         "side": side,
         "status": "fitted",
     }
-    stated = modulus_prior(material.youngs_modulus_pa, material.poissons_ratio)
-    if stated is not None:
+    known = material.youngs_modulus_pa
+    stated = modulus_prior(known, material.poissons_ratio)
+    if known is not None and stated is not None:
         entry["status"] = "reference"
+        entry["stated_youngs_modulus_Pa"] = measurand(known.value, known.u, "Pa")
         entry["shift_from_stated_in_u"] = (log - stated.mean) / stated.u
     return entry
 

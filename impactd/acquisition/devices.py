@@ -118,13 +118,14 @@ def _stop_digitizer(rig: Rig, troubles: list[Exception]) -> None:
 
 
 def hold(rig: Rig) -> ValveReport:
-    """Put the vacuum on, once more where an abort cut in, and return the last report.
+    """Put the vacuum on, once more behind an abort that cut in, and return the last report.
 
     Raises DriverError if the valve does not follow.
     """
     try:
         return rig.valve.hold()
     except AbortedError:
+        rig.valve.ensure_safe()  # waits for the abort, which would cut the next command, too
         return rig.valve.hold()
 
 

@@ -58,7 +58,8 @@ def check_input(baseline: Baseline, limits: PreflightSection, trigger: TriggerSe
     that still bounces, or a knock, would be taken for the impact.
     """
     found = (
-        f"baseline {baseline.mean_v * 1e3:.2f} mV, noise {baseline.noise_rms_v * 1e3:.3f} mV rms"
+        f"baseline {round(baseline.mean_v * 1e3, 2) + 0.0:.2f} mV, "  # + 0.0: never -0.00
+        f"noise {baseline.noise_rms_v * 1e3:.3f} mV rms"
     )
     if not limits.baseline_min_v <= baseline.mean_v <= limits.baseline_max_v:
         return Check(
@@ -105,7 +106,7 @@ def check_disk(free_above_reserve_bytes: int) -> Check:
             f"the archive's disk lacks {-megabytes:.0f} MB of its reserve",
             "Free space, or move storage.directory to another disk.",
         )
-    return Check("disk", True, f"{megabytes:.0f} MB free above the reserve")
+    return Check("disk", True, f"{megabytes / 1e3:.3g} GB free above the reserve")
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,8 @@ def report_of(
     else:
         what = "No drop was under way."
     if reservation is not None:
-        what += f" The {reservation.owner} was ended."
+        owner = reservation.owner
+        what += f" {owner[0].upper()}{owner[1:]} was ended."
     if entering:
         what += " A request that was about to start is refused."
     if troubles:

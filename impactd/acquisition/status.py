@@ -87,7 +87,9 @@ def _why_not(facts: Facts) -> str:
     if facts.state is State.FAULT:
         return _about_fault(facts.fault, facts.retry_s)
     if facts.state in BUSY and facts.drop is not None:
-        return f"drop {facts.drop} of {facts.owner} {facts.doing}; wait until it ends, or abort it."
+        # Not "of": drop 14 of a calibration is not its fourteenth.
+        who = f"drop {facts.drop}, for {facts.owner},"
+        return f"{who} {facts.doing}; wait until it ends, or abort it."
     if facts.owner is not None:
         return f"{facts.owner} has reserved the rig; wait until it ends, or abort it."
     refusal = next((check for check in facts.checks if not check.ok), None)

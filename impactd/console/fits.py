@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.written_numbers import measured
+from analysis.written_numbers import decimals, measured
 from impactd.advice import in_words
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
@@ -246,7 +246,7 @@ def moduli_table(moduli: dict[str, Any]) -> str:
             )
         )
     return table(
-        ("material", "status", "E +- U (95 %)/GPa", "95 % interval/GPa", "E/(1-nu^2)/GPa", "note"),
+        ("material", "status", "E +- U (95 %)/GPa", "95 %/GPa", "E/(1-nu^2)/GPa", "note"),
         rows,
     )
 
@@ -263,4 +263,5 @@ def _interval(quantity: dict[str, Any] | None) -> str:
     if not quantity or not quantity.get("interval95"):
         return "-"
     low, high = quantity["interval95"]
-    return f"{low * 1e-9:.4g} .. {high * 1e-9:.4g}"
+    digits = decimals((high - low) / 2 * 1e-9)
+    return f"{low * 1e-9:.{digits}f} .. {high * 1e-9:.{digits}f}"

@@ -68,7 +68,7 @@ def status(url: Url = None, as_json: Json = False) -> None:
     print(answer["sentence"].replace(light, paint(light, colour), 1))
     if answer["drop"]:
         print(f"Drop {answer['drop']} of {answer['owner']}: {answer['state']}.")
-    for alarm in alarms or []:
+    for alarm in sorted(alarms or [], key=lambda one: str(one["severity"])):  # major before minor
         _print_alarm(alarm)
     if alarms:
         print("\nAcknowledge alarms on the page, at the top of each view.")

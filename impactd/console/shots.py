@@ -44,6 +44,7 @@ def show(number: int, *, url: str | None, as_json: bool) -> None:
     if as_json:
         print_json(shot)
         return
+    told = {**shot, "peak": f"{shot['peak']:.4g}", "clipped": "yes" if shot["clipped"] else "no"}
     for name in (
         "number",
         "started_utc",
@@ -57,10 +58,10 @@ def show(number: int, *, url: str | None, as_json: bool) -> None:
         "clipped",
         "sha256",
     ):
-        print(f"{name:15} {shot[name]}")
+        print(f"{name:15} {told[name]}")
     fits = shot["fits"] or []
     if fits:
-        print()
+        print("\nNot to be used:" if shot["advice"] == "repeat" else "")
         print(
             table(
                 ("fit", "model", "E* +- U (95 %)/GPa", "R2", "mind that"),
@@ -85,5 +86,5 @@ def _fit_row(fit: dict[str, Any]) -> tuple[Any, ...]:
         fit["model"],
         measured(result.get("reduced_modulus_Pa"), scale=1e-9),
         result.get("r2"),
-        " ".join(in_words(str(flag)) for flag in result.get("flags") or []),
+        " ".join(one[0].upper() + one[1:] for one in map(in_words, result.get("flags") or [])),
     )

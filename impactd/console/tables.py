@@ -7,18 +7,19 @@ import os
 import sys
 import textwrap
 from collections.abc import Sequence
+from itertools import zip_longest
 from typing import Any
 
 import typer
 
 WIDTH = 100
 """Of a table, in columns: two windows beside each other on a usual screen."""
-_NARROWEST = 20
-"""Of a last column that is wrapped: less would be a ladder of words."""
+_NARROWEST = 16
+"""Of a column that is wrapped: less would be a ladder of words."""
 
 
 def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
-    """Return rows under headings, in aligned columns; a long last column is wrapped.
+    """Return rows under headings, in aligned columns; the widest are wrapped to fit `WIDTH`.
 
     Parameters
     ----------
@@ -39,8 +40,14 @@ def table(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     ]
     columns = list(zip(headings, *cells, strict=True))
     widths = [max(len(cell) for cell in column) for column in columns]
-    widths[-1] = min(widths[-1], max(_NARROWEST, WIDTH - sum(widths[:-1]) - 2 * (len(widths) - 1)))
-    cells = [line for row in cells for line in _wrapped(row, widths[-1])]
+    words = [[len(word) for cell in column for word in cell.split()] for column in columns]
+    least = [max(_NARROWEST, *lengths, 0) for lengths in words]
+    while sum(widths) + 2 * (len(widths) - 1) > WIDTH:
+        spare = [max(width - floor, 0) * width for width, floor in zip(widths, least, strict=True)]
+        if not any(spare):
+            break
+        widths[spare.index(max(spare))] -= 1
+    cells = [line for row in cells for line in _wrapped(row, widths)]
     lines = [
         "  ".join(
             cell.rjust(width) if to_right else cell.ljust(width)
@@ -62,11 +69,13 @@ def wrapped(text: str, begin: str = "") -> str:
     )
 
 
-def _wrapped(row: list[str], width: int) -> list[list[str]]:
-    """Return a row, and below it rows with what its last cell has no room for."""
-    parts = textwrap.wrap(row[-1], max(width, 1), break_long_words=False) or [""]
-    rest = [[*([""] * (len(row) - 1)), part] for part in parts[1:]]
-    return [[*row[:-1], parts[0]], *rest]
+def _wrapped(row: list[str], widths: list[int]) -> list[list[str]]:
+    """Return a row, and below it rows with what its cells have no room for."""
+    parts = [
+        textwrap.wrap(cell, max(width, 1), break_long_words=False, break_on_hyphens=False) or [""]
+        for cell, width in zip(row, widths, strict=True)
+    ]
+    return [list(line) for line in zip_longest(*parts, fillvalue="")]
 
 
 def _cell(value: Any) -> str:

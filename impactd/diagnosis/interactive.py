@@ -113,8 +113,7 @@ def error_chart(
         "xaxis": {"type": "category", "range": [-0.5, len(models) - 0.5]},
         "yaxis": {"title": {"text": f"error / {unit.label}"}, "type": "log" if log else "linear"},
     }
-    if not log:
-        layout["yaxis"]["rangemode"] = "tozero"
+    layout["yaxis"] |= {"dtick": "D2"} if log else {"rangemode": "tozero"}
     traces = [
         {
             **_line(label, 0, _shown(values, unit), colour),

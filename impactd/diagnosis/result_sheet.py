@@ -29,7 +29,7 @@ _PICTURE = (1.9, 3.1)
 """Lower edge and height of the picture. [inch]"""
 _FOOT = 1.2
 """Upper edge of the foot. [inch]"""
-_COLUMNS = (0.0, 2.1, 3.2, 5.0)
+_COLUMNS = (0.0, 1.9, 2.8, 4.1, 5.6)
 """Left edges of the table's columns. [inch]"""
 _WIDTH_PT = 860
 """Characters of a line times their size; letters are about 0.56 of it wide."""
@@ -143,12 +143,15 @@ def _moduli(document: Json) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
         (
             name,
             entry["status"],
-            *(measured(entry.get(key), scale=1e-9, sign="±") for key in MODULI),
+            *(
+                measured(entry.get(key), scale=1e-9, sign="±")
+                for key in (*MODULI, "stated_youngs_modulus_Pa")
+            ),
         )
         for name, entry in ordered
     ]
     symbols = (f"{symbol} ± U / GPa" for symbol in MODULI.values())
-    return (f"U = k u, k = {k} (95 %)", "", *symbols), rows
+    return (f"U = k u, k = {k} (95 %)", "", *symbols, "E stated ± U / GPa"), rows
 
 
 def _draw_residual(figure: Figure, document: Json) -> None:

@@ -83,7 +83,7 @@ def request_diagnosis(
     """
     for number in shots:
         archive.shot(number)
-    subject = f"{len(shots)} shot(s) from the base {base}"
+    subject = f"{len(shots)} shot{'s' * (len(shots) > 1)} from the base {base}"
     payload: Json = {"shots": shots, "base": base}
     if budget_s is not None:
         payload["budget_s"] = budget_s

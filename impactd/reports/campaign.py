@@ -9,6 +9,8 @@ from impactd.reports.templating import render
 
 _WIDE, _HIGH, _EDGE = 600.0, 150.0, 8.0
 """A control chart's drawing. [px]"""
+_FEWEST = 3
+"""Shots that are worth a chart: two show no scatter beside a trend."""
 
 
 def campaign_page(found: Json, charts: Sequence[Json], budget: Json) -> str:
@@ -23,7 +25,7 @@ def campaign_page(found: Json, charts: Sequence[Json], budget: Json) -> str:
     budget : dict
         ``impactd-budget/1`` of the same period.
     """
-    drawn = [(chart, _drawing(chart)) for chart in charts]
+    drawn = [(chart, _drawing(chart)) for chart in charts if len(chart["numbers"]) >= _FEWEST]
     return render("campaign.html", found=found, charts=drawn, budget=budget)
 
 

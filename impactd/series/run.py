@@ -133,7 +133,7 @@ class SeriesRunner:
             if known is not None and known.key == key:
                 return known
             self._check(requests, already=0)
-            reservation = self._service.reserve(f"series of {owner}", accepted=accepted)
+            reservation = self._service.reserve(f"a series of {owner}", accepted=accepted)
             drops = tuple(Planned(at, one) for at, one in enumerate(requests, start=1))
             with self._changed:
                 self._end_asked = ""

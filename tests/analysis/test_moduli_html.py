@@ -47,6 +47,8 @@ def test_a_fit_is_a_table_of_its_moduli(fit):
             for key in ("youngs_modulus_Pa", "plane_strain_modulus_Pa")
         )
         assert rows[name][:3] == [entry["status"], young, plane]
+        reference = entry["status"] == "reference"
+        assert rows[name][3].startswith("stated ") == reference
 
 
 def test_what_was_typed_is_no_markup_and_what_is_withheld_says_why():

@@ -5,7 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.page.conftest import Daemon, Visitor
-from tests.page.test_for_everybody import serious
+from tests.page.test_drops import OUT_OF_REACH
+from tests.page.test_for_everybody import PHONE, serious
 
 MAJOR = ("drop.failed", "Drop 7 failed: samples were lost.", "")
 MINOR = ("environment.unknown", "Shots are stored without temperature: no file.", "Mend it.")
@@ -43,6 +44,8 @@ def test_the_most_severe_alarm_is_in_the_header_with_what_to_do(troubled, browse
     arm.wait_for()
     box = arm.bounding_box()
     assert box["y"] + box["height"] <= height
+    if width >= 1024:
+        assert page.evaluate(OUT_OF_REACH) == []
     alarms.get_by_role("button", name="What to do").click()
     major, minor = alarms.locator("li[data-severity]").all()
     assert "Major alarm" in major.inner_text()
@@ -50,6 +53,20 @@ def test_the_most_severe_alarm_is_in_the_header_with_what_to_do(troubled, browse
     assert "Minor alarm" in minor.inner_text()
     assert minor.locator("ol li").all_inner_texts()[0] == MINOR[2]
     assert serious(page) == []
+    visitor.context.close()
+
+
+def test_an_alarm_is_read_whole_on_a_phone(troubled, browser):
+    """Its sentence has a line of its own, and its button lies within the screen."""
+    visitor = Visitor(troubled, browser, size=PHONE)
+    visitor.sign_in()
+    alarms = visitor.page.get_by_role("banner").get_by_role("region", name="Alarms")
+    sentence = alarms.get_by_role("alert")
+    sentence.get_by_text(MAJOR[1]).wait_for()
+    assert sentence.evaluate("one => one.scrollWidth <= one.clientWidth")
+    box = alarms.get_by_role("button", name="What to do").bounding_box()
+    assert box["x"] + box["width"] <= PHONE["width"]
+    assert alarms.bounding_box()["height"] < 120
     visitor.context.close()
 
 

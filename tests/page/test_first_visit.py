@@ -17,6 +17,11 @@ def test_a_first_visit_ends_with_a_modulus(visitor):
     page.locator(".modulus").get_by_text("±").wait_for()
     page.locator("[data-advice=use]").wait_for()
     page.get_by_text("Young's modulus of specimen").wait_for()
+    large, small = (
+        page.locator(one).evaluate("one => parseFloat(getComputedStyle(one).fontSize)")
+        for one in (".young .large", ".modulus")
+    )
+    assert large > 1.5 * small  # E of the specimen, and E* of this pair
     # A shot is drawn anew when its fit is done: until then its charts are empty for a moment.
     expect(page.locator(".legendtext")).to_have_text(["measured", "HSD", "KV", "closed KV"])
     left_over = page.get_by_role("group", name="Model of the residual").get_by_role("button")
@@ -31,6 +36,9 @@ def test_the_light_says_what_the_command_says(visitor):
     page.locator("#light[data-light=ready]").wait_for()
     told = page.evaluate("fetch('/v1/status').then((answer) => answer.json())")
     assert page.locator("#light").inner_text().split() == told["sentence"].split()
+    visitor.sign_in()
+    assert "the load cell was never calibrated" in page.locator("#light").inner_text()
+    assert page.locator("#notices").inner_text() == ""  # not said twice
     visitor.assert_clean()
 
 

@@ -33,6 +33,9 @@ def test_shots_are_found_compared_and_taken_away(two_shots, tmp_path):
     visitor, (first, second) = two_shots
     page = visitor.page
     visitor.go("Shots")
+    shots = page.get_by_role("region", name="Shots")
+    shots.get_by_role("columnheader", name="E* ± U (95 %) / GPa").wait_for()
+    assert "MPa" not in shots.inner_text()  # one unit in a column, also of shots below 1 GPa
     page.get_by_label("Search").fill("HDPE")
     page.get_by_role("link", name=str(first), exact=True).wait_for(state="detached")
     page.get_by_label(f"Choose shot {second}", exact=True).check()

@@ -10,12 +10,14 @@ import sqlite3
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from impactd.acquisition.devices import hold
 from impactd.acquisition.errors import RequestRefusedError
 from impactd.calibration.run import CalibrationRunner
 from impactd.storage.archive import FINAL_STATES
@@ -216,6 +218,19 @@ def test_an_abort_that_finds_the_line_held_does_not_abort_the_next_drop(bench: B
     port.write = write
     assert "NOT MADE SAFE" in seams.sentence
     assert (after := one.drop()).state == "stored", after.problem
+
+
+def test_a_hold_that_an_abort_cuts_short_waits_for_it(bench: Bench) -> None:
+    """An abort that wants the line would cut the second command, too: that is no fault."""
+    rig = bench.laboratory.rig
+    valve: Any = rig.valve
+    with ThreadPoolExecutor(1) as pool:
+        with valve._making_safe:
+            valve._hurry.set()
+            held = pool.submit(hold, rig)
+            time.sleep(0.2)
+            valve._hurry.clear()
+        assert held.result(20.0).confirmed
 
 
 @pytest.mark.slow

@@ -40,6 +40,8 @@ def test_a_bad_input_is_named_with_its_limit(mean_v: float, noise_v: float, word
 def test_a_quiet_input_passes() -> None:
     """Noise of a millivolt around zero is what a rig looks like."""
     assert check_input(_input(0.0, 1.5e-3), LIMITS, TRIGGER).ok
+    nearly_zero = Baseline.of(np.array([1e-3, -1.002e-3]))
+    assert check_input(nearly_zero, LIMITS, TRIGGER).sentence.startswith("baseline 0.00 mV")
 
 
 def test_a_last_bounce_is_seen_although_the_noise_is_low() -> None:
@@ -54,4 +56,5 @@ def test_a_last_bounce_is_seen_although_the_noise_is_low() -> None:
 def test_the_disk_says_what_it_lacks() -> None:
     """Inside the reserve the check says by how much."""
     assert check_disk(5_000_000).ok
+    assert check_disk(67_542_000_000).sentence == "67.5 GB free above the reserve"
     assert "lacks 7 MB" in check_disk(-7_000_000).sentence

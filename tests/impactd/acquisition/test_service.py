@@ -112,7 +112,7 @@ def test_a_second_client_is_told_who_holds_the_rig(laboratory: Laboratory) -> No
     assert (raised.value.owner, raised.value.number) == ("ab", first.number)
     status = laboratory.service.status()
     assert (status.ready, status.owner, status.drop) == (False, "ab", first.number)
-    assert status.sentence.startswith("NOT READY: drop 1 of ab")
+    assert status.sentence.startswith("NOT READY: drop 1, for ab, ")
     laboratory.service.abort(by="test")
     assert len(laboratory.archive.drops()) == 1
 

@@ -75,6 +75,13 @@ def test_without_a_token_the_terminal_says_why_it_shows_no_alarm(rig, raised):
     assert raised["sentence"] not in status(rig)
 
 
+def test_the_terminal_begins_with_the_most_severe_alarm(rig, raised):
+    """A later minor one stands below it, as on the page."""
+    rig.daemon.alarms.publish("environment.unknown", {"detail": "No file.", "remedy": "Mend it."})
+    said = status(rig, IMPACTD_TOKEN=rig.token("read"))
+    assert 0 < said.index("(major") < said.index("(minor")
+
+
 def test_a_flapping_device_is_one_alarm(rig, raised):
     """The same words again are counted, not listed again."""
     rig.daemon.alarms.publish("rig.fault", LOST)

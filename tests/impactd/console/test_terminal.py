@@ -160,12 +160,24 @@ def test_a_shell_completes_models_and_effects():
 
 
 def test_no_table_is_wider_than_its_place():
-    """A long last column is wrapped under itself, and no word of it is lost."""
+    """Long columns are wrapped under themselves, and no word of them is lost."""
     words = "it seems to be something of the contact that nobody has named until now " * 3
     lines = table(("a", "note"), [("one", words), ("two", "short")]).splitlines()
     assert max(len(line) for line in lines) <= WIDTH
     assert lines[3].startswith("   ")
     assert " ".join(line[5:].strip() for line in lines[2:-1]).split() == words.split()
+    both = table(("a", "b", "c"), [(words[:70], "a_word_that_is_not_broken", words)]).splitlines()
+    assert max(len(line) for line in both) <= WIDTH
+    assert sorted(" ".join(both[2:]).split()) == sorted(
+        f"{words[:70]} a_word_that_is_not_broken {words}".split()
+    )
+
+
+def test_the_table_of_effects_fits_its_place():
+    """The widest of all: five columns, three of them sentences."""
+    words = [sys.executable, "-m", "impactd", "effects"]
+    said = subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout
+    assert max(map(len, said.splitlines())) <= WIDTH
 
 
 def test_a_calibration_says_which_sphere_to_hang():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import copy
+import re
 from html.parser import HTMLParser
 
 import pytest
@@ -80,6 +81,18 @@ def test_the_answer_and_the_modulus_come_first(document):
         text.index(said) for said in (document["sentence"], f"{modulus} GPa", "error on held-out")
     ]
     assert places == sorted(places)
+
+
+def test_a_reference_shows_what_was_stated_beside_what_the_shots_make_of_it(document):
+    """Prior and posterior of one material are two numbers, and each is named."""
+    found = document["after"]["moduli"]["aluminium"]
+    stated, now = (
+        measured(found[key], scale=1e-9, sign="±")
+        for key in ("stated_youngs_modulus_Pa", "youngs_modulus_Pa")
+    )
+    (row,) = re.findall(r"<tr><td>aluminium</td><td>reference</td>.*</tr>", page(document))
+    assert f"<td>{now}</td>" in row
+    assert f">stated {stated}<" in row
 
 
 def test_pictures_of_pure_noise_are_folded(document):

@@ -23,8 +23,8 @@ export function drawControl(place, found, signal) {
       hovertemplate: `shot %{x}, %{text} UTC<br>%{y:.5g} ${unit}<extra></extra>`,
     }],
     layout: {
-      xaxis: axis("shot", { zeroline: false, tickformat: "d" }),
-      yaxis: axis(`E* / ${unit}`, { zeroline: false, tickformat: ".4~g" }),
+      xaxis: axis("shot", { zeroline: false, tickformat: "d", ...(numbers.length < 9 ? { tickvals: numbers } : {}) }),
+      yaxis: axis(`E* / ${unit}`, { zeroline: false, tickformat: "~g" }),
       shapes: control ? [line(control.centre_Pa, "solid"), line(control.lower_Pa, "dash"), line(control.upper_Pa, "dash")] : [],
       showlegend: false,
     },

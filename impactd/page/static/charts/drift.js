@@ -25,7 +25,7 @@ export function drawDrift(place, { series, key, title, unit, due }, signal) {
       hovertemplate: `%{text}, %{x|%d %b %Y}<br>%{y} ${unit}<extra></extra>`,
     }],
     layout: {
-      xaxis: axis("", { type: "date", ...(due ? { range: rangeTo(seen, due) } : {}) }),
+      xaxis: axis("", { type: "date", range: rangeTo(seen, due ?? seen.at(-1)?.finished_utc) }),
       yaxis: axis(`${title} / ${unit}`, { zeroline: false }),
       shapes: due ? [{ type: "line", x0: due, x1: due, y0: 0, y1: 1, yref: "paper", line: { color: colour("warn"), width: 2, dash: "dash" } }] : [],
       annotations: due ? [{ x: due, y: 1, yref: "paper", text: `due ${day(due)}`, showarrow: false, xanchor: "right", xshift: -6, yanchor: "top", font: { color: colour("warn") } }] : [],
@@ -39,6 +39,6 @@ export function drawDrift(place, { series, key, title, unit, due }, signal) {
 function rangeTo(seen, due) {
   const first = seen.length ? new Date(seen[0].finished_utc) : new Date();
   const last = new Date(Math.max(new Date(due), new Date(seen.at(-1)?.finished_utc ?? due)));
-  const margin = Math.max((last - first) * 0.05, 3600e3);
+  const margin = Math.max((last - first) * 0.05, 86400e3); // of one calibration alone the day, not its microseconds
   return [new Date(first - margin).toISOString(), new Date(+last + margin).toISOString()];
 }

@@ -15,7 +15,7 @@ export function drawNoise(place, { numbers, started_utc: started, noise_rms_V: n
       hovertemplate: "shot %{x}, %{text} UTC<br>%{y:.3g} mV rms<extra></extra>",
     }],
     layout: {
-      xaxis: axis("shot", { zeroline: false, tickformat: "d" }),
+      xaxis: axis("shot", { zeroline: false, tickformat: "d", ...(numbers.length < 9 ? { tickvals: numbers } : {}) }),
       // From zero: a change of a hundredth must not look like a fault.
       yaxis: axis("noise / mV rms", { rangemode: "tozero" }),
       showlegend: false,

@@ -39,6 +39,11 @@ export function modulusUnit(pascal) {
   return Math.abs(pascal) >= 1e9 ? [1e-9, "GPa"] : Math.abs(pascal) >= 1e6 ? [1e-6, "MPa"] : [1e-3, "kPa"];
 }
 
+/** Return the scale and unit of a column of moduli: those of its largest one, so that all can be compared. */
+export function columnUnit(quantities) {
+  return modulusUnit(Math.max(...quantities.map((one) => Math.abs(one?.value ?? 0))) || 1e9);
+}
+
 /** Return "1.595 ± 0.018 GPa", or null where there is no modulus. */
 export function modulus(quantity) {
   if (quantity?.value === null || quantity?.value === undefined) return null;

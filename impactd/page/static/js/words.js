@@ -84,7 +84,7 @@ export function eventSentence({ kind, data }) {
     case "model.chosen": return `${data.by} made ${modelName(data.name)} the active model.`;
     case "material.changed": return `${data.by} changed the ${data.role} ${words(data.name)}.`;
     case "rig.fault": return `Fault: ${data.detail}`;
-    case "rig.abort": return `${data.by} aborted. ${data.sentence ?? ""}`;
+    case "rig.abort": return `${data.by === "shutdown" ? "The daemon was stopped." : `${data.by} aborted.`} ${data.sentence ?? ""}`;
     case "rig.acknowledged": return `${data.by} acknowledged the fault.`;
     case "alarm.acknowledged": return `${data.by} acknowledged alarm ${data.id}.`;
     default: return words(kind);

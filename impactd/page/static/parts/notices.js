@@ -10,6 +10,7 @@ const PASSING_MS = 12000;
 let passing = [];
 let lost = null;
 let standing = [];
+let said = "";
 let known = () => false;
 
 /** Keep the notices up to date; `signedIn` says whether anybody may read what needs attention. */
@@ -24,7 +25,12 @@ export function startNotices(signedIn) {
     lost = null;
     draw();
   });
-  on("status", (status) => { standing = status.alarms ?? []; draw(); });
+  on("status", ({ alarms, ready, sentence }) => {
+    // What the light says of a rig that is ready is not said twice; nor does it come and go with each drop.
+    if (ready) said = sentence.toLowerCase();
+    standing = (alarms ?? []).filter((one) => !said.includes(one.toLowerCase().replace(/\.$/, "")));
+    draw();
+  });
   on("happened", (data) => {
     // At once, on whatever view: the sphere may still be in the hand.
     if (data.kind === "shot.unlike") tell("warn", eventSentence({ kind: data.kind, data }));

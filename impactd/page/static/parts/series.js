@@ -89,7 +89,7 @@ export function runningCard() {
     title: "Series", done: now.done, of: now.of, remaining: duration(now.remaining_s),
     load: waits ? `Load the next sphere: ${material(next.sphere)}, for ${material(next.surface)} from ${millimetres(next.drop_height_m)}.` : "",
     end: h("div", { class: "stack" },
-      now.note && h("p", { class: "soft" }, now.note),
+      now.note && h("p", { class: "soft" }, `Note: ${now.note}`),
       now.state === "paused" && h("p", { class: "notice warn" }, `Paused. ${now.reason}`),
       may("operate") && h("div", { class: "row" },
         now.state === "paused"
@@ -122,7 +122,7 @@ export function seriesCard({ title, done, of, remaining, load, end }) {
     end);
 }
 
-const DROP_UNDER_WAY = ["ARMING", "ARMED", "RELEASED", "CAPTURING", "STORING"];
+const DROP_UNDER_WAY = ["CHECKING", "ARMING", "ARMED", "RELEASED", "CAPTURING", "STORING"];
 
 /** Show in `place` how far the calibration is that runs, if one does. The next sphere is not asked for while a drop is under way. */
 export function showCalibrationUnderWay(place, { series: told, state }) {

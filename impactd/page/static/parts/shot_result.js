@@ -2,7 +2,7 @@
 
 import { get, withQuery } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
-import { measured, modulus, modulusUnit, significant } from "../js/numbers.js";
+import { columnUnit, measured, modulus, modulusUnit, significant } from "../js/numbers.js";
 import { ADVICE, material as words, modelName } from "../js/words.js";
 import { drawImpact } from "../charts/trace.js";
 
@@ -14,8 +14,8 @@ const POINTS = 4000;
 export async function showResult(place, number, signal) {
   const shot = await get(`/v1/shots/${number}`);
   if (signal.aborted) return shot;
-  const material = h("p", {});
-  fill(place, verdict(shot), material, advice(shot), await chart(shot, signal));
+  const material = h("div", { class: "young" });
+  fill(place, material, verdict(shot), advice(shot), await chart(shot, signal));
   showMaterial(material, shot);
   return shot;
 }
@@ -35,7 +35,7 @@ function verdict(shot) {
   }
   const [scale, unit] = modulusUnit(found.value);
   const number = `${measured(found, scale)} ${unit}`;
-  const what = `Reduced modulus E* of the pair, ± U (95 %), ${modelName(fit.model)}`;
+  const what = `Reduced modulus E* of the pair, ± U (95 %), ${modelName(fit.model)}`;
   if (!usable(shot)) {
     return h("div", { class: "stack" },
       h("p", { class: "modulus" }, h("small", {}, "No modulus: this shot must not be used.")),
@@ -46,15 +46,16 @@ function verdict(shot) {
     h("p", { class: "soft" }, what));
 }
 
-/** Say what all shots together tell of the surface: that is what the drops are made for. */
+/** Say what all shots together tell of the surface, larger than E* of the shot: that is what the drops are made for. */
 async function showMaterial(place, shot) {
   if (!shot.surface || !usable(shot) || !bestFit(shot.fits)?.result.reduced_modulus_Pa) return;
   const found = await get(withQuery("/v1/moduli", { specimen: shot.surface })).catch(() => null);
   const one = found?.moduli[shot.surface];
   const young = one && modulus(one.youngs_modulus_Pa);
   if (!young) return;
-  const from = { fitted: "from all shots together", reference: "its stated value, combined with all shots", withheld: "withheld" }[one.status] ?? one.status;
-  fill(place, h("strong", {}, `Young's modulus of ${words(shot.surface)}: ${young}`), h("span", { class: "soft" }, ` (${from})`));
+  const what = `Young's modulus of ${words(shot.surface)}`;
+  if (one.status === "fitted") fill(place, h("p", { class: "large" }, young), h("p", { class: "soft" }, `${what}, ± U (95 %), from all shots together`));
+  else fill(place, h("p", { class: "soft" }, `${what}: ${young} (its stated value, combined with all shots)`));
 }
 
 function advice(shot) {
@@ -106,17 +107,17 @@ function span({ items }, shot) {
 function fitFacts(shot) {
   const { fits } = shot;
   if (!fits?.length) return null;
-  return h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of the fits" }, h("table", {},
+  const [scale, unit] = columnUnit(fits.map((fit) => fit.result.reduced_modulus_Pa));
+  return h("div", { class: "table-frame fits", tabindex: "0", role: "group", "aria-label": "Table of the fits" }, h("table", {},
     h("caption", { class: "unseen" }, "The fits of this shot"),
-    h("thead", {}, h("tr", {}, ["Model", "Reduced modulus E* ± U (95 %)", "Left over", "R²", "χ² per degree of freedom"].map((name, index) => h("th", { scope: "col", class: index ? "number" : null }, name)))),
+    h("thead", {}, h("tr", {}, ["Model", `E* ± U (95 %) / ${unit}`, "Left over / mV rms", "R²", "χ² per degree of freedom"].map((name, index) => h("th", { scope: "col", class: index ? "number" : null }, name)))),
     h("tbody", {}, fits.map((fit) => {
       const { result } = fit;
       const found = result.reduced_modulus_Pa;
-      const [scale, unit] = modulusUnit(found?.value ?? 0);
       return h("tr", {},
         h("th", { scope: "row" }, modelName(fit.model)),
-        h("td", { class: "number" }, found && usable(shot) ? `${measured(found, scale)} ${unit}` : "–"),
-        h("td", { class: "number" }, Number.isFinite(result.rms) ? `${significant(result.rms * 1e3)} mV rms` : "–"),
+        h("td", { class: "number" }, usable(shot) ? measured(found, scale) : "–"),
+        h("td", { class: "number" }, significant(result.rms * 1e3)),
         h("td", { class: "number" }, significant(result.r2, 6)),
         h("td", { class: "number" }, significant(result.chi2_per_dof, 3)));
     }))));

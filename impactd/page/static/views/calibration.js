@@ -18,19 +18,26 @@ export async function showCalibration(place, { signal }) {
   const history = h("section", { class: "card", "aria-labelledby": "history-title" });
   fill(place, h("h1", {}, "Calibration"), progress, current, begin, drift, history);
 
+  const loadHistory = async () => {
+    const page = await get("/v1/calibrations?limit=100");
+    if (!signal.aborted) showHistory(history, page.items);
+    return page;
+  };
   const load = async () => {
     try {
-      const page = await get("/v1/calibrations?limit=100");
+      const page = await loadHistory();
       if (signal.aborted) return;
       const inForce = page.items.find((one) => one.kind === "drops" && one.state === "done") ?? null;
       showCurrent(current, inForce);
       showDrift(drift, page.series, inForce, signal);
-      showHistory(history, page.items);
     } catch (problem) {
       fill(current, h("p", { class: "wrong" }, problem.message));
     }
   };
-  on("happened", ({ kind }) => { if (kind.startsWith("calibration.") && kind !== "calibration.progress") load(); }, signal);
+  on("happened", ({ kind }) => {
+    if (kind === "calibration.progress") loadHistory().catch(() => {}); // a chart is not drawn again for a drop
+    else if (kind.startsWith("calibration.")) load();
+  }, signal);
   on("found", load, signal);
   on("status", (status) => {
     showCalibrationUnderWay(progress, status);

@@ -2,7 +2,7 @@
 
 import { get } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
-import { millimetres, modulus, percent } from "../js/numbers.js";
+import { columnUnit, measured, millimetres, percent } from "../js/numbers.js";
 import { materials } from "../js/words.js";
 import { drawCompared } from "../charts/compare.js";
 import { bestFit } from "../parts/shot_result.js";
@@ -37,13 +37,14 @@ export async function showCompare(place, { parameters: [list], signal }) {
 function numbersOf(found) {
   const stiffness = found.map(({ shot }) => (shot.advice === "repeat" ? null : bestFit(shot.fits)?.result.reduced_modulus_Pa));
   const apart = (one) => (one && stiffness[0] && one !== stiffness[0] ? percent(one.value / stiffness[0].value - 1, true) : "–");
+  const [scale, unit] = columnUnit(stiffness);
   return h("table", {},
     h("caption", { class: "unseen" }, "The compared shots"),
-    h("thead", {}, h("tr", {}, ["Shot", "Dropped", "Height", "E* ± U (95 %)", `From shot ${found[0].shot.number}`].map((name, index) => h("th", { scope: "col", class: index > 1 ? "number" : null }, name)))),
+    h("thead", {}, h("tr", {}, ["Shot", "Dropped", "Height", `E* ± U (95 %) / ${unit}`, `From shot ${found[0].shot.number}`].map((name, index) => h("th", { scope: "col", class: index > 1 ? "number" : null }, name)))),
     h("tbody", {}, found.map(({ shot }, index) => h("tr", {},
       h("th", { scope: "row" }, h("a", { class: "shot-link", href: `#/shots/${shot.number}` }, String(shot.number))),
       h("td", {}, materials(shot.sphere, shot.surface)),
       h("td", { class: "number" }, millimetres(shot.drop_height_m)),
-      h("td", { class: "number" }, modulus(stiffness[index]) ?? "–"),
+      h("td", { class: "number" }, measured(stiffness[index], scale)),
       h("td", { class: "number" }, apart(stiffness[index]))))));
 }

@@ -7,7 +7,7 @@ import { moment } from "../js/numbers.js";
 import { recall } from "../js/memory.js";
 import { here } from "../js/router.js";
 import { may, session } from "../js/session.js";
-import { VERDICTS, materials, modelName, stateBadge } from "../js/words.js";
+import { VERDICTS, material, materials, modelName, stateBadge } from "../js/words.js";
 import { choice, field } from "../parts/fields.js";
 import { tell } from "../parts/notices.js";
 
@@ -103,7 +103,7 @@ function diagnosis(one, changed) {
   return h("article", { class: "diagnosis", "aria-label": `Diagnosis ${one.id}` },
     h("div", { class: "row spread" },
       h("div", { class: "row" }, h("h2", {}, `Diagnosis ${one.id}`), h("span", { class: `badge ${stateBadge(one.state)}` }, one.verdict ? VERDICTS[one.verdict] ?? one.verdict : one.state)),
-      h("p", { class: "soft" }, `${one.subject}, ${moment(one.created_utc)}`)),
+      h("p", { class: "soft" }, `${one.subject.replace(/\S+$/, modelName)}, ${moment(one.created_utc)}`)),
     one.sentence && h("p", {}, one.sentence),
     one.reason && !one.sentence && h("p", {}, one.reason),
     one.model && h("p", { class: "soft" }, `It named the model ${modelName(one.model.name)}, version ${one.model.version}.`),
@@ -116,5 +116,5 @@ function diagnosis(one, changed) {
 
 function progress({ state, progress: told }) {
   if (!told) return h("p", { class: "soft" }, state === "queued" ? "It is waiting in the queue." : "It has begun.");
-  return h("div", { class: "stack" }, h("p", { class: "soft" }, told.text), h("progress", { max: 1, value: told.share, "aria-label": told.text }));
+  return h("div", { class: "stack" }, h("p", { class: "soft" }, material(told.text)), h("progress", { max: 1, value: told.share, "aria-label": told.text }));
 }

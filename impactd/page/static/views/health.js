@@ -44,6 +44,8 @@ export async function showHealth(place, { signal }) {
   await Promise.all([load(), loadGain()]);
 }
 
+const asSentence = (words) => `${words[0].toUpperCase()}${words.slice(1)}.`;
+
 // A drop needs no valid calibration, but a cell without one is not OK.
 const standing = (one, calibration) => {
   if (!one.ok) return ["bad", "not OK"];
@@ -57,10 +59,10 @@ function showChecks(place, { checks, attention, calibration }) {
   if (now === place.dataset.drawn) return;
   place.dataset.drawn = now;
   fill(place, h("h2", { id: "checks-title" }, "Checked before every drop"),
-    attention && h("p", { class: "notice warn" }, `${attention[0].toUpperCase()}${attention.slice(1)}.`),
+    attention && h("p", { class: "notice warn" }, asSentence(attention)),
     h("ul", { class: "checks" }, checks.map((one) => [one, ...standing(one, calibration)]).map(([one, check, said]) => h("li", { data: { check } },
       h("span", { class: `badge ${check}` }, said),
-      h("div", {}, h("strong", {}, NAMES[one.name] ?? one.name), h("p", {}, `${one.sentence}.`), one.remedy && h("p", { class: "wrong" }, one.remedy))))));
+      h("div", {}, h("strong", {}, NAMES[one.name] ?? one.name), h("p", {}, asSentence(one.sentence)), one.remedy && h("p", { class: "wrong" }, one.remedy))))));
 }
 
 function showFacts(place, found) {

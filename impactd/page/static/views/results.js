@@ -1,9 +1,9 @@
 // Results: moduli by material with their network, mean and scatter of every pair, control charts, and selections to take away.
 
 import { get, withQuery } from "../js/api.js";
-import { fill, h } from "../js/dom.js";
+import { fill, h, withCode } from "../js/dom.js";
 import { on } from "../js/live.js";
-import { day, modulus, percent, significant } from "../js/numbers.js";
+import { columnUnit, measured, percent, significant } from "../js/numbers.js";
 import { material, materials, modelName } from "../js/words.js";
 import { drawControl } from "../charts/control.js";
 import { choice, field } from "../parts/fields.js";
@@ -48,12 +48,13 @@ export async function showResults(place, { signal }) {
     try {
       const found = await get(withQuery("/v1/results", times()));
       if (signal.aborted || mine !== turn) return;
-      about.textContent = `Result of ${found.shots} shots, fitted with ${modelName(found.model)}; ± is the expanded uncertainty (95 %).`;
+      about.textContent = `Result of ${found.shots} shots, fitted with ${modelName(found.model)}; ± is the expanded uncertainty (95 %). Shots of calibrations, clipped records and shots without a good fit do not take part.`;
       // Drawn only when something changed: an open budget must not close under a reader.
       const text = JSON.stringify(found);
       if (text === list.dataset.drawn) return;
       list.dataset.drawn = text;
-      fill(warnings, found.warnings.map((one) => h("li", {}, one)));
+      fill(warnings, found.warnings.map((one) => h("li", {}, withCode(one))));
+      report.hidden = takeAway.hidden = !found.shots;
       const names = Object.keys(found.moduli).sort((a, b) => ORDER.indexOf(found.moduli[a].status) - ORDER.indexOf(found.moduli[b].status));
       const budgets = once(() => get(withQuery("/v1/moduli/budget", times()), { timeoutMs: 60000 }));
       fill(list, names.length ? names.map((name) => modulusCard(name, found.moduli[name], budgets)) : h("p", { class: "empty" }, "No modulus yet: drop a sphere on a reference and on the specimen."));
@@ -91,18 +92,19 @@ function networkWords(network) {
 }
 
 function showPairs(place, pairs, show) {
-  const headings = ["Pair", "Shots", "E* ± U (95 %)", "Scatter (expected)", "First to last", "Outside", ""];
+  const [scale, unit] = columnUnit(pairs.map((one) => one.reduced_modulus_Pa));
+  const headings = ["Pair", "", "Shots", `E* ± U (95 %) / ${unit}`, "Scatter (expected)", "First to last", "Outside"];
   fill(place, h("h2", { id: "pairs-title" }, "Pairs"),
     pairs.length ? h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of pairs" }, h("table", {},
-      h("thead", {}, h("tr", {}, headings.map((name, index) => (name ? h("th", { scope: "col", class: index && index < 6 ? "number" : null }, name) : h("td", {}))))),
+      h("thead", {}, h("tr", {}, headings.map((name, index) => (name ? h("th", { scope: "col", class: index ? "number" : null }, name) : h("td", {}))))),
       h("tbody", {}, pairs.map((one) => h("tr", {},
         h("th", { scope: "row" }, materials(one.sphere, one.surface)),
+        h("td", {}, h("button", { class: "button", type: "button", on: { click: () => show(one) } }, "Chart", h("span", { class: "unseen" }, ` of ${materials(one.sphere, one.surface)}`))),
         h("td", { class: "number" }, String(one.shots)),
-        h("td", { class: "number" }, modulus(one.reduced_modulus_Pa) ?? "–"),
+        h("td", { class: "number" }, measured(one.reduced_modulus_Pa, scale)),
         h("td", { class: "number" }, one.scatter_relative === null ? "–" : `${percent(one.scatter_relative)} (${percent(one.expected_scatter_relative)})`),
         h("td", { class: "number" }, trendWords(one.trend)),
-        h("td", { class: "number" }, one.control ? String(one.control.outside_count) : "–"),
-        h("td", {}, h("button", { class: "button", type: "button", on: { click: () => show(one) } }, "Chart", h("span", { class: "unseen" }, ` of ${materials(one.sphere, one.surface)}`)))))))) : h("p", { class: "empty" }, "No pair yet."));
+        h("td", { class: "number" }, one.control ? String(one.control.outside_count) : "–")))))) : h("p", { class: "empty" }, "No pair yet."));
 }
 
 function trendWords(trend) {
@@ -121,8 +123,8 @@ async function controlCard(place, found, signal) {
     h("h2", { id: "chart-title" }, `Control chart of ${materials(found.sphere, found.surface)}`),
     chart, outside,
     h("p", { class: "soft" }, control
-      ? "Limits: mean ± 3 σ, with σ from the differences of neighbouring shots (ISO 7870-2), so that a drift does not widen the limits. Bars: ± U (95 %) of a single shot."
-      : "Limits are drawn from eight shots on. Bars: ± U (95 %) of a single shot."),
+      ? "Limits: mean ± 3 σ, with σ from the differences of neighbouring shots (ISO 7870-2), so that a drift does not widen the limits. Bars: ± U (95 %) of a single shot, without what all shots share."
+      : "Limits are drawn from eight shots on. Bars: ± U (95 %) of a single shot, without what all shots share."),
     found.decimated && h("p", { class: "soft" }, `Of ${found.shots} shots the extremes of each interval are drawn, and all outside the limits.`));
   await drawControl(chart, found, signal);
 }

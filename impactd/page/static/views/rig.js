@@ -50,6 +50,7 @@ export async function showRig(place, { signal }) {
     const { sphere, surface, drop_height_m, operator } = drop;
     const again = h("button", { class: "button large", type: "button", on: { click: () => go({ sphere, surface, drop_height_m, operator }, 1) } }, "Repeat with the same settings");
     result.hidden = false;
+    result.after(stepsCard); // of a drop that has ended, what it gave comes first
     fill(result,
       h("div", { class: "row spread" }, h("h2", {}, `Shot ${drop.shot}`), h("a", { class: "button", href: `#/shots/${drop.shot}` }, "Everything about this shot")),
       h("p", { class: "soft" }, `${materials(sphere, surface)} from ${millimetres(drop_height_m)}, ${operator}`),
@@ -70,6 +71,7 @@ export async function showRig(place, { signal }) {
     watched = number;
     both.dataset.underWay = "";
     stepsCard.hidden = false;
+    result.before(stepsCard);
     const drop = await watchDrop(steps, number, signal);
     if (drop?.shot && watched === number) showShot(drop);
   };
@@ -107,11 +109,12 @@ export async function showRig(place, { signal }) {
     fill(formPlace, form.form);
     showSeries();
     series.look();
-    const last = drops.items.find((drop) => drop.shot);
-    if (last && shown === null && hasEnded(last)) await showShot(last);
+    const last = drops.items.find((drop) => drop.shot && hasEnded(drop));
+    if (last && shown === null) await showShot(last);
     else if (shown === null) {
       result.hidden = false;
-      fill(result, h("h2", {}, "No shot yet"), h("p", { class: "soft" }, "Choose sphere, surface and height, then press Arm and drop. The shot is shown here two seconds after the impact."));
+      if (drops.items.some(hasEnded)) fill(result, h("h2", {}, "The latest drops left no shot"), h("p", { class: "soft" }, "Earlier shots are under Shots."));
+      else fill(result, h("h2", {}, "No shot yet"), h("p", { class: "soft" }, "Choose sphere, surface and height, then press Arm and drop. The shot is shown here two seconds after the impact."));
     }
   } catch (problem) {
     fill(formPlace, h("div", { class: "card" }, h("p", { class: "wrong" }, problem.message), h("button", { class: "button", type: "button", on: { click: () => showRig(place, { signal }) } }, "Try again")));

@@ -3,7 +3,7 @@
 import { get, withQuery } from "../js/api.js";
 import { fill, h } from "../js/dom.js";
 import { on } from "../js/live.js";
-import { millimetres, modulus, moment } from "../js/numbers.js";
+import { columnUnit, measured, millimetres, moment } from "../js/numbers.js";
 import { may } from "../js/session.js";
 import { ADVICE, material, materials } from "../js/words.js";
 import { choice, field } from "../parts/fields.js";
@@ -37,11 +37,16 @@ export async function showShots(place, { signal }) {
   };
 
   let body = null;
+  let unit = null;
   let turn = 0;
   const query = () => ({
     summary: "true", limit: PAGE, search: search.input.value.trim(), sphere: sphere.input.value, surface: surface.input.value,
     since: since.input.value, until: dayAfter(until.input.value),
   });
+  const nothing = () => {
+    const { search: words, sphere: ball, surface: coupon, since: from, until: to } = query();
+    return words || ball || coupon || from || to ? "No shot fits this search." : "No shot yet: make one under Drop.";
+  };
   const wanted = (shot) => !advice.input.value || shot.advice === advice.input.value;
 
   const load = async () => {
@@ -50,11 +55,12 @@ export async function showShots(place, { signal }) {
       const page = await get(withQuery("/v1/shots", query()));
       if (mine !== turn || signal.aborted) return;
       body = h("tbody");
+      unit = columnUnit(page.items.map((shot) => shot.reduced_modulus_Pa));
       fill(list);
       if (!page.items.length) {
-        fill(list, h("p", { class: "empty" }, "No shot fits this search."));
+        fill(list, h("p", { class: "empty" }, nothing()));
       } else {
-        fill(list, h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of shots" }, h("table", {}, h("caption", { class: "unseen" }, "Shots, newest first"), head(), body)));
+        fill(list, h("div", { class: "table-frame", tabindex: "0", role: "group", "aria-label": "Table of shots" }, h("table", {}, h("caption", { class: "unseen" }, "Shots, newest first"), head(unit[1]), body)));
         add(page);
       }
     } catch (problem) {
@@ -64,7 +70,7 @@ export async function showShots(place, { signal }) {
   };
 
   const add = (page) => {
-    body.append(...page.items.filter(wanted).map((shot) => row(shot, showChosen)));
+    body.append(...page.items.filter(wanted).map((shot) => row(shot, unit[0], showChosen)));
     if (!body.hasChildNodes() && !page.next) body.append(h("tr", {}, h("td", { colspan: 8 }, "No shot fits this search.")));
     if (!page.next) return;
     const more = h("button", { class: "button", type: "button", on: { click: async () => {
@@ -98,14 +104,14 @@ function dayAfter(day) {
   return next.toISOString().slice(0, 10);
 }
 
-function head() {
+function head(unit) {
   const cell = (name, more) => h("th", { scope: "col", ...more }, name);
   return h("thead", {}, h("tr", {},
     cell(h("span", { class: "unseen" }, "Choose")), cell("Shot"), cell("Dropped"), cell("Height", { class: "number" }),
-    cell("E* ± U (95 %)", { class: "number" }), cell("Advice"), cell("Operator", { class: "hide-middle" }), cell("When", { class: "hide-narrow" })));
+    cell(`E* ± U (95 %) / ${unit}`, { class: "number" }), cell("Advice"), cell("Operator", { class: "hide-middle" }), cell("When", { class: "hide-narrow" })));
 }
 
-function row(shot, changed) {
+function row(shot, scale, changed) {
   const choose = (event) => {
     if (event.target.checked) chosen.add(shot.number);
     else chosen.delete(shot.number);
@@ -117,8 +123,8 @@ function row(shot, changed) {
     h("th", { scope: "row" }, h("a", { class: "shot-link", href: `#/shots/${shot.number}` }, String(shot.number))),
     h("td", {}, materials(shot.sphere, shot.surface)),
     h("td", { class: "number" }, millimetres(shot.drop_height_m)),
-    h("td", { class: "number" }, modulus(shot.reduced_modulus_Pa) ?? "–"),
+    h("td", { class: "number" }, shot.advice === "repeat" ? "–" : measured(shot.reduced_modulus_Pa, scale)),
     h("td", {}, advice ? h("span", { class: `badge ${advice.badge}` }, h("span", { "aria-hidden": "true" }, advice.sign), advice.word) : h("span", { class: "badge" }, "not fitted")),
     h("td", { class: "hide-middle" }, shot.operator || "–"),
-    h("td", { class: "hide-narrow" }, moment(shot.started_utc)));
+    h("td", { class: "hide-narrow" }, moment(shot.started_utc).replace(/ (?=.*,)/g, "\u00a0")));
 }
