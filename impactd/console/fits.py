@@ -9,7 +9,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from analysis.written_numbers import measured
+from analysis.written_numbers import decimals, measured
 from impactd.advice import in_words
 from impactd.client.talk import fresh_key
 from impactd.console.client import connect
@@ -262,5 +262,6 @@ def _note(modulus: dict[str, Any]) -> str:
 def _interval(quantity: dict[str, Any] | None) -> str:
     if not quantity or not quantity.get("interval95"):
         return "-"
-    low, high = quantity["interval95"]
-    return f"{low * 1e-9:.4g} .. {high * 1e-9:.4g}"
+    low, high = (end * 1e-9 for end in quantity["interval95"])
+    digits = decimals((high - low) / 2) if high > low else 3
+    return f"{low:.{digits}f} .. {high:.{digits}f}"
