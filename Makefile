@@ -40,7 +40,7 @@ $(BIN)/python:
 	  echo "$(PYTHON) cannot make a virtual environment; on Debian: apt install python3.11-venv" >&2; exit 1; }
 
 $(RUNTIME): pyproject.toml | $(BIN)/python
-	@echo "Installing the run-time packages into $(VENV) ..."
+	@echo "Installing the run-time packages into $(VENV): 550 MB, a minute or two ..."
 	@$(PIP) install --no-compile --editable .  # Python compiles what the demo imports; pip would all
 	@touch $@
 

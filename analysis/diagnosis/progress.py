@@ -129,8 +129,8 @@ class EndedEarly:
                 "verdict stands, but some errors on held-out shots or the next drop are missing."
             )
         return (
-            f"This is the best verdict after {self.after_s:.3g} s; the search had not ended: it "
-            f'was at "{self.doing}".'
+            f"This is the best verdict after {self.after_s:.3g} s of search, which had not ended: "
+            f'it was at "{self.doing}".'
         )
 
     def to_json(self) -> dict[str, object]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import importlib
 import pkgutil
 from functools import cache
@@ -27,7 +28,7 @@ def library() -> dict[str, Effect]:
 
 
 def effect_named(name: str) -> Effect:
-    """Return an effect by its id, else raise an UnknownModelError that lists those there are.
+    """Return an effect by its id, else raise an UnknownModelError that names the nearest.
 
     E.g. ``coupler_highpass``, or a variant, ``amplifier_lowpass:second_order``.
     """
@@ -39,8 +40,10 @@ def effect_named(name: str) -> Effect:
     try:
         return known[name]
     except KeyError:
+        near = difflib.get_close_matches(name, known, 1)
+        meant = f" Did you mean {near[0]!r}?" if near else ""
         raise UnknownModelError(
-            f"There is no effect {name!r}; the library has {', '.join(known)}."
+            f"There is no effect {name!r}.{meant} `impactd effects` lists all."
         ) from None
 
 

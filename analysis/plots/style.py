@@ -98,8 +98,13 @@ def pair_words(sphere: str | None, surface: str | None) -> str:
 
 
 def named_pair(name: str) -> str:
-    """Return a pair ``sphere/surface`` for a label; what is not known is left out."""
+    """Return a pair ``sphere/surface`` for a label; what is not known is left out.
+
+    A pair with a slash in one of its names ("POM 1/4 in") stays as it is.
+    """
     sphere, _, surface = name.partition("/")
+    if "/" in surface:
+        return name
     return pair_words(sphere, surface)
 
 

@@ -209,11 +209,13 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         blocks.append(document["after"])
     keys = ("rms_V", "heldout_rms_V", "nrmse", "r2", "chi2_per_dof")
     unit = _unit(document)
-    shown = (f"rms / {unit}", f"held out / {unit}", *keys[2:])
+    shown = (f"rms / {unit}", f"held out / {unit}", "NRMSE", "R2", "chi2/dof")
     mean = document.get("mean_waveform") or {}
     named = _named(blocks)
-    models = [(name, *(block.get(key) for key in keys)) for name, block in named]
-    models.append((MEAN_WAVEFORM, *(mean.get(key) for key in keys)))
+    models = [
+        (name, *(_digits(block.get(key), key) for key in keys))
+        for name, block in [*named, (MEAN_WAVEFORM, mean)]
+    ]
     parts.append(
         table(("model", *shown), models)
         + (f"\nno {MEAN_WAVEFORM}: {mean['reason']}" if mean.get("reason") else "")
@@ -233,6 +235,13 @@ def summary(document: dict[str, Any], *, number: int | None = None) -> str:
         parts.append(_drop_next(document["next_drop"], number))
     parts += [rejected_words(item) for item in document["rejected"]]
     return "\n\n".join(parts)
+
+
+def _digits(value: float | None, key: str) -> str:
+    """Return an error of a model, with the digits that a fit prints of it."""
+    if value is None:
+        return "-"
+    return f"{value:.6f}" if key == "r2" else f"{value:.3g}"
 
 
 def _named(blocks: list[dict[str, Any]]) -> list[tuple[str, dict[str, Any]]]:

@@ -262,6 +262,6 @@ def _note(modulus: dict[str, Any]) -> str:
 def _interval(quantity: dict[str, Any] | None) -> str:
     if not quantity or not quantity.get("interval95"):
         return "-"
-    low, high = quantity["interval95"]
-    digits = decimals((high - low) / 2 * 1e-9)
-    return f"{low * 1e-9:.{digits}f} .. {high * 1e-9:.{digits}f}"
+    low, high = (end * 1e-9 for end in quantity["interval95"])
+    digits = decimals((high - low) / 2) if high > low else 3
+    return f"{low:.{digits}f} .. {high:.{digits}f}"

@@ -17,6 +17,8 @@ from impactd.importing.readers import split_inside
 
 _SHOWN = 30
 """Shots in the table; the rest is in campaign.json."""
+_MOST_VOLTS = 100.0
+"""A choice: digitizers end at some tens of volts. [V]"""
 _UNITS = {"voltage": "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 
@@ -112,4 +114,6 @@ def _summary(made: Made) -> str:
 def _remark(one: Cut) -> str:
     if one.hit.impacts > 1:
         return f"{one.hit.impacts} hits kept in one shot"
+    if one.unit.quantity == "voltage" and one.hit.peak > _MOST_VOLTS:
+        return "volts, or mV? (--unit mV)"
     return "few samples in the contact" if one.hit.contact < FEW_SAMPLES else ""

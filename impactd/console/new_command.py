@@ -43,7 +43,7 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
         typer.Argument(
             metavar="FILES...",
             help="Recordings of any instrument: csv and other text, npy, npz, mat, wav, uff, tdms, "
-            "lvm, hdf5 (FILE.h5:/path).",
+            "lvm, hdf5 (FILE.h5:/path). Text may be gzip.",
         ),
     ],
     out: Annotated[
@@ -60,7 +60,7 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
     ] = None,
     unit: Annotated[
         str | None,
-        typer.Option("--unit", help="What the numbers are: V, N, g, m/s2 or strain."),
+        typer.Option("--unit", help="What the numbers are: V, mV, N, kN, g, m/s2, strain ..."),
     ] = None,
     column: Annotated[
         list[str] | None,
@@ -70,7 +70,7 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
     ] = None,
     scale: Annotated[
         float,
-        typer.Option("--scale", help="One of the file's numbers in --unit.", callback=_scale),
+        typer.Option("--scale", help="Factor from the file's numbers to --unit.", callback=_scale),
     ] = 1.0,
     time: Annotated[
         TimeUnit | None, typer.Option("--time", help="What the file's times are in.")
@@ -85,6 +85,15 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
             "--values",
             metavar="FILE.json",
             help="What you measured: the keys of campaign.json, and shots by name.",
+        ),
+    ] = None,
+    drops: Annotated[
+        Path | None,
+        typer.Option(
+            "--drops",
+            metavar="FILE.csv",
+            help="Which recording is which drop: a table with the columns name, sphere, surface, "
+            "drop_height_mm.",
         ),
     ] = None,
     yes: Annotated[
@@ -107,5 +116,6 @@ def new(  # noqa: PLR0917 - typer reads options from the parameters
         time_unit=None if time is None else time.value,
         threshold=threshold,
         values=values,
+        drops=drops,
     )
     new_campaign.run(files, out, choices, yes=yes, as_json=as_json)

@@ -4,11 +4,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperCommand
 
 from impactd.console import completions
 from impactd.console.options import (
@@ -42,7 +45,8 @@ _Until = Annotated[
 
 def add_to(app: typer.Typer) -> None:
     """Add these commands."""
-    for command in (status, drop, abort, calibrate, shots, moduli):
+    app.command(cls=_DropCommand)(drop)
+    for command in (status, abort, calibrate, shots, moduli):
         app.command()(command)
 
 
@@ -86,6 +90,21 @@ def _print_alarm(alarm: dict[str, Any]) -> None:
     print(wrapped(alarm["sentence"]))
     for number, step in enumerate(alarm["guidance"], 1):
         print(wrapped(step, f"  {number}. "))
+
+
+class _DropCommand(TyperCommand):
+    """Answers a height below zero, or with a unit, before it is taken for an option or a word."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse as always, but refuse such a height with what to type instead."""
+        for before, word in itertools.pairwise(["", *args]):
+            below = re.match(r"-\.?\d", word) and not before.startswith("-")
+            if below or re.fullmatch(r"[\d.]+ *[cm]?m", word):
+                raise typer.BadParameter(
+                    f"the drop height {word!r} must be a number above 0, in metres and without a "
+                    "unit, e.g. 0.045"
+                )
+        return super().parse_args(ctx, args)
 
 
 def drop(  # noqa: PLR0917 - the framework fills them by name

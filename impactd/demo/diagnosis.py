@@ -60,7 +60,10 @@ def diagnose(client: Connection, shots: list[int], console: Console, page: Path)
         raise Failure(f"the diagnosis {job['state']}: {job['reason']}")
     client.download(f"/v1/diagnoses/{job['id']}/report.html", page)
     took_s = time.monotonic() - began
-    console.print(f"\nDiagnosis of all {len(shots)} drops: {took_s:.0f} s", highlight=False)
+    console.print(
+        f"\nDiagnosis of all {len(shots)} drops: {took_s:.0f} s, with its fits and its report",
+        highlight=False,
+    )
     return job
 
 

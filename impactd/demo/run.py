@@ -74,7 +74,9 @@ def run_demo(
         with client:
             console.print("\nCalibration of the load cell, with reference spheres:")
             calibration = drops.calibrate(client, console)
-            console.print("\nCampaign (E* ± U, 95 %):")
+            console.print(
+                "\nCampaign (reduced modulus E* ± U, 95 %; time until it was there; advice):"
+            )
             drops.drop_all(client, console, range_v=range_v)
             # The reference drops belong to it: the calibration was made under the model in doubt.
             numbers = sorted(

@@ -25,6 +25,8 @@ class Choices:
     """``s``, ``ms``, ``us`` or ``ns``; counts instead of the file's."""
     values: Path | None = None
     """A JSON file of what a person measured."""
+    drops: Path | None = None
+    """A table of which recording is which drop."""
     threshold: float | None = None
     """Excursion that counts as a hit, in the file's own numbers times ``scale``."""
 

@@ -307,7 +307,9 @@ def _checked_times(
 
 def names_of(files: Sequence[str]) -> list[str]:
     """Return a name for the shots of each file: its stem, or all of it where stems repeat."""
-    stems = [name.rpartition("/")[2].rpartition(".")[0] or name for name in files]
+    stems = [
+        name.removesuffix(".gz").rpartition("/")[2].rpartition(".")[0] or name for name in files
+    ]
     return [
         stem if stems.count(stem) == 1 else name for stem, name in zip(stems, files, strict=True)
     ]

@@ -12,7 +12,7 @@ from impactd.importing.cutting import Cut, cut_hits, names_of
 from impactd.importing.errors import RecordingError
 from impactd.importing.picture import save_picture
 from impactd.importing.readers import read_recording
-from impactd.importing.stated_values import read_values, state
+from impactd.importing.stated_values import read_drops, read_values, state
 from impactd.storage.campaign_folder import (
     JSON_NAME,
     STANDARD_GRAVITY_M_PER_S2,
@@ -67,6 +67,7 @@ def make_campaign(
     choices = choices or Choices()
     refuse_taken(out)
     values = read_values(choices.values) if choices.values else {}
+    drops = read_drops(choices.drops) if choices.drops else {}
     said: list[str] = []
     cuts: list[Cut] = []
     for name, stem in zip(files, names_of(files), strict=True):
@@ -86,9 +87,10 @@ def make_campaign(
     path = write_campaign(
         out, campaign, assumptions=told, sources=tuple(_source(one) for one in cuts)
     )
-    if choices.values is not None:
+    stated_in = [str(file) for file in (choices.values, choices.drops) if file is not None]
+    if stated_in:
         try:
-            state(path, values, choices.values)
+            state(path, values, drops, " and ".join(stated_in))
         except RecordingError:
             for one in written_names(len(cuts)):
                 (out / one).unlink(missing_ok=True)

@@ -57,9 +57,10 @@ def draw(cuts: Sequence[Cut]) -> Figure:
         f"{len(cuts) - len(shown)} more hits" if len(cuts) > len(shown) else "",
     ]
     more = " and ".join(one for one in left if one)
+    not_drawn = f" Not drawn: {more}." if more else ""
     figure.suptitle(
-        "Above: the recordings; each grey band becomes a shot. Below: each hit; the dashed line "
-        f"is trigger_index.{f' Not drawn: {more}.' if more else ''}",
+        "Above: the recordings; each grey band becomes a shot.\n"
+        f"Below: each hit; the dashed line is trigger_index.{not_drawn}",
         fontsize=8,
         color=INK,
     )

@@ -8,7 +8,9 @@ them numbers is taken.
 from __future__ import annotations
 
 import csv
+import gzip
 import re
+import zlib
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +25,8 @@ from impactd.importing.units import find_time_unit, find_unit, is_time_name, spl
 
 LIMIT_BYTES = 4 * 1024**3
 """Of a text: 10^8 samples of two numbers, the most that a shot may have. [B]"""
+_GZIP = b"\x1f\x8b"
+"""What such a file begins with (RFC 1952)."""
 _LOOKED_AT = 400
 """Lines from which the form is told; stray fields and headers stand in the first ones."""
 _MOSTLY = 0.9
@@ -79,7 +83,7 @@ def read_text(path: Path) -> Recording:
     """
     lines = [line for line in decode(path).splitlines() if line.strip(" ,;\t|")]
     if not lines:
-        raise RecordingError(path.name, "is empty.")
+        raise RecordingError(path.name, "is empty.", "Export the recording again.")
     form = _find_form(path.name, lines)
     begin, columns, strays = _find_columns(path.name, lines, form)
     table = _table(path.name, lines[begin:], form, columns)
@@ -103,13 +107,15 @@ def read_text(path: Path) -> Recording:
 
 
 def decode(path: Path) -> str:
-    """Return a file as text: UTF-8, UTF-16 with its mark, or Latin-1.
+    """Return a file as text, unzipped if it is gzip: UTF-8, UTF-16 with its mark, or Latin-1.
 
     Raises RecordingError if it is too long, or no text.
     """
     if path.stat().st_size > LIMIT_BYTES:
         raise RecordingError(path.name, f"has more than {LIMIT_BYTES / 1e9:.1f} GB.")
     content = path.read_bytes()
+    if content[:2] == _GZIP:
+        content = _unzipped(path)
     if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return content.decode("utf-16", errors="replace")
     if b"\0" in content[:4096]:
@@ -123,6 +129,20 @@ def decode(path: Path) -> str:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         return content.decode("latin-1")
+
+
+def _unzipped(path: Path) -> bytes:
+    """Return what a gzip holds. Raise RecordingError if it is damaged, or unpacks to too much."""
+    try:
+        with gzip.open(path) as file:
+            content = file.read(LIMIT_BYTES + 1)
+    except (OSError, EOFError, zlib.error) as error:
+        raise RecordingError(
+            path.name, f"is a damaged gzip file: {error}.", "Copy it from the instrument again."
+        ) from error
+    if len(content) > LIMIT_BYTES:
+        raise RecordingError(path.name, f"unpacks to more than {LIMIT_BYTES / 1e9:.1f} GB.")
+    return content
 
 
 def _form_said(file: str, form: _Form, begin: int) -> str:

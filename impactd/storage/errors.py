@@ -115,4 +115,5 @@ class CampaignError(ArchiveError):
         self.file = file
         self.json_path = json_path
         self.reason = reason
-        super().__init__(f"{file}, {json_path}: {reason}")
+        place = file if json_path == "$" else f"{file}, {json_path}"
+        super().__init__(f"{place}: {reason}")

@@ -57,6 +57,10 @@ def read_json(path: Path) -> Any:
 
     try:
         content = read_regular_file(path, JSON_LIMIT_BYTES)
+    except FileNotFoundError as error:
+        raise CampaignError(
+            str(path), "$", "does not exist. Name a campaign.json, or the folder that holds one."
+        ) from error
     except OSError as error:
         raise CampaignError(str(path), "$", f"cannot be read: {error.strerror}.") from error
     return parse_json(content, str(path))

@@ -160,6 +160,14 @@ def test_a_height_in_millimetres_is_answered_in_metres(tmp_path):
     assert "0.045" in said
 
 
+@pytest.mark.parametrize("height", ["-0.045", "45mm", "0.045m"])
+def test_a_height_below_zero_or_with_a_unit_is_answered_with_what_to_type(height):
+    """It is neither an unknown option nor just no number."""
+    answer = run("drop", "acetal", "specimen", height)
+    assert answer.returncode == 2
+    assert f"{height!r} must be a number above 0, in metres" in " ".join(answer.stderr.split())
+
+
 def test_a_table_aligns_words_left_and_numbers_right():
     """Columns stay readable in a pipe."""
     assert table(("name", "n"), [("a", 1), ("bcd", 20)]) == "name   n\n----  --\na      1\nbcd   20"

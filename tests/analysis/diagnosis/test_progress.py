@@ -87,7 +87,7 @@ def test_a_watch_ends_a_search_once_its_time_is_over_and_says_at_what() -> None:
         "doing": "Candidates (4 of 9): trying echo",
         "verdict_stands": False,
     }
-    assert "after 11 s; the search had not ended: it was at" in watch.ended.sentence
+    assert "after 11 s of search, which had not ended: it was at" in watch.ended.sentence
     assert len(told) == 3
 
 
@@ -128,7 +128,7 @@ def test_less_time_than_the_base_fit_takes_still_gives_a_document(leaking: Campa
     assert found["effects"] == []
     assert "electronics" in {found["slot"], *found["also_possible_slots"]}
     assert found["ended_early"]["after_s"] == pytest.approx(BUDGET_S + 2.5)
-    assert "best verdict after 12.5 s; the search had not ended" in found["sentence"]
+    assert "best verdict after 12.5 s of search, which had not ended" in found["sentence"]
     assert found["before"]["chi2_per_dof"] > 2
     assert found["after"]["moduli"]["specimen"]["status"] == "withheld"
     assert found["before"]["heldout_rms_V"] is None

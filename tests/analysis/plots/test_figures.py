@@ -27,6 +27,7 @@ from analysis import (
 )
 from analysis.plots.budget import plot_budget
 from analysis.plots.paper_figures import figure_2, figure_3, figure_4
+from analysis.plots.style import named_pair
 
 COMBINATIONS = ("natural_frequency_Hz", "damping_ratio", "gain_N_per_V")
 
@@ -153,3 +154,9 @@ def test_nothing_to_draw_is_said() -> None:
         plot_moduli({"moduli": {"specimen": {"youngs_modulus_Pa": None}}})
     with pytest.raises(AnalysisError, match="impactd calibrate"):
         plot_calibrations([])
+
+
+def test_a_pair_with_a_slash_in_a_name_keeps_its_name() -> None:
+    """Nobody can tell where the sphere's name ends."""
+    assert named_pair("acetal/specimen") == "acetal on specimen"
+    assert named_pair("POM 1/4in/PEEK") == "POM 1/4in/PEEK"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import subprocess
 import sys
@@ -283,3 +284,54 @@ def test_values_that_are_none_leave_nothing_behind(
     told = refused(table(tmp_path / "a.csv", record), out=out, values=values)
     assert str(values) in told
     assert words in told
+
+
+def drops_table(path: Path, text: str) -> Path:
+    """Write a table of drops."""
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_table_of_drops_labels_the_shots(tmp_path: Path, record: Record, out: Path) -> None:
+    """The name of a recording stands for all its hits, that of a shot goes before it."""
+    file = table(tmp_path / "a.csv", record, "time (s);force (N)")
+    values = tmp_path / "values.json"
+    values.write_text('{"spheres": {"ball": {}}, "surfaces": {"plate": {}}}')
+    rows = "name;sphere;surface;drop_height_mm\na.csv;ball;plate;45,5\na hit 2;ball;plate;30\n"
+    drops = drops_table(tmp_path / "drops.csv", rows)
+    made = make_campaign([str(file)], out, Choices(values=values, drops=drops))
+    heights = [shot["drop_height_m"] for shot in json.loads(made.path.read_text())["shots"]]
+    assert heights == [0.0455, 0.030, 0.0455]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "has no column name"),
+        ("file,height\na.csv,3\n", "has no column name; its first line has file, height"),
+        ("name,drop_height_mm\na,45 mm\n", "'45 mm' is no number"),
+        ("name,drop_height_mm\na.csv,3\na.csv,4\n", "names 'a.csv' a second time"),
+        ("name,drop_height_mm\nb.csv,3\n", "there is no shot 'b.csv'"),
+        ("name,drop_heigth_m\na.csv,3\n", "'drop_height_m' was probably meant"),
+        ("name,drop_height_mm\na.csv,-3\n", "it must be between"),
+    ],
+)
+def test_a_table_of_drops_that_is_wrong_leaves_nothing_behind(
+    tmp_path: Path, record: Record, out: Path, text: str, words: str
+) -> None:
+    """The sentence names the table, and what is wrong in it."""
+    drops = drops_table(tmp_path / "drops.csv", text)
+    told = refused(table(tmp_path / "a.csv", record), out=out, drops=drops)
+    assert words in told
+    assert str(drops) in told
+
+
+def test_a_zipped_text_is_read_as_the_text(tmp_path: Path, record: Record, out: Path) -> None:
+    """A gzip gives the shots of what it holds, under the same names; a damaged one is refused."""
+    file = table(tmp_path / "a.csv", record)
+    zipped = tmp_path / "a.csv.gz"
+    zipped.write_bytes(gzip.compress(file.read_bytes())[:-20])
+    assert "damaged gzip" in refused(zipped, out=out)
+    zipped.write_bytes(gzip.compress(file.read_bytes()))
+    names = [one.name for one in make_campaign([str(zipped)], out).shots]
+    assert names == [one.name for one in make_campaign([str(file)], tmp_path / "plain").shots]
