@@ -6,7 +6,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
+from functools import partial
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from analysis.diagnosis.marginal_likelihood import Price, price_of_effect
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect, ShotContext
 from analysis.fit import joint
+from analysis.fit.below_one import fitted_below_one
 from analysis.fit.blocks import shot_cost
 from analysis.fit.nuisances import carried_over
 from analysis.fit.physical_range import effect_out_of_range
@@ -25,7 +26,6 @@ from analysis.fit.settle import settle
 from analysis.fit.stated_effects import effect_prior, stated_effects
 from analysis.fit.steps import along
 from analysis.fit.window import quiet_part
-from analysis.model.impact_model import NUISANCE
 from analysis.parameters import ParameterName, of_effect
 
 KNOWN_BEFORE = ("ln_v0", "ln_e")
@@ -199,8 +199,8 @@ def refit(
     elif coefficients and proposal.amplitude is not None:
         size = of_effect(effect.id, effect.parameters[proposal.amplitude].name)
         theta, nuisances = _moved_with_size(larger, theta, nuisances, size, fitted.cost)
-    result = joint.fit_to_compare(larger, nuisances, theta=theta, max_iterations=max_iterations)
-    result = fitted_below_one(larger, result, max_iterations)
+    fit = partial(joint.fit_to_compare, max_iterations=max_iterations)
+    result = fitted_below_one(larger, fit(larger, nuisances, theta=theta), fit)
     bare = Refit(effect, proposal.effect_id, scope, larger, result, 0.0, 0, False, linear_gain)
     return refitted(bare, problem, fitted)
 
@@ -325,10 +325,8 @@ def refit_elsewhere(
         if costs[1] < costs[0]:  # an anchor that leads nowhere, as where a top is cut, is none
             nuisances[row] = like
     nuisances = settle(wide, found.fitted.theta, nuisances)
-    result = joint.fit_to_compare(
-        wide, nuisances, theta=found.fitted.theta, max_iterations=max_iterations
-    )
-    result = fitted_below_one(wide, result, max_iterations)
+    fit = partial(joint.fit_to_compare, max_iterations=max_iterations)
+    result = fitted_below_one(wide, fit(wide, nuisances, theta=found.fitted.theta), fit)
     return refitted(dataclasses.replace(found, problem=wide, fitted=result), problem, base)
 
 
@@ -419,64 +417,3 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
 def _sampled(rate_hz: float) -> ShotContext:
     nothing = math.nan
     return ShotContext(rate_hz, 0.0, nothing, nothing, nothing, nothing, None, None, None, nothing)
-
-
-SPEED, LOSS, TOUCH_DOWN = (NUISANCE.index(name) for name in ("ln_v0", "ln_e", "t0_us"))
-"""Places among a shot's own parameters."""
-RESTARTS = tuple(product((0.8, 0.5, 0.3), (0.0, 0.1)))
-"""Restitutions from which such a shot begins again, and how much later it touches down, as a share
-of the pulse: what seems slower, and to gain energy, seems to come earlier. Measured on two such
-shots: from 0.1 and 0.15 later every restitution led back, from no later none."""
-
-RESTART_STEPS = 2
-"""Of each, before the likeliest goes on to its end. Measured in two campaigns with two effects: of
-106 fits with such shots 94 ended lower, and 96 where every restart went to its end."""
-
-
-def fitted_below_one(
-    problem: JointProblem, fitted: joint.Fitted, max_iterations: int
-) -> joint.Fitted:
-    """Return a fit without shots of a restitution above one, where it ends better without them.
-
-    A model that lacks something large may bend a shot so far that it gains energy; once the effect
-    is there, the shot's own numbers do not find back by steps. They move at once: moduli that have
-    followed them hold each of them back alone. ``fitted`` itself where no shot gains energy, or
-    none fares better elsewhere.
-    """
-    if fitted.failed:
-        return fitted
-    gaining = np.flatnonzero(fitted.nuisances[:, LOSS] > 0.0)
-    if not gaining.size:
-        return fitted
-    some = dataclasses.replace(problem, shots=[problem.shots[row] for row in gaining])
-    begun = []
-    for restitution, later in RESTARTS:
-        own = fitted.nuisances[gaining]
-        own[:, LOSS] = math.log(restitution)
-        for at, item in enumerate(some.shots):
-            own[at, TOUCH_DOWN] += later * 1e6 * item.window.width_s
-            if item.speed_prior is not None:
-                own[at, SPEED] = item.speed_prior.mean
-        begun.append(settle(some, fitted.theta, own, steps=RESTART_STEPS))
-    likeliest = np.argmin([_squares_if_slower(some, fitted.theta, own) for own in begun], axis=0)
-    own = settle(some, fitted.theta, np.array(begun)[likeliest, range(gaining.size)])
-    nuisances = fitted.nuisances.copy()
-    for row, cost, moved in zip(
-        gaining, _squares_if_slower(some, fitted.theta, own), own, strict=True
-    ):
-        if math.isfinite(cost):
-            nuisances[row] = moved
-    if np.array_equal(nuisances, fitted.nuisances):
-        return fitted
-    again = joint.fit_to_compare(
-        problem, nuisances, theta=fitted.theta, max_iterations=max_iterations
-    )
-    return again if not again.failed and again.cost < fitted.cost else fitted
-
-
-def _squares_if_slower(problem: JointProblem, theta: Array, nuisances: Array) -> list[float]:
-    """Return the squares of each shot; infinite where it leaves faster than it came."""
-    return [
-        shot_cost(problem, item, theta, own) if own[LOSS] <= 0.0 else math.inf
-        for item, own in zip(problem.shots, nuisances, strict=True)
-    ]

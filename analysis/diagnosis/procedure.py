@@ -50,6 +50,7 @@ from analysis.diagnosis.uncertain_numbers import (
 )
 from analysis.effects.library import effect_named, library
 from analysis.fit import joint
+from analysis.fit.below_one import fit_from_start
 from analysis.fit.cores import ONE_CORE, Cores
 from analysis.fit.physical_range import out_of_range
 from analysis.fit.problem import JointProblem, build
@@ -280,7 +281,7 @@ def _base(campaign: Campaign, base: str, told: Watch) -> tuple[Selection, joint.
     problem = _stated(campaign, base)
     told(MethodStep.BASE_FIT.told(f"{base} on all shots"), 0.0)
     problem, nuisances = with_start(problem)
-    fitted = joint.fit(problem, nuisances)
+    fitted = fit_from_start(problem, nuisances)
     told(MethodStep.STRUCTURE.told("or is the residual noise?"), 0.0)
     return Selection([Step(told.over(problem), fitted)], []), usual_place(problem, nuisances)
 
@@ -292,7 +293,7 @@ def _stated(campaign: Campaign, base: str) -> JointProblem:
 def _restated(campaign: Campaign, base: str, told: Watch) -> tuple[JointProblem, joint.Fitted]:
     """Return the base model fitted to a campaign that is stated otherwise."""
     problem, nuisances = with_start(_stated(campaign, base))
-    fitted = joint.fit(problem, nuisances)
+    fitted = fit_from_start(problem, nuisances)
     return told.over(problem), fitted
 
 
@@ -403,7 +404,7 @@ def _crystal(
     ways: list[tuple[Refit, joint.Fitted]] = []
     for base in RINGING_BASES:
         problem, nuisances = with_start(told.over(_stated(campaign, base)))
-        fitted = joint.fit(problem, nuisances)
+        fitted = fit_from_start(problem, nuisances)
         count = len(problem.names) - len(step.problem.names)
         gain = step.fitted.cost - fitted.cost
         bad = fitted.failed or bool(out_of_range(problem, fitted))

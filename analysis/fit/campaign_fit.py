@@ -12,6 +12,7 @@ from analysis.aliases import Array
 from analysis.base_models import DEFAULT_BASE
 from analysis.campaign import Campaign
 from analysis.fit import joint
+from analysis.fit.below_one import fit_from_start
 from analysis.fit.blocks import linearise_shot, shot_cost
 from analysis.fit.freed_inputs import inputs_freed
 from analysis.fit.problem import JointProblem, build
@@ -59,7 +60,7 @@ def solve(
 
     ``problem`` is prepared; its noise is widened in place where the residual exceeds it.
     """
-    fitted = joint.fit(problem, nuisances, progress=progress)
+    fitted = fit_from_start(problem, nuisances, progress)
     scale = 1.0
     for _ in range(MISFIT_ROUNDS):
         if fitted.failed:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from analysis.diagnosis.candidate import extended, fitted_below_one
+from analysis.diagnosis.candidate import extended
 from analysis.diagnosis.procedure import diagnose_campaign
 from analysis.effects.library import effect_named
 from analysis.fit import joint
+from analysis.fit.below_one import fitted_below_one
 from analysis.fit.settle import settle
 from analysis.model.impact_model import NUISANCE
 from drivers.simulated.effects import make_effect
@@ -78,7 +79,7 @@ def test_a_shot_that_gains_energy_begins_again_and_finds_its_loss(clean):
     bent[::2, loss] = 0.2
     cost = joint.total_cost(first.problem, first.fitted.theta, bent)
     lost = dataclasses.replace(first.fitted, nuisances=bent, cost=cost)
-    found = fitted_below_one(first.problem, lost, 25)
+    found = fitted_below_one(first.problem, lost, joint.fit)
     assert np.all(found.nuisances[:, loss] < 0.0)
     assert abs(found.cost - first.fitted.cost) < 0.1
-    assert fitted_below_one(first.problem, first.fitted, 25) is first.fitted
+    assert fitted_below_one(first.problem, first.fitted, joint.fit) is first.fitted
