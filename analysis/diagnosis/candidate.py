@@ -399,11 +399,8 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
         quiet, samples = quiet_part(item.shot), item.window.signal.size
         if quiet.size < CRITERIA.least_quiet_samples:
             continue
+        seen.append(_squares_before(item, quiet, effect) / size.size)
         context = _sampled(item.frame.sample_rate_hz)
-        columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
-        basis, _ = np.linalg.qr(item.noise.whiten(columns))
-        found = basis[:, 1:].T @ item.noise.whiten(quiet - quiet.mean())
-        seen.append(float(found @ found) / size.size)
         inside = item.whiten(effect.basis(samples, context) @ size)
         share = min(1.0, quiet.size / samples) ** 3  # of what is slow, a slope is left
         promised.append(share * float(inside @ inside) / size.size)
@@ -412,6 +409,30 @@ def is_there_before(shots: list[FitShot], effect: Effect, sizes: Array) -> bool:
     deviation = math.sqrt(2.0 / (len(seen) * sizes.shape[1]))
     chance = 1.0 - CRITERIA.excess_deviations * deviation
     return bool(np.mean(seen) - chance > CRITERIA.little * np.mean(promised))
+
+
+def explains_more_before(shots: list[FitShot], one: Effect, other: Effect) -> bool:
+    """Tell whether one free signal explains clearly more before the trigger than another does.
+
+    Whitened squares beyond those of chance, which scatter by sqrt(2 coefficients).
+    """
+    quiet = [(item, quiet_part(item.shot)) for item in shots]
+    enough = [own for own in quiet if own[1].size >= CRITERIA.least_quiet_samples]
+    by_one, by_other = (
+        sum(_squares_before(*own, effect) - effect.basis_size for own in enough)
+        for effect in (one, other)
+    )
+    chance = CRITERIA.excess_deviations * math.sqrt(2.0 * one.basis_size * len(enough))
+    return by_one - by_other > CRITERIA.little * by_one + chance
+
+
+def _squares_before(item: FitShot, quiet: Array, effect: Effect) -> float:
+    assert effect.basis is not None
+    context = _sampled(item.frame.sample_rate_hz)
+    columns = np.column_stack([np.ones(quiet.size), effect.basis(quiet.size, context)])
+    basis, _ = np.linalg.qr(item.noise.whiten(columns))
+    found = basis[:, 1:].T @ item.noise.whiten(quiet - quiet.mean())
+    return float(found @ found)
 
 
 def _sampled(rate_hz: float) -> ShotContext:

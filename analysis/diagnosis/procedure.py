@@ -215,8 +215,26 @@ def _found(campaign: Campaign, base: str | None, told: Watch) -> Diagnosis:
                 return _beside(seen, mistaken)
     if not found.adequate:
         found = searched_on_part(found, usual_of_rest, told)
-    judged = _judge(found, rest, usual_of_rest, told)
+    judged = _but_for_the_line(found, rest, seen) or _judge(found, rest, usual_of_rest, told)
     return dataclasses.replace(_beside(seen, judged), set_aside=set_aside)
+
+
+def _but_for_the_line(found: Selection, start: Selection, seen: Background) -> Diagnosis | None:
+    """Return the verdict where effects leave no more than what is on the line anyway, else None.
+
+    ``start`` is where the search began. What is beyond the first effects that leave no more is not
+    named.
+    """
+    first = len(start.chosen)
+    for count in range(first + 1, len(found.chosen) + 1):
+        step = found.steps[count]
+        if not seen.clear or step.impossible or not step.structured or not _is_all(seen, step):
+            continue
+        less = Selection(found.steps[: count + 1], found.chosen[:count])
+        exact = with_numbers_as_stated(less, start)
+        slot = exact.chosen[first].effect.slot
+        return Diagnosis("partial", exact.steps, exact.chosen, slot=slot)
+    return None
 
 
 def _mistaken(

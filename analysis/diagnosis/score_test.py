@@ -140,8 +140,12 @@ def is_far_from_noise(problem: JointProblem, fitted: joint.Fitted) -> bool:
 
 
 def takes_statements_as_exact(problem: JointProblem) -> bool:
-    """Tell whether stated numbers may be off that are not yet among the parameters."""
-    return bool(numbers_of_shots(problem)) and not problem.inputs
+    """Tell whether stated numbers may be off that are not yet among the parameters.
+
+    The air's drag alone explains no surplus that is clear.
+    """
+    stated = [one for one in numbers_of_shots(problem) if one.kind != AIR_RESISTANCE]
+    return bool(stated) and not problem.inputs
 
 
 def has_clear_surplus(linearised: Linearised) -> bool:

@@ -19,6 +19,7 @@ from analysis.diagnosis.candidate import (
     STEPS_FROM_NEAR,
     Refit,
     continued,
+    explains_more_before,
     refit,
     refit_elsewhere,
     refitted,
@@ -259,13 +260,25 @@ def _on_the_same(start: Start, problem: JointProblem, fitted: joint.Fitted, take
 
 
 def lookalikes_refitted(problem: JointProblem, fitted: joint.Fitted, taken: Refit) -> list[Refit]:
-    """Return what an effect has to be told from beside the library, each fitted to all shots."""
+    """Return what an effect has to be told from beside the library, each fitted to all shots.
+
+    Of free signals those that explain nearly as much before the trigger, where records are longer.
+    """
     found = []
     for effect in effect_named(taken.effect_id).lookalikes:
+        if effect.basis is not None and explains_more_before(problem.shots, taken.effect, effect):
+            continue
         at = tuple(p.coordinate(p.starts[0]) for p in effect.parameters)
         proposal = Proposal(effect, effect.id, at, amplitude_of(effect))
         found.append(
-            refit(problem, fitted, proposal, scope="rig", coefficients={}, linear_gain=0.0)
+            refit(
+                problem,
+                fitted,
+                proposal,
+                scope=scopes_of(effect)[0],
+                coefficients={},
+                linear_gain=0.0,
+            )
         )
     return found
 

@@ -10,6 +10,9 @@ those of sines and cosines would be differences of large numbers. Over less than
 period they are the six signals that hold most of seven harmonics falling as 1/h (singular vectors):
 of 80 mV of odd harmonics they leave 0.07 mV in 4 ms. Over longer windows they are three harmonics.
 
+Over so little of a period a baseline that drifts looks the same: ``mains_hum:drift``, a parabola of
+free size in every shot, is no effect of the library but what the name must be told from.
+
 Source: Fourier. Validity: hum that is periodic over the record. Validation: a synthetic hum is in
 the span, in the tests. The sizes are neutral at 0.
 """
@@ -51,6 +54,11 @@ def _hum(mains_hz: float) -> Callable[[int, ShotContext], Array]:
     return lambda samples, context: _columns(mains_hz, context.sample_rate_hz, samples)
 
 
+def _drift(samples: int, context: ShotContext) -> Array:
+    x = np.linspace(-1.0, 1.0, samples)
+    return np.stack([np.sqrt(3.0) * x, np.sqrt(5.0) * (1.5 * x * x - 0.5)], axis=1)
+
+
 EFFECT = Effect(
     id="mains_hum",
     slot="electronics",
@@ -72,6 +80,19 @@ EFFECT = Effect(
             parameters=(),
             basis=_hum(60.0),
             basis_size=_SIZE,
+        ),
+    ),
+    lookalikes=(
+        Effect(
+            id="mains_hum:drift",
+            slot="electronics",
+            title="the baseline drifts",
+            tell_tale="no period before the trigger",
+            source="own",
+            validation="closed form",
+            parameters=(),
+            basis=_drift,
+            basis_size=2,
         ),
     ),
 )

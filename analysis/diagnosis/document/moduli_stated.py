@@ -32,8 +32,8 @@ from analysis.parameters import key_in_moduli
 from analysis.written_numbers import K_95
 
 STRUCTURE_LEFT = (
-    "the residual of these shots is larger than the noise, and its effect on this modulus is "
-    "unknown"
+    "the residual of these shots is not only noise, and how far what is missing moves this modulus "
+    "is unknown"
 )
 """Why a modulus is withheld."""
 KNOWN_OF_PAIR = ("sphere", "surface", "shots", "stiffness", "stiffness_over_mass")

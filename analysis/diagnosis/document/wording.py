@@ -242,8 +242,9 @@ def verdict_sentence(
         )
     elif diagnosis.verdict == "partial":
         ends = f", but structure remains ({noise})"
-        if diagnosis.disturbed and not structured:
-            ends = f" ({noise}), but in addition {background_words(diagnosis.check_noise)}"
+        if diagnosis.disturbed:
+            remains = "but structure remains, and" if structured else "but in addition"
+            ends = f" ({noise}), {remains} {background_words(diagnosis.check_noise)}"
         why = "".join(f" The records show it: {one.sentence}." for one in diagnosis.shown)
         said = f"Found in part: {names}; with it {fall}{ends}.{why}"
     elif diagnosis.verdict == "unknown":
@@ -550,12 +551,18 @@ def _beaten(diagnosis: Diagnosis, step: Step, refit: Refit, taken: Refit | None)
     if refit.effect_id in diagnosis.confusable and step is diagnosis.steps[0]:
         return f"these data cannot distinguish it from {taken.effect_id}"
     behind = (taken.gain - refit.gain) / 2.0
-    if behind > 0.0:
-        return f"its log-likelihood is {three_digits(behind)} below that of {taken.effect_id}"
-    return (
-        f"its log-likelihood is {three_digits(-behind)} above that of {taken.effect_id}, less than "
-        "what its further numbers cost"
-    )
+    if refit.effect_id == taken.effect_id:
+        said = "the effect was taken in another form or grouping"
+    elif behind > 0.0:
+        said = f"its log-likelihood is {three_digits(behind)} below that of {taken.effect_id}"
+    elif not refit.on_all_shots:  # what it explains of a part says little of all
+        said = f"on the part of the shots that it was fitted to, {taken.effect_id} was ahead"
+    else:
+        said = (
+            f"its log-likelihood is {three_digits(-behind)} above that of {taken.effect_id}, less "
+            "than what its further numbers cost"
+        )
+    return said
 
 
 def _left(refit: Refit) -> str:

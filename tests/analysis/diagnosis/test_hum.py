@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from analysis.diagnosis.candidate import _alike
+from analysis.diagnosis.candidate import _alike, explains_more_before
 from analysis.diagnosis.document.diagnosis_json import diagnosis_json
 from analysis.diagnosis.procedure import Diagnosis, diagnose_campaign
+from analysis.effects.library import library
+from analysis.fit.problem import build
+from analysis.model.impact_model import model_named
 from analysis.written_numbers import measured
 
 from .conftest import small_campaign
@@ -65,3 +70,36 @@ def test_what_the_release_puts_on_the_line_is_no_hum() -> None:
     of_a_height = np.repeat(rng.standard_normal((3, 6)), 6, axis=0)
     assert _alike(of_a_height + 0.5 * free, heights)
     assert not _alike(of_a_height[::3], heights[::3])  # two of each say too little
+
+
+def test_over_a_part_of_a_period_hum_and_a_drift_are_one(tmp_path: Path) -> None:
+    """A baseline with another slope in each shot is hum or a drift; records of periods tell."""
+    clean, rng = small_campaign(tmp_path), np.random.default_rng(3)
+    drifting = []
+    for shot in clean.shots:
+        drift = rng.uniform(-0.02, 0.02) * np.linspace(0.0, 1.0, shot.signal.size)
+        drifting.append(dataclasses.replace(shot, signal=shot.signal + drift))
+    found = diagnose_campaign(dataclasses.replace(clean, shots=tuple(drifting)))
+    assert (found.verdict, found.effect_ids) == ("family", ["mains_hum"])
+    assert found.confusable == ["mains_hum:drift"]
+
+
+def test_periods_before_the_trigger_tell_hum_from_a_drift(tmp_path: Path) -> None:
+    """No parabola follows 40 ms of 50 Hz."""
+    clean, rng = small_campaign(tmp_path), np.random.default_rng(3)
+    problem = build(clean, model_named("kv2"))
+    longer = []
+    for item in problem.shots:
+        time_s = np.arange(40_000) / item.frame.sample_rate_hz
+        hum = 0.01 * np.sin(2 * np.pi * 50.0 * time_s + rng.uniform(0, 2 * np.pi))
+        before = hum + 1.5e-3 * rng.standard_normal(time_s.size)
+        shot = dataclasses.replace(
+            item.shot,
+            signal=np.concatenate([before, item.shot.signal]),
+            trigger_index=item.shot.trigger_index + time_s.size,
+        )
+        longer.append(dataclasses.replace(item, shot=shot))
+    hum_of_50_hz = library()["mains_hum"]
+    (drift,) = hum_of_50_hz.lookalikes
+    assert explains_more_before(longer, hum_of_50_hz, drift)
+    assert not explains_more_before(list(problem.shots), hum_of_50_hz, drift)
