@@ -38,7 +38,7 @@ from analysis.diagnosis.linearised import (
 )
 from analysis.fit import joint
 from analysis.fit.freed_inputs import numbers_of_shots
-from analysis.fit.inputs import LAW
+from analysis.fit.inputs import AIR_RESISTANCE, LAW
 from analysis.fit.problem import JointProblem
 from analysis.fit.stated_to_first_order import fitted_with_stated_numbers
 from analysis.noise_slow import FURTHEST_CORNER, LEAST_CORNER
