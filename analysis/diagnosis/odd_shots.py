@@ -1,10 +1,11 @@
 """Shots that do not belong: without a few of them the rest is noise, and their repetitions agree.
 
 No effect of a rig acts on one shot and spares its repetitions: the same sphere on the same surface
-from the same height. So a shot that differs from them is set aside before any effect is looked for.
-What it is like is said: a drop of another sphere or coupon, from another height, with another gain.
-Without a repetition an effect may be the reason, and the shot stays, unless a speed of its own
-explains it whole: then its height is wrong, whatever acts.
+from the same height, or from a lower and from a higher one, as effects grow or fall with the speed.
+So a shot that differs from them is set aside before any effect is looked for. What it is like is
+said: a drop of another sphere or coupon, from another height, with another gain. Without a
+repetition an effect may be the reason, and the shot stays, unless another label or a speed of its
+own explains it whole: then that is wrong, whatever acts.
 """
 
 from __future__ import annotations
@@ -48,6 +49,8 @@ the squares fall by less than one, a likelihood ratio of 1.6."""
 DRAWN = 400
 """Points of a picture: as many as a column of a page can show."""
 HEIGHT = "drop_height_m"
+WRITTEN_DOWN = {HEIGHT, "sphere", "surface"}
+"""What may be wrong of a shot although the shot is as it should be."""
 GAIN_WITHIN = 0.7
 """Largest change of the logarithm of one shot's gain, a factor of two. A choice: an amplifier's
 next range is farther off, and would be seen as such."""
@@ -124,7 +127,7 @@ def _set_aside(step: Step, rest: Step, kept: list[int]) -> Rest | None:
     """Return the rest with why the others do not belong; None where an effect may be the reason."""
     left_out = sorted(set(range(len(step.problem.shots))) - set(kept))
     found = [_described(step, rest, at) for at in left_out]
-    certain = all(repeated or HEIGHT in one.likely for one, repeated in found)
+    certain = all(repeated or WRITTEN_DOWN & set(one.likely) for one, repeated in found)
     return Rest(rest, kept, tuple(one for one, _ in found)) if certain else None
 
 
@@ -266,9 +269,9 @@ def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     found = alone.explanations()
     ratio = math.sqrt(alone.squares(item) / item.data)
     peers = sum(other.condition == item.condition for other in rest.problem.shots)
-    others = {0: "all other shots leave", 1: "its repetition leaves"}.get(
-        peers, f"its {peers} repetitions leave"
-    )
+    between = not peers and _is_between(item, rest.problem.shots)
+    alike = "lower and higher drops of the pair leave" if between else "all other shots leave"
+    others = {0: alike, 1: "its repetition leaves"}.get(peers, f"its {peers} repetitions leave")
     like = ", or ".join(words for words, _ in found)
     because = f"It leaves {ratio:.3g} times the noise, {others} noise. " + (
         f"{like[0].upper()}{like[1:]}." if found else "No other label, height or gain explains it."
@@ -276,7 +279,15 @@ def _described(whole: Step, rest: Step, at: int) -> tuple[SetAside, bool]:
     places = [id(shot) for shot in whole.problem.campaign.shots]
     place = places.index(id(item.shot))
     likely = found[0][1] if found else {}
-    return SetAside(place, item.shot.name, because, likely, alone.curves()), peers > 0
+    repeated = peers > 0 or between
+    return SetAside(place, item.shot.name, because, likely, alone.curves()), repeated
+
+
+def _is_between(item: FitShot, others: list[FitShot]) -> bool:
+    """Tell whether the pair of a shot was dropped from a lower and from a higher place as well."""
+    heights = [o.shot.drop_height_m for o in others if o.pair == item.pair]
+    own, known = item.shot.drop_height_m, [h for h in heights if h is not None]
+    return own is not None and bool(known) and min(known) <= own <= max(known)
 
 
 @dataclass(frozen=True)

@@ -28,9 +28,8 @@ def campaign(folder: Path, *, repeats: int = 3, **changed: Any) -> Campaign:
     settings = dataclasses.replace(
         usual,
         spheres={name: usual.spheres[name] for name in ("acetal", "acetal_small")},
-        drop_heights_m=(0.0155, 0.0405),
         repeats=repeats,
-        **changed,
+        **{"drop_heights_m": (0.0155, 0.0405)} | changed,
     )
     return read_campaign(write_campaign_folder(folder, simulate_campaign(settings, 11)))
 
@@ -128,8 +127,20 @@ def test_what_acts_on_every_shot_sets_none_aside(tmp_path: Path) -> None:
     assert rest_of(campaign(tmp_path, effects=(echo,))) is None
 
 
+def test_lower_and_higher_drops_of_the_pair_stand_for_a_repetition(tmp_path: Path) -> None:
+    """An effect that grows with the speed does not spare both; beyond the highest it may act."""
+    once = campaign(tmp_path, repeats=1, drop_heights_m=(0.0155, 0.0285, 0.0405))
+    heights = sorted({shot.drop_height_m for shot in once.shots if shot.drop_height_m})
+    for height, alone in zip(heights, (False, True, False), strict=True):
+        at = next(i for i, shot in enumerate(once.shots) if shot.drop_height_m == height)
+        rest = rest_of(scaled(once, at, 0.8))
+        assert (rest is not None) == alone
+        if rest is not None:
+            assert rest.set_aside[0].likely["gain"] == pytest.approx(0.8, rel=0.02)
+
+
 def test_without_a_repetition_an_effect_may_be_the_reason(tmp_path: Path) -> None:
-    """A shot of its own condition stays, unless a height of its own explains it."""
+    """A shot of its own condition stays, unless a height or a label of its own explains it."""
     once = campaign(tmp_path, repeats=1)
     assert rest_of(scaled(once, AT, 0.6)) is None
     height = once.shots[AT].drop_height_m
@@ -137,6 +148,10 @@ def test_without_a_repetition_an_effect_may_be_the_reason(tmp_path: Path) -> Non
     rest = rest_of(changed(once, AT, drop_height_m=1.4 * height))
     assert rest is not None
     assert [one.shot for one in rest.set_aside] == [AT]
+    right = once.shots[AT].sphere
+    rest = rest_of(changed(once, AT, sphere=other(once.spheres, right)))
+    assert rest is not None
+    assert rest.set_aside[0].likely["sphere"] == right
 
 
 @pytest.mark.parametrize("count", [1, 2])
