@@ -92,7 +92,7 @@ def without_odd_shots(step: Step, usual: joint.Fitted, progress: Progress) -> Re
     whole = len(step.problem.shots)
     if whole < FEWEST:
         return None
-    most = max(1, int(CRITERIA.little * whole))
+    most = math.ceil(CRITERIA.little * whole)
     part = _Part(list(range(whole)), step.problem, step.fitted)
     if part.is_hopeless:
         near = _with_one_left_out(step, part) or _trimmed(step, usual.nuisances, most)
