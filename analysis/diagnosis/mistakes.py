@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from analysis.aliases import Array
 from analysis.campaign import Campaign, Shot, Sphere, Surface, Uncertainty, shot_words
@@ -38,6 +39,9 @@ WIDE = 0.3
 nothing is known of it then, and its first digit is still right."""
 FEWEST = 3
 """Shots on either side of a change. A choice: one or two are odd shots before they are a change."""
+FASTEST, LEAST_RATE = 20.0, 1e-6
+"""Of a drift that settles, over the campaign: it has then settled within a twentieth, as a change
+between two shots does. Below the other it is steady: the rounding of an exponential is 1e-10."""
 LEAST_SEEN = 1e-6
 """Share of a number's information that must be its own. Derived: below it is the rounding of the
 differences that its slope is made of, good to 1e-6."""
@@ -415,7 +419,15 @@ def _changes(known: _Known) -> Iterator[Promise]:
     if gain is not None:
         columns.append((gain, None, order.tolist()))
         if order.size > 2 * FEWEST:
-            yield promised(gain, places) - paid, partial(_drift, known)
+            found = minimize_scalar(
+                lambda rate: -promised(gain, _course(places, float(rate))),
+                bounds=(-FASTEST, FASTEST),
+                method="bounded",
+            )
+            steady = promised(gain, _course(places, 0.0))
+            rate = float(found.x) if -found.fun - steady > CRITERIA.price_of_number else 0.0
+            fall = -float(found.fun) - CRITERIA.price_of_number if rate else steady
+            yield fall - paid, partial(_drift, known, rate)
     for surface in sorted({i.shot.surface for i in problem.shots if i.shot.surface}):
         j = problem.index(of_material("surface", surface))
         if j is not None:
@@ -431,16 +443,29 @@ def _changes(known: _Known) -> Iterator[Promise]:
             yield fall - paid, partial(_change, known, on, problem.shots[at])
 
 
+def _course(places: Array, rate: float) -> Array:
+    """Return how much of a drift has happened at each place, 0 at the first and 1 at the last.
+
+    It falls off as exp(-rate x); steady at a rate of 0, and the faster the later below that.
+    """
+    x = places + 0.5
+    return x if abs(rate) < LEAST_RATE else np.expm1(-rate * x) / np.expm1(-rate)
+
+
 @dataclass(frozen=True)
 class _Gain(Input):
     """A gain that is another in the course of a campaign."""
 
     since: float | None = None
     """Place of the first shot that has it; None for a drift over all."""
+    rate: float = 0.0
+    """Of the drift."""
 
     def weight(self, item: FitShot) -> float:
         """Return which part of it a shot has."""
-        return item.frame.place if self.since is None else float(item.frame.place >= self.since)
+        if self.since is None:
+            return float(_course(np.array(item.frame.place), self.rate))
+        return float(item.frame.place >= self.since)
 
     def local_slopes(
         self, item: FitShot, names: Sequence[str], *, by_moduli: bool
@@ -449,9 +474,11 @@ class _Gain(Input):
         return [(names.index("ln_S"), self.weight(item))]
 
 
-def _amplified(known: _Known, since: float | None) -> tuple[float, float, Campaign] | None:
+def _amplified(
+    known: _Known, since: float | None, rate: float = 0.0
+) -> tuple[float, float, Campaign] | None:
     """Return by how much the logarithm of volts per newton changed, its u, and all as at first."""
-    one = _Gain("converter_gain", None, 1.0, "1", Uncertainty(WIDE), "", since=since)
+    one = _Gain("converter_gain", None, 1.0, "1", Uncertainty(WIDE), "", since=since, rate=rate)
     found = known.value(one)
     if found is None:
         return None
@@ -496,13 +523,14 @@ def _change(known: _Known, surface: str | None, first: FitShot) -> Mistake | Non
     return Mistake("change_point", "surface", surface, parameters, said, restated)
 
 
-def _drift(known: _Known) -> Mistake | None:
-    found = _amplified(known, None)
+def _drift(known: _Known, rate: float) -> Mistake | None:
+    found = _amplified(known, None, rate)
     if found is None:
         return None
     share, u, restated = found
     size = _figure(100.0 * share, "%", 100.0 * u)
-    said = f"the signal drifts by {size} from the first shot to the last"
+    course = {1.0: ", most of it early", -1.0: ", most of it late"}.get(float(np.sign(rate)), "")
+    said = f"the signal drifts by {size} from the first shot to the last{course}"
     parameters: dict[str, tuple[float, float | None, str]] = {"share": (share, u, "1")}
     return Mistake("drift_in_time", "cell", "gain", parameters, said, restated)
 

@@ -135,6 +135,19 @@ def test_a_slow_drift_is_no_switch(clean: Campaign) -> None:
     found = likeliest(amplified(clean, lambda i: 1.0 + 0.04 * i / last))
     assert found.id == "drift_in_time"
     assert found.parameters["share"][0] == pytest.approx(0.04, rel=0.1)
+    assert found.sentence.endswith("from the first shot to the last")
+
+
+@pytest.mark.parametrize(("rate", "when"), [(4.0, "early"), (-4.0, "late")])
+def test_a_drift_that_settles_is_one_too(clean: Campaign, rate: float, when: str) -> None:
+    """An amplifier warms up; a battery fails at the end."""
+    last = len(clean.shots) - 1
+    found = likeliest(
+        amplified(clean, lambda i: 1.0 + 0.04 * math.expm1(-rate * i / last) / math.expm1(-rate))
+    )
+    assert found.id == "drift_in_time"
+    assert found.parameters["share"][0] == pytest.approx(0.04, rel=0.1)
+    assert found.sentence.endswith(f"most of it {when}")
 
 
 def test_a_coupon_that_is_exchanged_is_two_coupons(tmp_path: Path) -> None:
