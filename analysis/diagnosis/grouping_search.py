@@ -179,16 +179,16 @@ def sizes_of(found: Refit, kind: str) -> Sizes | None:
     return Sizes.from_score(kind, names, score + known @ now, known)
 
 
-def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> ActsOn | None:
-    """Return the materials whose own shots show that an effect acts on them.
+def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> list[ActsOn]:
+    """Return the surfaces and the spheres whose own shots show that an effect acts on them.
 
-    None where all do that it acts on. It is taken away from the shots of one material at a time,
+    None of a kind of which all do that it acts on. It is taken away from the shots of one material at a time,
     and everything else follows by one step: a material shows it if the squares then rise by
     *least_lead*. A coupon too hard to yield is evidence neither for its yield nor against it.
     """
     kinds = [kind for kind in KINDS if kind in scopes_of(effect)]
     if not kinds:
-        return None
+        return []
     without = dataclasses.replace(problem, model=problem.model.silenced(effect.id))
     silent = [
         linearise_shot(without, item, fitted.theta, own)
@@ -208,6 +208,7 @@ def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> Acts
         squares = joint.least_squares_nearby(problem, left, fitted.theta)
         return squares - now >= CRITERIA.least_lead
 
+    found = []
     for kind in kinds:
         only = effect.only
         acted = {str(getattr(item.shot, kind)) for item in problem.shots}
@@ -215,8 +216,8 @@ def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> Acts
             acted &= set(only.names if only.kind == kind else acted)
         seen = {name for name in acted if shows(kind, name)}
         if seen and seen < acted:
-            return ActsOn(kind, tuple(seen))
-    return None
+            found.append(ActsOn(kind, tuple(seen)))
+    return found
 
 
 def _others(problem: JointProblem, found: Refit) -> Iterator[tuple[Effect, str]]:

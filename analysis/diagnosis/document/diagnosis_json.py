@@ -349,7 +349,7 @@ def _mistake(diagnosis: Diagnosis) -> list[Json]:
             "title": one.sentence,
             "scope": {one.kind: one.name},
             "acts_on": None,
-            "seen_on": None,
+            "seen_on": [],
             "parameters": {
                 name: {"value": value, "u": u, "unit": unit}
                 for name, (value, u, unit) in one.parameters.items()
@@ -374,17 +374,16 @@ def _materials(some: ActsOn, refit: Refit) -> Json:
     return {"kind": some.kind, "names": list(some.names), "words": words}
 
 
-def _seen_on(diagnosis: Diagnosis, refit: Refit) -> Json | None:
-    """Return the materials whose shots show an effect, None where all do that it acts on.
+def _seen_on(diagnosis: Diagnosis, refit: Refit) -> list[Json]:
+    """Return the surfaces and spheres whose shots show an effect, nothing where all do.
 
-    None as well where structure remains: the squares of one material may be those of what is
+    Nothing as well where structure remains: the squares of one material may be those of what is
     missing.
     """
     last = diagnosis.steps[-1]
     if not diagnosis.leaves_noise or last.problem.model.places.get(refit.effect.id) is None:
-        return None
-    only = seen_on(refit.effect, last.problem, last.fitted)
-    return None if only is None else _materials(only, refit)
+        return []
+    return [_materials(one, refit) for one in seen_on(refit.effect, last.problem, last.fitted)]
 
 
 def _parameters_by_shot(effect: Effect, result: FitResult) -> Json:

@@ -156,10 +156,10 @@ def form_sentences(diagnosis: Diagnosis) -> list[str]:
 def seen_on_sentences(effects: Sequence[Json]) -> list[str]:
     """Return a sentence for each effect that some materials do not show, as the document has it."""
     return [
-        f"Only the shots {one['seen_on']['words']} show {one['id']}: these data do not tell "
-        f"whether it acts on the other {one['seen_on']['kind']}s too."
+        f"Only the shots {' and '.join(some['words'] for some in one['seen_on'])} show {one['id']}: "
+        "these data do not tell whether it acts on the others too."
         for one in effects
-        if one["seen_on"] is not None
+        if one["seen_on"]
     ]
 
 

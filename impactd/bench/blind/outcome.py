@@ -206,7 +206,7 @@ def shown_rightly(trial: Trial) -> bool:
     acts_on = dict(zip(trial.named, trial.acts_on or [], strict=True))
     seen_on = dict(zip(trial.named, trial.seen_on or trial.acts_on or [], strict=True))
     return all(
-        _within(seen_on[name] or acts_on[name], scope) and _within(scope, acts_on[name])
+        _within(acts_on[name] | seen_on[name], scope) and _within(scope, acts_on[name])
         for name, scope in ((str(e["id"]), e.get("scope", {})) for e in trial.effects)
         if name in acts_on
     )

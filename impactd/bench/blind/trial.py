@@ -48,7 +48,8 @@ class Trial:
         acts on everything. Of a mistake that was named its scope, and ``first_shot`` where the
         diagnosis says from which place in the order of the shots on.
     seen_on : list of dict
-        The materials whose shots show each named effect; empty where all do that it acts on.
+        The materials whose shots show each named effect, by kind; none of a kind of which all do
+        that it acts on.
     numbers : list of dict
         Of each named effect its own numbers as the diagnosis states them, by name and group:
         value, u, interval95 and the like.
@@ -241,7 +242,10 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
         "named": [e["id"] for e in effects],
         "confusable": [e.get("confusable_with", []) for e in effects],
         "acts_on": [where(e) for e in effects],
-        "seen_on": [_materials(e.get("seen_on")) for e in effects],
+        "seen_on": [
+            {k: v for some in e.get("seen_on") or [] for k, v in _materials(some).items()}
+            for e in effects
+        ],
         "numbers": [e.get("parameters", {}) for e in effects],
         "set_aside": sorted(int(e["shot"]) for e in stated.get("set_aside", [])),
         "slot": stated["slot"],
