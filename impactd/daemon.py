@@ -31,7 +31,7 @@ from impactd.calibration.run import CalibrationRunner
 from impactd.data_lock import DataLock
 from impactd.events import EventBus
 from impactd.jobs.orders import request_diagnosis, request_fit
-from impactd.jobs.recordings import RECORDINGS_NAME, RecordingSets
+from impactd.jobs.recordings import RecordingSets
 from impactd.jobs.runner import JobRunner
 from impactd.jobs.worker_process import WorkerLimits, run_apart
 from impactd.moduli.control_chart import PairChart
@@ -46,6 +46,7 @@ from impactd.settings.settings import Settings
 from impactd.storage import rescue
 from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.jobs import Job
+from impactd.storage.recording_files import RECORDINGS_NAME
 
 _log = structlog.get_logger("impactd.daemon")
 _STATUS_EVERY_S = 2.0

@@ -27,9 +27,8 @@ from impactd.storage.archive import Archive
 from impactd.storage.errors import NotFoundError
 from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.storage.publish import publish
-from impactd.storage.recording_files import HDF5_ENDINGS, RECORDING_ENDINGS
+from impactd.storage.recording_files import HDF5_ENDINGS, RECORDING_ENDINGS, RECORDINGS_NAME
 
-RECORDINGS_NAME = "recordings"
 FILES_NAME = "files"
 VALUES_NAME = "values.json"
 CHOICES_NAME = "choices.json"

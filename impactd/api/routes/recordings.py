@@ -20,8 +20,9 @@ from impactd.api.recordings_schemas import (
 from impactd.api.schemas import Key
 from impactd.api.security import Limits, TheCaller, TheDaemon
 from impactd.daemon import Daemon
-from impactd.jobs.recordings import RECORDINGS_NAME, RecordingSet
+from impactd.jobs.recordings import RecordingSet
 from impactd.storage.jobs import DIAGNOSE
+from impactd.storage.recording_files import RECORDINGS_NAME
 from impactd.wire.recordings_answers import (
     ReadingAnswer,
     RecordedFile,
