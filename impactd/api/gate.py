@@ -129,7 +129,9 @@ class Gate:
             kind = headers.get("content-type", "").partition(";")[0].strip().lower()
             if kind != "application/json" and not (_is_upload(scope) and kind == UPLOAD_TYPE):
                 raise ProblemError(
-                    "media-type", f"The body has the content type {kind or '(none)'!r}."
+                    "media-type",
+                    f"The body has the content type {kind or '(none)'!r}.",
+                    remedy=f"Send `Content-Type: {UPLOAD_TYPE}`." if _is_upload(scope) else "",
                 )
 
     def _most_bytes(self, scope: Scope) -> int:

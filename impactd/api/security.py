@@ -156,7 +156,8 @@ class Caller:
 class Limits:
     """Threads for abort and status, which never wait for slow downloads or full queues.
 
-    Processes that are started for one request run one at a time (``apart``).
+    Processes that are started for one request run one at a time (``apart``), and all uploads
+    together advance by one part at a time (``uploads``).
     """
 
     def __init__(self) -> None:
@@ -166,6 +167,7 @@ class Limits:
         self.abort_answer = anyio.CapacityLimiter(8)
         self.token = anyio.CapacityLimiter(8)
         self.apart = anyio.CapacityLimiter(1)
+        self.uploads = anyio.CapacityLimiter(1)
 
 
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})

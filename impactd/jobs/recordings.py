@@ -75,9 +75,9 @@ class RecordingSets:
 
     def all(self) -> list[RecordingSet]:
         """Return every set, the newest first."""
-        folders = [one for one in self._directory.glob("*") if one.is_dir()]
-        folders.sort(key=lambda one: one.stat().st_mtime, reverse=True)
-        return [self.get(one.name) for one in folders]
+        folders = {file.parent.parent for file in self._directory.glob(f"*/{FILES_NAME}/[!.]*")}
+        newest_first = sorted(folders, key=lambda one: one.stat().st_mtime, reverse=True)
+        return [self.get(one.name) for one in newest_first]
 
     def get(self, name: str) -> RecordingSet:
         """Return a set; raise NotFoundError if nobody uploaded anything to it."""
@@ -87,7 +87,7 @@ class RecordingSets:
             raise NotFoundError("recording set", name)
         return RecordingSet(name, folder, tuple(sorted(files, key=_natural)))
 
-    def keep(self, name: str, file: str, content: bytes) -> RecordingSet:
+    def keep(self, name: str, file: str, content: bytes) -> None:
         """Keep a file durably; the same one may come again.
 
         Raises
@@ -114,13 +114,12 @@ class RecordingSets:
                     f"is in {name} already, with another content, and nothing is overwritten.",
                     "Rename the file, or upload it under another name of recordings.",
                 )
-            return self.get(name)
+            return
         if folder.is_dir() and len(list(folder.iterdir())) >= MOST_FILES:
             raise RecordingError(file, f"is more than the {MOST_FILES} files of a set.", _SHELL)
         self._archive.check_space()
         folder.mkdir(mode=0o750, parents=True, exist_ok=True)
         publish(path, content)
-        return self.get(name)
 
     def read(self, name: str, choices: Json, values: Json | None) -> Json:
         """Return ``shots``, ``assumptions`` and ``missing`` of a set; see `impactd new`.

@@ -21,7 +21,7 @@ from impactd.api.schemas import Key
 from impactd.api.security import Limits, TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.jobs.recordings import RecordingSet
-from impactd.storage.jobs import DIAGNOSE
+from impactd.storage.jobs import DIAGNOSE, Job
 from impactd.storage.recording_files import RECORDINGS_NAME
 from impactd.wire.recordings_answers import (
     ReadingAnswer,
@@ -32,20 +32,24 @@ from impactd.wire.recordings_answers import (
 from impactd.wire.rig_answers import DiagnosisAnswer
 
 router = APIRouter(prefix="/v1/recordings", tags=["recordings"])
-_MOST_DIAGNOSES = 200
+_MOST_DIAGNOSES = 50
 """The newest of all that are looked through for those of a set."""
+_PAUSE_S = 0.005
+"""Between the parts (64 KiB and more) of all uploads: an abort goes round the same loop."""
 
 
 @router.get("")
 def list_recordings(daemon: TheDaemon) -> RecordingsPage:
     """List uploaded recordings, newest first, with their diagnoses."""
-    return RecordingsPage(items=[_answer(daemon, one) for one in daemon.recordings.all()])
+    jobs = daemon.archive.jobs.list(kind=DIAGNOSE, limit=_MOST_DIAGNOSES)
+    return RecordingsPage(items=[_answer(daemon, one, jobs) for one in daemon.recordings.all()])
 
 
 @router.get("/{name}")
 def show_recordings(name: SetName, daemon: TheDaemon) -> RecordingsAnswer:
     """Show the files of a set, what was stated of them, and their diagnoses."""
-    return _answer(daemon, daemon.recordings.get(name))
+    jobs = daemon.archive.jobs.list(kind=DIAGNOSE, limit=_MOST_DIAGNOSES)
+    return _answer(daemon, daemon.recordings.get(name), jobs)
 
 
 @router.put(
@@ -61,15 +65,20 @@ def show_recordings(name: SetName, daemon: TheDaemon) -> RecordingsAnswer:
 )
 async def upload_recording(
     name: SetName, file: FileName, request: Request, daemon: TheDaemon
-) -> RecordingsAnswer:
+) -> RecordedFile:
     """Upload a recording as it is, of up to 32 MiB.
 
     It is text (also gzip), npy, npz, wav, uff, tdms or lvm. The set begins with
     its first file. The same file may come again; nothing is overwritten.
     """
-    content = await request.body()
-    kept = await anyio.to_thread.run_sync(daemon.recordings.keep, name, file, content)
-    return await anyio.to_thread.run_sync(_answer, daemon, kept)
+    limits: Limits = request.app.state.limits
+    content = bytearray()
+    async for part in request.stream():
+        content += part
+        async with limits.uploads:
+            await anyio.sleep(_PAUSE_S)
+    await anyio.to_thread.run_sync(daemon.recordings.keep, name, file, bytes(content))
+    return RecordedFile(name=file, size_bytes=len(content))
 
 
 @router.post("/{name}/reading")
@@ -125,10 +134,9 @@ async def diagnose_recordings(  # noqa: PLR0917 - the framework fills them by na
     return diagnosis_answer(job, daemon.jobs.progress(job.id))
 
 
-def _answer(daemon: Daemon, found: RecordingSet) -> RecordingsAnswer:
+def _answer(daemon: Daemon, found: RecordingSet, jobs: list[Job]) -> RecordingsAnswer:
     at = f"/v1/recordings/{found.name}"
     choices, values = found.stated()
-    jobs = daemon.archive.jobs.list(kind=DIAGNOSE, limit=_MOST_DIAGNOSES)
     return RecordingsAnswer(
         name=found.name,
         files=[RecordedFile(name=one.name, size_bytes=one.stat().st_size) for one in found.files],

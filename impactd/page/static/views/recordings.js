@@ -16,7 +16,7 @@ const PATIENCE_MS = 180000;
 const UNITS = { voltage: "V", force_N: "N", acceleration_m_per_s2: "m/s²" };
 // What the command line calls an option, the page calls a field.
 const OPTIONS = { "--rate": "Sample rate", "--unit": "Unit", "--column": "Column", "--time": "Times are in", "--scale": "Scale", "--threshold": "Least hit", "--values": "the form below" };
-const inPageWords = (sentence) => sentence.replace(/--[a-z]+/g, (option) => (OPTIONS[option] ? `“${OPTIONS[option]}”` : option));
+const inPageWords = (sentence) => sentence.replace(/(--[a-z]+)(?: HZ)?/g, (said, option) => (OPTIONS[option] ? `“${OPTIONS[option]}”` : said));
 
 /** Values of a file that was dragged in with the recordings. */
 let dragged = null;
@@ -166,12 +166,20 @@ function readingCard(name, { shots, assumptions, missing, links }, how) {
 function stateForm({ name, form, choices, started }) {
   const wrong = h("p", { class: "wrong", role: "alert" });
   const button = h("button", { class: "button main-action", type: "submit" }, "Fit and diagnose");
+  let told = "";
   const submit = async (event) => {
     event.preventDefault();
     wrong.textContent = "";
     button.disabled = true;
     try {
-      const made = await post(`/v1/recordings/${name}/diagnoses`, { ...choices(), values: form.read() }, { key: freshKey(), timeoutMs: PATIENCE_MS });
+      const body = { ...choices(), values: form.read() };
+      const { missing } = await post(`/v1/recordings/${name}/reading`, body, { timeoutMs: PATIENCE_MS });
+      const lacks = missing.join(" ");
+      if (lacks && lacks !== told) {
+        told = lacks;
+        throw new Error(`Not stated yet. ${lacks} Press again to go on without.`);
+      }
+      const made = await post(`/v1/recordings/${name}/diagnoses`, body, { key: freshKey(), timeoutMs: PATIENCE_MS });
       await started(made.id);
     } catch (error) {
       tellWrong(wrong, error);
