@@ -42,6 +42,7 @@ def test_a_dragged_csv_becomes_a_modulus(daemon, browser, size):
     assert page.get_by_text("is in V, as the file states").is_visible()
     assert page.get_by_text("drop-1, drop-2, drop-3, drop-4: drop height.").is_visible()
     assert page.get_by_role("textbox", name="Radius / mm", exact=True).input_value() == "4.76"
+    assert page.get_by_label("Coupon of drop-1", exact=True).input_value() == ""
     for name, shot in shots.items():
         page.get_by_label(f"Coupon of {name}", exact=True).select_option(shot["surface"])
         height = page.get_by_label(f"Drop height of {name} / mm")

@@ -66,9 +66,14 @@ function things(word, list, given, first, changed, hint) {
 function row(shot, entry, { spheres, coupons, choices }) {
   const pick = (source, word, now) => {
     const input = h("select", { "aria-label": `${word} of ${shot.name}` });
-    let at = Math.max(0, source.names().indexOf(now ?? ""));
-    input.addEventListener("change", () => { at = input.selectedIndex; });
-    choices.push(() => { fill(input, source.names().map((name) => h("option", { value: name }, name || "unnamed"))); input.selectedIndex = at; });
+    let at = source.names().indexOf(now);
+    // Of several none is taken for granted: a wrong coupon gives a wrong modulus.
+    const open = () => (source.names().length > 1 ? 1 : 0);
+    input.addEventListener("change", () => { at = input.selectedIndex - open(); });
+    choices.push(() => {
+      fill(input, open() === 1 && h("option", { value: "" }, "choose"), source.names().map((name) => h("option", { value: name }, name || "unnamed")));
+      input.selectedIndex = open() ? at + 1 : 0;
+    });
     return input;
   };
   const sphere = pick(spheres, "Sphere", entry.sphere);
