@@ -14,6 +14,7 @@
 
 from __future__ import annotations
 
+import base64
 import threading
 import uuid
 from dataclasses import asdict
@@ -30,7 +31,9 @@ from impactd.calibration.run import CalibrationRunner
 from impactd.data_lock import DataLock
 from impactd.events import EventBus
 from impactd.jobs.orders import request_diagnosis, request_fit
+from impactd.jobs.recordings import RecordingSets
 from impactd.jobs.runner import JobRunner
+from impactd.jobs.worker_process import WorkerLimits, run_apart
 from impactd.moduli.control_chart import PairChart
 from impactd.moduli.service import ModuliAnswer, ModuliService
 from impactd.rig.build import build_rig
@@ -43,6 +46,7 @@ from impactd.settings.settings import Settings
 from impactd.storage import rescue
 from impactd.storage.archive import Archive, ArchiveError
 from impactd.storage.jobs import Job
+from impactd.storage.recording_files import RECORDINGS_NAME
 
 _log = structlog.get_logger("impactd.daemon")
 _STATUS_EVERY_S = 2.0
@@ -90,6 +94,10 @@ class Daemon:
         publish = self.alarms.publish
         self.jobs = JobRunner(self.archive, settings, publish, materials=self.materials)
         self.service = AcquisitionService(self.rig, self.archive, settings, self.materials, publish)
+        self._stopping = threading.Event()
+        self.recordings = RecordingSets(
+            self.archive, settings.jobs.fit_memory_bytes, self._stopping
+        )
         self.calibrations = CalibrationRunner(self.service, self.archive, settings)
         self.series = SeriesRunner(self.service, settings, publish)
         self._moduli = ModuliService(self.archive)
@@ -136,6 +144,7 @@ class Daemon:
             self.calibrations.stop,
             self.series.stop,
             self._moduli.stop,
+            self._stopping.set,
             self.jobs.stop,
             self.rig.close,
             self.archive.close,
@@ -193,6 +202,22 @@ class Daemon:
         It may search for ``budget_s`` once it runs. A known idempotency ``key`` gives the old job.
         """
         return request_diagnosis(self.archive, shots, base, budget_s=budget_s, key=key)
+
+    def result_sheet(self, job: Job) -> bytes:
+        """Return a finished diagnosis on one page, a PDF; a process of its own draws it."""
+        assert job.result is not None
+        jobs = self.settings.jobs
+        made: str = run_apart(
+            "impactd.jobs.tasks:result_sheet",
+            [
+                job.result["diagnosis"],
+                job.payload.get(RECORDINGS_NAME) or f"Diagnosis {job.id}",
+                job.finished_utc,
+            ],
+            WorkerLimits(jobs.fit_time_limit_s, jobs.fit_memory_bytes),
+            self._stopping,
+        )
+        return base64.b64decode(made)
 
     def moduli(
         self, *, specimen: str | None, since: str | None, until: str | None, model: str | None

@@ -17,6 +17,7 @@ from impactd.api.connection_limit import (
     ANSWERS_CALLER,
     ANSWERS_STRANGER,
     IDLE,
+    LEAST_BYTES_PER_S,
     UNFINISHED_BODY,
     UNFINISHED_HEADER,
     Connections,
@@ -31,7 +32,7 @@ class Connection(H11Protocol):
     """Uvicorn's connection with stamps and limits; `connection_class` binds the class attributes.
 
     ``receiving_since_s`` is the first byte of a request that is not complete, on the monotonic
-    clock; the connection's beginning before its first request.
+    clock; the connection's beginning before its first request. It is later by what arrived.
     """
 
     arrivals: Arrivals
@@ -69,6 +70,9 @@ class Connection(H11Protocol):
             self.app_state["received_s"] = time.monotonic()
         super().data_received(data)
         self._look_at_progress()
+        if self.receiving_since_s is not None:
+            later_s = self.receiving_since_s + len(data) / LEAST_BYTES_PER_S
+            self.receiving_since_s = min(later_s, time.monotonic())
 
     def on_response_complete(self) -> None:
         """Check whether the next request has begun already."""

@@ -28,6 +28,9 @@ _MOST = 512
 _FEWEST = 16
 # A header and a body of 64 KiB take 5 s at 100 kbit/s; twice that.
 RECEIVE_LIMIT_S = 10.0
+LEAST_BYTES_PER_S = 250e3
+"""2 Mbit/s, a poor radio link: what arrives as fast does not count as slow, and 32 MiB take two
+minutes at most."""
 _SWEEP_EVERY_S = 1.0
 _LOG_EVERY_S = 60.0
 
@@ -73,7 +76,8 @@ class Connections:
     """All connections of one server; used in the event loop's thread only.
 
     At most ``most`` at once. ``receive_limit_s`` counts from the first byte of a request to its
-    last, and from a connection to its first request.
+    last, and from a connection to its first request; each byte adds its share of
+    `LEAST_BYTES_PER_S`.
     """
 
     def __init__(self, most: int, receive_limit_s: float = RECEIVE_LIMIT_S) -> None:

@@ -79,6 +79,7 @@ def diagnosis_answer(
         links={
             "self": at,
             "report": f"{at}/report.html" if found else None,
+            "report_pdf": f"{at}/report.pdf" if found else None,
             "next_drop": f"{at}/next-drop" if proposes else None,
         },
     )

@@ -7,6 +7,7 @@ caught becomes a problem with a reference into the log instead of a traceback.
 
 from __future__ import annotations
 
+import re
 import secrets
 import time
 from collections.abc import Callable, Sequence
@@ -20,6 +21,10 @@ from impactd.api.audit import WRITES, Written
 from impactd.api.problems import MEDIA_TYPE, ProblemError, from_status
 
 MAX_BODY_BYTES = 64 * 1024
+MAX_UPLOAD_BYTES = 32 * 1024 * 1024
+UPLOAD_TYPE = "application/octet-stream"
+_UPLOADS = re.compile(r"/v1/recordings/[^/]+/files/[^/]+")
+"""Where a `PUT` brings a file as it is; no form of another site can send one."""
 _METHODS_WITH_BODY = frozenset({"POST", "PUT", "PATCH", "DELETE"})
 _SECURITY_HEADERS = {
     "x-content-type-options": "nosniff",
@@ -88,7 +93,7 @@ class Gate:
         scope.setdefault("state", {})
         try:
             self._check(scope)
-            await self._app(scope, self._counted(receive), reply.send)
+            await self._app(scope, self._counted(receive, self._most_bytes(scope)), reply.send)
         except ProblemError as problem:
             await reply.problem(problem, receive)
         except Exception as error:  # the last defence: a sentence for the person, the rest logged
@@ -117,25 +122,22 @@ class Gate:
         length = headers.get("content-length", "0")
         if not length.isascii() or not length.isdigit():
             raise ProblemError("bad-request", f"Content-Length is {length!r}.")
-        if int(length) > self._max_body_bytes:
-            raise self._too_large(int(length))
+        if int(length) > self._most_bytes(scope):
+            raise _too_large(int(length), self._most_bytes(scope))
         has_body = int(length) > 0 or "transfer-encoding" in headers
         if has_body and scope["method"] in _METHODS_WITH_BODY:
             kind = headers.get("content-type", "").partition(";")[0].strip().lower()
-            if kind != "application/json":
+            if kind != "application/json" and not (_is_upload(scope) and kind == UPLOAD_TYPE):
                 raise ProblemError(
-                    "media-type", f"The body has the content type {kind or '(none)'!r}."
+                    "media-type",
+                    f"The body has the content type {kind or '(none)'!r}.",
+                    remedy=f"Send `Content-Type: {UPLOAD_TYPE}`." if _is_upload(scope) else "",
                 )
 
-    def _too_large(self, size: int) -> ProblemError:
-        return ProblemError(
-            "body-too-large",
-            f"The body has {size} bytes or more; at most {self._max_body_bytes} are read.",
-            headers={"Connection": "close"},
-            limit_bytes=self._max_body_bytes,
-        )
+    def _most_bytes(self, scope: Scope) -> int:
+        return MAX_UPLOAD_BYTES if _is_upload(scope) else self._max_body_bytes
 
-    def _counted(self, receive: Receive) -> Receive:
+    def _counted(self, receive: Receive, most_bytes: int) -> Receive:
         """Count the bytes that arrive: a chunked body has no length to check beforehand."""
         total = 0
 
@@ -143,11 +145,24 @@ class Gate:
             nonlocal total
             message = await receive()
             total += len(message.get("body", b""))
-            if total > self._max_body_bytes:
-                raise self._too_large(total)
+            if total > most_bytes:
+                raise _too_large(total, most_bytes)
             return message
 
         return counted
+
+
+def _is_upload(scope: Scope) -> bool:
+    return scope["method"] == "PUT" and _UPLOADS.fullmatch(scope["path"]) is not None
+
+
+def _too_large(size: int, most_bytes: int) -> ProblemError:
+    return ProblemError(
+        "body-too-large",
+        f"The body has {size} bytes or more; at most {most_bytes} are read.",
+        headers={"Connection": "close"},
+        limit_bytes=most_bytes,
+    )
 
 
 class _Reply:

@@ -33,6 +33,17 @@ _LINKS: dict[tuple[str, str, str], tuple[str, str, tuple[tuple[str, str], ...]]]
             ("delete", "/v1/diagnoses/{diagnosis_id}"),
             ("post", "/v1/diagnoses/{diagnosis_id}/next-drop"),
             ("get", "/v1/diagnoses/{diagnosis_id}/report.html"),
+            ("get", "/v1/diagnoses/{diagnosis_id}/report.pdf"),
+        ),
+    ),
+    ("post", "/v1/recordings/{name}/diagnoses", "202"): (
+        "id",
+        "diagnosis_id",
+        (
+            ("get", "/v1/diagnoses/{diagnosis_id}"),
+            ("delete", "/v1/diagnoses/{diagnosis_id}"),
+            ("get", "/v1/diagnoses/{diagnosis_id}/report.html"),
+            ("get", "/v1/diagnoses/{diagnosis_id}/report.pdf"),
         ),
     ),
 }

@@ -121,7 +121,7 @@ _TYPES = (
         "body-too-large",
         413,
         "The body is too large",
-        "Send at most the named number of bytes; use `impactd import` for recordings.",
+        "Send at most the named number of bytes; use `impactd new` for larger recordings.",
     ),
     ProblemType(
         "media-type", 415, "The body is not JSON", "Send `Content-Type: application/json`."
@@ -143,6 +143,12 @@ _TYPES = (
         422,
         "The request holds a value that is not allowed",
         ("Correct the fields that are named."),
+    ),
+    ProblemType(
+        "recordings",
+        422,
+        "The recordings cannot be used as they are",
+        "Correct what the sentence names, then send them again.",
     ),
     ProblemType(
         "unknown-material",

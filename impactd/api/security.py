@@ -79,6 +79,13 @@ ROUTE_SCOPES: dict[tuple[str, str], Scope | str] = {
     ("DELETE", "/v1/diagnoses/{diagnosis_id}"): Scope.OPERATE,
     ("POST", "/v1/diagnoses/{diagnosis_id}/next-drop"): Scope.OPERATE,
     ("GET", "/v1/diagnoses/{diagnosis_id}/report.html"): Scope.READ,
+    ("GET", "/v1/diagnoses/{diagnosis_id}/report.pdf"): Scope.READ,
+    ("GET", "/v1/recordings"): Scope.READ,
+    ("GET", "/v1/recordings/{name}"): Scope.READ,
+    ("PUT", "/v1/recordings/{name}/files/{file}"): Scope.OPERATE,
+    ("POST", "/v1/recordings/{name}/reading"): Scope.OPERATE,
+    ("GET", "/v1/recordings/{name}/picture.png"): Scope.READ,
+    ("POST", "/v1/recordings/{name}/diagnoses"): Scope.OPERATE,
     ("GET", "/v1/effects"): Scope.READ,
     ("GET", "/v1/models"): Scope.READ,
     ("PUT", "/v1/models/active"): Scope.ADMIN,
@@ -147,7 +154,11 @@ class Caller:
 
 
 class Limits:
-    """Threads for abort and status, which never wait for slow downloads or full queues."""
+    """Threads for abort and status, which never wait for slow downloads or full queues.
+
+    Processes that are started for one request run one at a time (``apart``), and all uploads
+    together advance by one part at a time (``uploads``).
+    """
 
     def __init__(self) -> None:
         self.status = anyio.CapacityLimiter(4)
@@ -155,6 +166,8 @@ class Limits:
         self.abort_token = anyio.CapacityLimiter(8)
         self.abort_answer = anyio.CapacityLimiter(8)
         self.token = anyio.CapacityLimiter(8)
+        self.apart = anyio.CapacityLimiter(1)
+        self.uploads = anyio.CapacityLimiter(1)
 
 
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})

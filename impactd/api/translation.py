@@ -16,6 +16,7 @@ from impactd.acquisition.errors import (
 )
 from impactd.api.client_keys import own_part
 from impactd.api.problems import ProblemError
+from impactd.importing.errors import RecordingError
 from impactd.settings.materials import UnknownMaterialError
 from impactd.storage.errors import (
     ArchiveError,
@@ -58,6 +59,11 @@ def _full(error: StorageFullError) -> ProblemError:
     )
 
 
+def _recordings(error: RecordingError) -> ProblemError:
+    detail = f"{error.where} {error.what}".strip()
+    return ProblemError("recordings", detail, remedy=error.remedy)
+
+
 def _said(slug: str) -> Translate:
     """Return a translation for errors with `what`, `why` and `remedy`."""
 
@@ -89,6 +95,7 @@ TRANSLATIONS: dict[type[Exception], Translate] = {
     DropStateError: _said("conflict"),
     IdempotencyConflictError: _conflict,
     CampaignError: _plain("invalid"),
+    RecordingError: _recordings,
     ArchiveError: _said("storage"),
     DriverError: _said("device"),
     UnknownModelError: _plain("invalid"),

@@ -11,14 +11,11 @@ import typer
 
 from impactd.console.tables import print_json, table
 from impactd.importing.choices import Ask, Choices, propose
-from impactd.importing.cutting import FEW_SAMPLES, Cut
-from impactd.importing.new_campaign import Made, make_campaign
+from impactd.importing.new_campaign import Made, make_campaign, remark
 from impactd.importing.readers import split_inside
 
 _SHOWN = 30
 """Shots in the table; the rest is in campaign.json."""
-_MOST_VOLTS = 100.0
-"""A choice: digitizers end at some tens of volts. [V]"""
 _UNITS = {"voltage": "V", "force_N": "N", "acceleration_m_per_s2": "m/s^2"}
 
 
@@ -63,20 +60,7 @@ def _document(made: Made) -> dict[str, object]:
         "campaign": str(made.path),
         "picture": str(made.picture),
         "assumptions": list(made.said),
-        "shots": [
-            {
-                "name": one.name,
-                "file": one.file,
-                "quantity": one.unit.quantity,
-                "sample_rate_Hz": one.rate_hz,
-                "trigger_index": one.trigger_index,
-                "starts_s": one.begins_s,
-                "peak": one.hit.peak,
-                "contact_s": one.contact_s,
-                "blows": one.hit.impacts,
-            }
-            for one in made.shots
-        ],
+        "shots": made.shots_to_json(),
     }
 
 
@@ -90,7 +74,7 @@ def _summary(made: Made) -> str:
             f"{one.contact_s * 1e3:.3g}",
             one.trigger_index,
             one.samples.size,
-            _remark(one),
+            remark(one),
         )
         for at, one in enumerate(made.shots[:_SHOWN])
     ]
@@ -109,11 +93,3 @@ def _summary(made: Made) -> str:
         f"Then: impactd fit {path}, and impactd diagnose {path} --report diagnosis.html"
     )
     return "\n\n".join(parts)
-
-
-def _remark(one: Cut) -> str:
-    if one.hit.impacts > 1:
-        return f"{one.hit.impacts} hits kept in one shot"
-    if one.unit.quantity == "voltage" and one.hit.peak > _MOST_VOLTS:
-        return "volts, or mV? (--unit mV)"
-    return "few samples in the contact" if one.hit.contact < FEW_SAMPLES else ""

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from analysis.campaign import Campaign, Shot, Uncertainty
 from impactd.importing.choices import Ask, Choices, propose
-from impactd.importing.cutting import Cut, cut_hits, names_of
+from impactd.importing.cutting import FEW_SAMPLES, Cut, cut_hits, names_of
 from impactd.importing.errors import RecordingError
 from impactd.importing.picture import save_picture
 from impactd.importing.readers import read_recording
@@ -22,6 +22,8 @@ from impactd.storage.campaign_folder import (
 PICTURE_NAME = "recordings.png"
 _NAMED = 4
 """Files in a sentence."""
+_MOST_VOLTS = 100.0
+"""A choice: digitizers end at some tens of volts. [V]"""
 UNKNOWN = (
     "These values are unknown and left out: the body that fell or hit (radius, mass, modulus), "
     "the surface (modulus, thickness), the drop height, and the sensor. Give what you have "
@@ -41,6 +43,33 @@ class Made:
     shots: tuple[Cut, ...]
     said: tuple[str, ...]
     """What was assumed, a sentence each."""
+
+    def shots_to_json(self) -> list[dict[str, object]]:
+        """Return what is to be known of each shot."""
+        return [
+            {
+                "name": one.name,
+                "file": one.file,
+                "quantity": one.unit.quantity,
+                "sample_rate_Hz": one.rate_hz,
+                "trigger_index": one.trigger_index,
+                "starts_s": one.begins_s,
+                "peak": one.hit.peak,
+                "contact_s": one.contact_s,
+                "blows": one.hit.impacts,
+                "remark": remark(one),
+            }
+            for one in self.shots
+        ]
+
+
+def remark(one: Cut) -> str:
+    """Return what a person should look at in a shot, empty where there is nothing."""
+    if one.hit.impacts > 1:
+        return f"{one.hit.impacts} hits kept in one shot"
+    if one.unit.quantity == "voltage" and one.hit.peak > _MOST_VOLTS:
+        return "volts, or mV? (--unit mV)"
+    return "few samples in the contact" if one.hit.contact < FEW_SAMPLES else ""
 
 
 def make_campaign(
@@ -109,11 +138,12 @@ def _together(said: Sequence[str]) -> tuple[str, ...]:
         if colon and file not in known:
             known.append(file)
     return tuple(
-        f"{_few(names)}: {sentence}" if names else sentence for sentence, names in files.items()
+        f"{few(names)}: {sentence}" if names else sentence for sentence, names in files.items()
     )
 
 
-def _few(names: Sequence[str]) -> str:
+def few(names: Sequence[str]) -> str:
+    """Return the first names of a list, and how many more there are."""
     shown = ", ".join(names[:_NAMED])
     return shown if len(names) <= _NAMED else f"{shown} and {len(names) - _NAMED} more"
 

@@ -103,6 +103,9 @@ def order_for(job: Job, archive: Archive, settings: Settings, materials: Materia
     """
     if job.kind == COMPARE:
         return _comparison_order(archive.shot(job.payload["shot"]), archive, settings)
+    if "campaign" in job.payload:
+        given = {key: job.payload.get(key) for key in ("base", "budget_s")}
+        return {**given, "campaign": str((archive.directory / job.payload["campaign"]).resolve())}
     numbers = _numbers(job, archive)
     if not numbers:
         raise ArchiveError(f"{job.subject}: there is no stored shot to fit.")

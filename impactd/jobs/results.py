@@ -103,7 +103,8 @@ class ResultWriter:
         found = result["diagnosis"]
         model, named = None, None
         with self._archive.transaction():
-            if found["accepted_model"] is not None:
+            # Recordings of another instrument name no model of this rig.
+            if found["accepted_model"] is not None and found["shot_numbers"]:
                 provenance = {
                     "diagnosis": job.id,
                     "verdict": found["verdict"],

@@ -6,8 +6,11 @@ This is the one place where the daemon calls the analysis for stored shots. An o
 
 from __future__ import annotations
 
+import base64
 import dataclasses
+import tempfile
 from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +27,8 @@ from impactd.jobs.curves import curve_of
 from impactd.jobs.progress import report
 from impactd.jobs.rebound import check_rebound, with_later_landings, with_restitution
 from impactd.storage.assemble import assemble_campaign
+from impactd.storage.campaign_digest import campaign_files
+from impactd.storage.campaign_folder import read_campaign
 from impactd.storage.json_fields import Fields
 from impactd.storage.materials_json import (
     SENSOR_KEYS,
@@ -97,7 +102,7 @@ def calibrate(order: Json) -> Json:
 
 
 def diagnose(order: Json) -> Json:
-    """Diagnose stored shots.
+    """Diagnose stored shots, or the campaign folder ``campaign``.
 
     Return ``diagnosis``: ``impactd-diagnosis/1``, and ``report_html``: its page. It is made here,
     because drawing takes a second that the sample stream should not have to share.
@@ -105,17 +110,39 @@ def diagnose(order: Json) -> Json:
     from impactd.diagnosis.report import page  # noqa: PLC0415 - matplotlib, when it is needed
     from impactd.diagnosis.run import diagnose as close_the_loop  # noqa: PLC0415
 
-    shots = _read(order)
+    if "campaign" in order:
+        path = Path(order["campaign"])
+        campaign, origin = read_campaign(path, calibrated=False), _origin(path)
+    else:
+        shots = _read(order)
+        campaign, origin = campaign_of(order, shots), _provenance(order, shots)
     found = close_the_loop(
-        campaign_of(order, shots),
+        campaign,
         order["base"],
         budget_s=order.get("budget_s"),
         progress=report,
     )
     return {
-        "diagnosis": {**found, **_provenance(order, shots)},
+        "diagnosis": {**found, **origin},
         "report_html": page(found),
     }
+
+
+def result_sheet(document: Json, name: str, made_utc: str) -> str:
+    """Return the one page of a diagnosis for the file: a PDF in base64."""
+    from impactd.diagnosis.result_sheet import Source, write_result_sheet  # noqa: PLC0415
+
+    files = document.get("files") or dict(
+        zip(
+            (f"{number:06d}.h5" for number in document["shot_numbers"]),
+            document["file_sha256"],
+            strict=True,
+        )
+    )
+    with tempfile.TemporaryDirectory() as place:
+        file = Path(place, "sheet.pdf")
+        write_result_sheet(file, document, Source(name, files), datetime.fromisoformat(made_utc))
+        return base64.b64encode(file.read_bytes()).decode()
 
 
 def warm_up() -> None:
@@ -250,6 +277,18 @@ def _shot_result(result: FitResult, stored: StoredShot) -> Json:
         "uncertainty_widened_by": whole["uncertainty_widened_by"],
         "assumptions": whole["assumptions"],
         "flags": sorted({*whole["flags"], *shot["flags"]}),
+    }
+
+
+def _origin(path: Path) -> Json:
+    """Return what a campaign folder's result rests on: files, and no shots of the archive."""
+    files = campaign_files(path)
+    return {
+        "calibration": None,
+        "shot_numbers": [],
+        "file_sha256": list(files.values()),
+        "files": files,
+        "software": software(),
     }
 
 

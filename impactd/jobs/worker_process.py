@@ -258,3 +258,14 @@ class WorkerProcess:
         # what a native library took in spite of it.
         if self._memory_bytes() - self._idle_bytes > self._limits.memory_bytes:
             raise TaskMemoryError(self._limits.memory_bytes)
+
+
+def run_apart(
+    task: str, arguments: Sequence[Any], limits: WorkerLimits, stop: threading.Event
+) -> Any:
+    """Run one task in a process that is started for it and ended behind it; see `WorkerProcess`."""
+    process = WorkerProcess(limits, warm_up="", import_paths=(), stop=stop)
+    try:
+        return process.run(task, arguments, lambda _text, _share: None)
+    finally:
+        process.end()

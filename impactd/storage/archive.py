@@ -11,6 +11,7 @@
       calibrations/000001.json     results of calibrations, for a rebuilt index
       diagnoses/000005.json        finished diagnoses and the models named for them, likewise
       active-models.json           which model was chosen when, likewise
+      recordings/NAME/             what somebody uploaded, and the campaign folders made of it
 """
 
 from __future__ import annotations

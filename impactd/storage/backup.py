@@ -21,6 +21,7 @@ from impactd.storage.errors import ArchiveError
 from impactd.storage.journal import JOURNAL_NAME
 from impactd.storage.material_changes import MATERIAL_CHANGES_NAME
 from impactd.storage.numbers import LAST_NUMBER_NAME
+from impactd.storage.recording_files import RECORDINGS_NAME
 from impactd.storage.reindex import ReindexReport
 from impactd.storage.shot_store import PARTIAL_NAME, SHOTS_NAME
 from impactd.storage.timestamp import utc_now
@@ -121,6 +122,7 @@ def restore(file: Path, directory: Path) -> ReindexReport:
 def _files(directory: Path) -> Iterator[Path]:
     for folder in _FOLDERS:
         yield from sorted(p for p in (directory / folder).glob("*") if p.is_file())
+    yield from sorted(p for p in (directory / RECORDINGS_NAME).rglob("[!.]*") if p.is_file())
     if (directory / MATERIAL_CHANGES_NAME).is_file():
         yield directory / MATERIAL_CHANGES_NAME
     if (directory / LAST_NUMBER_NAME).is_file():

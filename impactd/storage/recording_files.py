@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+RECORDINGS_NAME = "recordings"
+"""Folder of the archive for what somebody uploaded; see `impactd.jobs.recordings`."""
 HDF5_ENDINGS = (".h5", ".hdf5", ".hdf", ".nxs")
 RECORDING_ENDINGS = (
     ".csv",

@@ -26,6 +26,7 @@ _VIEWS = (
     "compare/{some}",
     "calibration",
     "diagnoses",
+    "recordings",
     "models",
     "log",
 )

@@ -15,6 +15,7 @@ VIEWS = (
     "Results",
     "Calibration",
     "Diagnoses",
+    "Own recordings",
     "Rig",
     "Materials",
     "Models",

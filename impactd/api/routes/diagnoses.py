@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from fastapi import APIRouter, Response
+import anyio
+from fastapi import APIRouter, Request, Response
 from fastapi.responses import HTMLResponse
 
 from impactd.api.arrivals import Accepted
@@ -11,7 +12,7 @@ from impactd.api.diagnosis_schemas import DiagnosisBody, NextDropBody, diagnosis
 from impactd.api.problems import ProblemError
 from impactd.api.routes.drops import begin_drop, environment_of, required_key
 from impactd.api.schemas import Key, Limit, Number
-from impactd.api.security import TheCaller, TheDaemon
+from impactd.api.security import Limits, TheCaller, TheDaemon
 from impactd.daemon import Daemon
 from impactd.reports.charts import REPORT_POLICY, with_library
 from impactd.storage.drops import DropRequest
@@ -109,6 +110,17 @@ def report(diagnosis_id: Number, daemon: TheDaemon) -> HTMLResponse:
         raise ProblemError("not-found", f"Diagnosis {diagnosis_id} is {job.state}; no report yet.")
     page = with_library(job.result["report_html"])
     return HTMLResponse(page, headers={"Content-Security-Policy": REPORT_POLICY})
+
+
+@router.get("/{diagnosis_id}/report.pdf", response_class=Response)
+async def report_pdf(request: Request, diagnosis_id: Number, daemon: TheDaemon) -> Response:
+    """Show the result of a diagnosis on one page for the file."""
+    limits: Limits = request.app.state.limits
+    job = await anyio.to_thread.run_sync(_job, daemon, diagnosis_id)
+    if job.result is None:
+        raise ProblemError("not-found", f"Diagnosis {diagnosis_id} is {job.state}; no report yet.")
+    made = await anyio.to_thread.run_sync(daemon.result_sheet, job, limiter=limits.apart)
+    return Response(made, media_type="application/pdf")
 
 
 def _job(daemon: Daemon, number: int) -> Job:

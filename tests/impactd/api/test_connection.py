@@ -66,7 +66,8 @@ class SmallServer:
         if scope["path"] == "/v1/abort":
             await asyncio.sleep(1.0)
         if scope["method"] == "PUT":
-            await receive()
+            while (await receive()).get("more_body"):
+                continue
         await send({"type": "http.response.start", "status": 200, "headers": length})
         await send({"type": "http.response.body", "body": body, "more_body": stream})
         while stream and (await receive())["type"] != "http.disconnect":
@@ -196,6 +197,17 @@ def test_a_slow_request_is_closed(small, said):
             return _is_closed(slow)
 
         until(drip, bool, 20)
+
+
+def test_a_large_body_may_last_while_it_flows(small):
+    """A file over a poor link takes longer than the limit, and is no slow request."""
+    part, parts = b"x" * 250_000, 20
+    head = _request("/", "PUT", f"Content-Length: {len(part) * parts}\r\n")
+    with small.open(head) as upload:
+        for _ in range(parts):
+            upload.sendall(part)
+            time.sleep(0.1)
+        assert _answer(upload)
 
 
 def test_a_stream_may_last(small):

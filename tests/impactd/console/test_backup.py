@@ -29,6 +29,7 @@ def test_a_backup_is_the_whole_archive(tmp_path: Path) -> None:
     rig = next(running)
     shot = rig.analysed_shot()
     token = rig.token("read", "kept")
+    rig.daemon.recordings.keep("mine", "drop-1.csv", b"0,1\n")
     made = impactd("backup", str(backup), *where, str(tmp_path / "data"))
     assert made.returncode == 0, made.stderr
     before = rig.reader.get("/v1/moduli").json()["moduli"]
@@ -47,6 +48,7 @@ def test_a_backup_is_the_whole_archive(tmp_path: Path) -> None:
     assert again["sha256"] == shot["sha256"]
     assert {fit["model"] for fit in again["fits"]} == {fit["model"] for fit in shot["fits"]}
     assert rig.reader.get("/v1/moduli").json()["moduli"] == before
+    assert rig.daemon.recordings.get("mine").files[0].read_bytes() == b"0,1\n"
     answer = rig.anybody.get("/v1/shots", headers={"Authorization": f"Bearer {token}"})
     assert answer.status_code == 200
     with pytest.raises(StopIteration):

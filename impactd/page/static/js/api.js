@@ -28,9 +28,10 @@ const UNREACHABLE = {
 };
 
 /** Return what the daemon answers to one request; throw a Problem when it refuses. */
-export async function ask(method, path, { body, key, token, timeoutMs = 15000 } = {}) {
+export async function ask(method, path, { body, file, key, token, timeoutMs = 15000 } = {}) {
   const headers = { Accept: "application/json" };
   if (body !== undefined) headers["Content-Type"] = "application/json";
+  if (file) headers["Content-Type"] = "application/octet-stream";
   if (key) headers["Idempotency-Key"] = key;
   if (token) headers.Authorization = `Bearer ${token}`;
   else if (method !== "GET" && csrf) headers["X-CSRF-Token"] = csrf;
@@ -40,7 +41,7 @@ export async function ask(method, path, { body, key, token, timeoutMs = 15000 } 
     answer = await fetch(path, {
       method,
       headers,
-      body: body === undefined ? undefined : JSON.stringify(body),
+      body: file ?? (body === undefined ? undefined : JSON.stringify(body)),
       signal: AbortSignal.timeout(timeoutMs),
       cache: "no-store",
     });

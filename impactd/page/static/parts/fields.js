@@ -55,3 +55,44 @@ export function choice(label, options, value = "") {
   element.input = input;
   return element;
 }
+
+const asText = (number, scale) => (number === undefined || number === null ? "" : String(Number((number * scale).toPrecision(12))));
+
+/** Return the number of a field in SI, null where it is empty; throw with words and the field as `input`. */
+export function numberIn(input, what, scale = 1) {
+  const text = input.value.trim().replace(",", ".");
+  if (!text) return null;
+  if (!Number.isFinite(Number(text))) throw Object.assign(new Error(`${what} is no number.`), { input });
+  return Number((Number(text) / scale).toPrecision(12));
+}
+
+/** Return a number of SI as a field in another unit; `.input` is the field. */
+export function scaled({ label, scale, now, ...attributes }) {
+  return field(label, { inputmode: "decimal", autocomplete: "off", maxlength: 24, value: asText(now, scale), ...attributes });
+}
+
+/** A value and its standard uncertainty side by side; `.read()` gives the entry's value, undefined where it is empty, or throws with words. */
+export function quantity({ label, scale, now, needed = false, needsU = false }) {
+  const value = scaled({ label, scale, now: now?.value ?? now });
+  const u = scaled({ label: "u (k = 1)", scale, now: now?.u, "aria-label": `Standard uncertainty of ${label}` });
+  const element = h("div", { class: "value-u" }, value, u);
+  element.read = () => {
+    const size = numberIn(value.input, label, scale);
+    const sure = numberIn(u.input, `The uncertainty of ${label}`, scale);
+    if (size === null && needed) throw Object.assign(new Error(`${label} is needed.`), { input: value.input });
+    if (size === null) return undefined;
+    if (sure === null) {
+      if (needsU) throw Object.assign(new Error(`${label} needs its standard uncertainty.`), { input: u.input });
+      return size;
+    }
+    return { ...(now && typeof now === "object" ? now : {}), value: size, u: sure };
+  };
+  return element;
+}
+
+/** Say what a field's error says, and go to the field. */
+export function tellWrong(wrong, error) {
+  wrong.textContent = error.message;
+  error.input?.setAttribute("aria-invalid", "true");
+  error.input?.focus();
+}

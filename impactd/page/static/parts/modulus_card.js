@@ -28,7 +28,7 @@ export function once(asked) {
   };
 }
 
-/** Return a material's card; `budgets()` resolves with all budgets when one is unfolded. */
+/** Return a material's card; `budgets()`, where there is one, resolves with all budgets when one is unfolded. */
 export function modulusCard(name, entry, budgets) {
   const [badge, word] = STATUS[entry.status];
   const young = modulus(entry.youngs_modulus_Pa);
@@ -41,7 +41,7 @@ export function modulusCard(name, entry, budgets) {
     young && plane && h("p", { class: "soft" }, `E/(1−ν²) = ${plane}`),
     entry.stated_youngs_modulus_Pa && h("p", { class: "soft" }, `Stated value: ${modulus(entry.stated_youngs_modulus_Pa)}; the value above includes all shots.`),
     entry.reason && h("p", { class: "soft" }, entry.reason),
-    (young || plane) && uncertainty(name, entry, budgets));
+    (young || plane) && budgets && uncertainty(name, entry, budgets));
 }
 
 function uncertainty(name, entry, budgets) {

@@ -9,6 +9,7 @@ const VIEWS = [
   ["#/results", "Results"],
   ["#/calibration", "Calibration"],
   ["#/diagnoses", "Diagnoses"],
+  ["#/recordings", "Own recordings"],
   ["#/health", "Rig"],
   ["#/materials", "Materials"],
   ["#/models", "Models"],

@@ -5,7 +5,7 @@ import { fill, h } from "../js/dom.js";
 import { on } from "../js/live.js";
 import { concise, moment, significant } from "../js/numbers.js";
 import { may } from "../js/session.js";
-import { choice, field } from "../parts/fields.js";
+import { choice, field, quantity, tellWrong } from "../parts/fields.js";
 import { tell } from "../parts/notices.js";
 
 const KINDS = {
@@ -13,6 +13,7 @@ const KINDS = {
   surfaces: { one: "coupon", title: "Coupons", columns: [["coupon_mass_kg", "Mass / g", 1e3], ["coupon_thickness_m", "Thickness / mm", 1e3], ["youngs_modulus_pa", "E / GPa", 1e-9], ["poissons_ratio", "ν", 1]] },
 };
 const NEEDED = ["radius_m", "mass_kg", "poissons_ratio"];
+const NEED_U = ["poissons_ratio", "youngs_modulus_pa"];
 
 export async function showMaterials(place, { signal }) {
   const editor = h("div", {});
@@ -56,39 +57,11 @@ function shown(value, scale) {
   return concise(value.value * scale, value.u * scale);
 }
 
-const asText = (number, scale) => (number === undefined || number === null ? "" : String(Number((number * scale).toPrecision(12))));
-
-/** A value and its standard uncertainty side by side; `.read()` gives the entry's value, or throws with words. */
-function quantity([key, label, scale], entry) {
-  const now = entry[key];
-  const value = field(label, { inputmode: "decimal", autocomplete: "off", maxlength: 24, value: asText(now?.value ?? now, scale) });
-  const u = field("u (k = 1)", { inputmode: "decimal", autocomplete: "off", maxlength: 24, value: asText(now?.u, scale), "aria-label": `Standard uncertainty of ${label}` });
-  const element = h("div", { class: "value-u" }, value, u);
-  element.read = () => {
-    const number = (input, what) => {
-      const text = input.value.trim().replace(",", ".");
-      if (!text) return null;
-      if (!Number.isFinite(Number(text))) throw Object.assign(new Error(`${what} is no number.`), { input });
-      return Number((Number(text) / scale).toPrecision(12));
-    };
-    const size = number(value.input, label);
-    const sure = number(u.input, `The uncertainty of ${label}`);
-    if (size === null && NEEDED.includes(key)) throw Object.assign(new Error(`${label} is needed.`), { input: value.input });
-    if (size === null) return undefined;
-    if (sure === null) {
-      if (key === "poissons_ratio" || key === "youngs_modulus_pa") throw Object.assign(new Error(`${label} needs its standard uncertainty.`), { input: u.input });
-      return size;
-    }
-    return { ...(typeof now === "object" ? now : {}), value: size, u: sure };
-  };
-  return element;
-}
-
 function form(kind, material, grades, done) {
   const { one, columns } = KINDS[kind];
   const entry = material?.entry ?? {};
   const name = field("Name", { value: material?.name ?? "", maxlength: 64, required: true, autocomplete: "off", ...(material ? { readonly: true } : {}) }, { hint: "Letters, digits, _ . -; the name is stored in every shot." });
-  const values = columns.map((column) => [column[0], quantity(column, entry)]);
+  const values = columns.map(([key, label, scale]) => [key, quantity({ label, scale, now: entry[key], needed: NEEDED.includes(key), needsU: NEED_U.includes(key) })]);
   const grade = kind === "spheres" ? choice("Grade of the bag", [["", "none"], ...grades.map((key) => [key, key])], entry.batch?.grade ?? "") : null;
   const lot = kind === "spheres" ? field("Lot or certificate", { value: entry.batch?.traceable_to ?? "", maxlength: 200, autocomplete: "off" }) : null;
   const reference = h("input", { type: "checkbox", checked: Boolean(entry.reference) });
@@ -106,9 +79,7 @@ function form(kind, material, grades, done) {
         else next[key] = value;
       }
     } catch (error) {
-      wrong.textContent = error.message;
-      error.input?.setAttribute("aria-invalid", "true");
-      error.input?.focus();
+      tellWrong(wrong, error);
       return;
     }
     if (grade) {

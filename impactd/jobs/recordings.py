@@ -1,0 +1,211 @@
+"""Recordings that somebody uploads: kept by name, read by the code of `impactd new`, diagnosed.
+
+::
+
+    DIRECTORY/recordings/NAME/
+      files/drop-1.csv          as it came, never changed
+      choices.json, values.json what was stated last
+      recordings.png            the hits that the last reading found
+      campaigns/3f2a5b.../      one campaign folder for each diagnosis, never changed
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from impactd.aliases import Json
+from impactd.importing.errors import RecordingError
+from impactd.jobs.errors import TaskError, TaskMemoryError, TaskTimeoutError
+from impactd.jobs.worker_process import WorkerLimits, run_apart
+from impactd.storage.archive import Archive
+from impactd.storage.errors import NotFoundError
+from impactd.storage.jobs import DIAGNOSE, Job
+from impactd.storage.publish import publish
+from impactd.storage.recording_files import HDF5_ENDINGS, RECORDING_ENDINGS, RECORDINGS_NAME
+
+FILES_NAME = "files"
+VALUES_NAME = "values.json"
+CHOICES_NAME = "choices.json"
+PICTURE_NAME = "recordings.png"
+CAMPAIGNS_NAME = "campaigns"
+MOST_FILES = 200
+READ_LIMIT_S = 60.0
+ENDINGS = (*(one for one in RECORDING_ENDINGS if one not in {*HDF5_ENDINGS, ".mat"}), ".gz")
+"""Of files that may be uploaded. HDF5, which a MATLAB file may be, can point to other files of this
+computer."""
+_SHELL = "Use `impactd new` on the computer that has it."
+
+
+@dataclass(frozen=True)
+class RecordingSet:
+    """Files that were recorded together."""
+
+    name: str
+    folder: Path
+    files: tuple[Path, ...]
+    """In the order of their names; numbers in them count as numbers."""
+
+    @property
+    def picture(self) -> Path:
+        """Return where the picture of the last reading is, or would be."""
+        return self.folder / PICTURE_NAME
+
+    def stated(self) -> tuple[Json, Json | None]:
+        """Return the choices and the values that were stated last."""
+        return _json(self.folder / CHOICES_NAME) or {}, _json(self.folder / VALUES_NAME)
+
+
+class RecordingSets:
+    """The recordings of the data folder. Thread safe, but for two readings of one set.
+
+    ``stop`` ends a reading that is under way.
+    """
+
+    def __init__(self, archive: Archive, memory_bytes: int, stop: threading.Event) -> None:
+        self._archive = archive
+        self._directory = archive.directory / RECORDINGS_NAME
+        self._limits = WorkerLimits(READ_LIMIT_S, memory_bytes)
+        self._stop = stop
+
+    def all(self) -> list[RecordingSet]:
+        """Return every set, the newest first."""
+        folders = {file.parent.parent for file in self._directory.glob(f"*/{FILES_NAME}/[!.]*")}
+        newest_first = sorted(folders, key=lambda one: one.stat().st_mtime, reverse=True)
+        return [self.get(one.name) for one in newest_first]
+
+    def get(self, name: str) -> RecordingSet:
+        """Return a set; raise NotFoundError if nobody uploaded anything to it."""
+        folder = self._directory / name
+        files = [one for one in (folder / FILES_NAME).glob("*") if one.name[0] != "."]
+        if not files:
+            raise NotFoundError("recording set", name)
+        return RecordingSet(name, folder, tuple(sorted(files, key=_natural)))
+
+    def keep(self, name: str, file: str, content: bytes) -> None:
+        """Keep a file durably; the same one may come again.
+
+        Raises
+        ------
+        RecordingError
+            If it cannot be a recording, or another file of this name is there.
+        ArchiveError
+            If the disk does not take it.
+        """
+        if Path(file).suffix.lower() not in ENDINGS:
+            raise RecordingError(
+                file,
+                f"has none of the endings {', '.join(ENDINGS)}.",
+                f"Export it as text, time and signal in columns. {_SHELL}",
+            )
+        if not content:
+            raise RecordingError(file, "is empty.", "Export it again.")
+        folder = self._directory / name / FILES_NAME
+        path = folder / file
+        if path.exists():
+            if path.read_bytes() != content:
+                raise RecordingError(
+                    file,
+                    f"is in {name} already, with another content, and nothing is overwritten.",
+                    "Rename the file, or upload it under another name of recordings.",
+                )
+            return
+        if folder.is_dir() and len(list(folder.iterdir())) >= MOST_FILES:
+            raise RecordingError(file, f"is more than the {MOST_FILES} files of a set.", _SHELL)
+        self._archive.check_space()
+        folder.mkdir(mode=0o750, parents=True, exist_ok=True)
+        publish(path, content)
+
+    def read(self, name: str, choices: Json, values: Json | None) -> Json:
+        """Return ``shots``, ``assumptions`` and ``missing`` of a set; see `impactd new`.
+
+        ``choices`` are those of `impactd.importing.choices.Choices`, and are kept with the values.
+        Raises RecordingError if a file cannot be read or a value is impossible.
+        """
+        return self._apart("read", self.get(name), choices, values)
+
+    def request_diagnosis(
+        self,
+        name: str,
+        choices: Json,
+        values: Json | None,
+        *,
+        base: str | None,
+        budget_s: float | None,
+        key: str | None,
+    ) -> Job:
+        """Make a campaign folder of a set, and ask for a diagnosis of it.
+
+        Raises
+        ------
+        RecordingError
+            As `read`.
+        IdempotencyConflictError
+            If the key belongs to another request.
+        """
+        found = self.get(name)
+        rest = [[one.name for one in found.files], choices, values]
+        digest = hashlib.sha256(json.dumps(rest, sort_keys=True).encode()).hexdigest()[:16]
+        out = found.folder / CAMPAIGNS_NAME / digest
+        if not out.exists():
+            out.parent.mkdir(mode=0o750, exist_ok=True)
+            self._apart("keep", found, choices, values, out=str(out))
+        payload: Json = {
+            RECORDINGS_NAME: name,
+            "campaign": out.relative_to(self._archive.directory).as_posix(),
+            "base": base,
+        }
+        if budget_s is not None:
+            payload["budget_s"] = budget_s
+        return self._archive.jobs.enqueue(DIAGNOSE, payload, f"the recordings {name}", key=key)
+
+    def _apart(
+        self, task: str, found: RecordingSet, choices: Json, values: Json | None, **more: str
+    ) -> Json:
+        _state(found.folder / CHOICES_NAME, choices)
+        if values is not None:
+            _state(found.folder / VALUES_NAME, values)
+        order = {
+            "folder": str(found.folder.resolve()),
+            "files": [one.name for one in found.files],
+            "choices": choices,
+            "has_values": values is not None,
+            **more,
+        }
+        try:
+            made: Json = run_apart(
+                f"impactd.jobs.recording_tasks:{task}", [order], self._limits, self._stop
+            )
+        except TaskError as error:
+            remedy = f"Upload less at a time. {_SHELL}"
+            raise RecordingError(found.name, _why(error), remedy) from error
+        if "refused" in made:
+            raise RecordingError(**made["refused"])
+        return made
+
+
+def _why(error: TaskError) -> str:
+    if isinstance(error, TaskTimeoutError):
+        return f"cannot be read within {READ_LIMIT_S:g} s."
+    if isinstance(error, TaskMemoryError):
+        return f"cannot be read within {error.limit_bytes / 1e6:.0f} MB (jobs.fit_memory_bytes)."
+    return f"cannot be read: {error}"
+
+
+def _state(path: Path, value: Json) -> None:
+    publish(path, json.dumps(value, indent=1, ensure_ascii=False).encode(), replace=True)
+
+
+def _json(path: Path) -> Json | None:
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+
+
+def _natural(path: Path) -> list[Any]:
+    """Return a key that sorts drop-10 behind drop-2."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(one), "") if one.isdecimal() else (-1, one) for one in parts]
