@@ -182,9 +182,9 @@ def sizes_of(found: Refit, kind: str) -> Sizes | None:
 def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> list[ActsOn]:
     """Return the surfaces and the spheres whose own shots show that an effect acts on them.
 
-    None of a kind of which all do that it acts on. It is taken away from the shots of one material at a time,
-    and everything else follows by one step: a material shows it if the squares then rise by
-    *least_lead*. A coupon too hard to yield is evidence neither for its yield nor against it.
+    None of a kind of which all do that it acts on. It is taken away from the shots of one material
+    at a time, and everything else follows by one step: a material shows it if the squares then rise
+    by *least_lead*. A coupon too hard to yield is evidence neither for its yield nor against it.
     """
     kinds = [kind for kind in KINDS if kind in scopes_of(effect)]
     if not kinds:

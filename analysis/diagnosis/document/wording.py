@@ -155,12 +155,15 @@ def form_sentences(diagnosis: Diagnosis) -> list[str]:
 
 def seen_on_sentences(effects: Sequence[Json]) -> list[str]:
     """Return a sentence for each effect that some materials do not show, as the document has it."""
-    return [
-        f"Only the shots {' and '.join(some['words'] for some in one['seen_on'])} show {one['id']}: "
-        "these data do not tell whether it acts on the others too."
-        for one in effects
-        if one["seen_on"]
-    ]
+    said = []
+    for one in effects:
+        where = " and ".join(some["words"] for some in one["seen_on"])
+        if where:
+            said.append(
+                f"Only the shots {where} show {one['id']}: these data do not tell whether it acts "
+                "on the others too."
+            )
+    return said
 
 
 def base_sentences(diagnosis: Diagnosis) -> list[str]:
