@@ -39,9 +39,9 @@ WIDE = 0.3
 nothing is known of it then, and its first digit is still right."""
 FEWEST = 3
 """Shots on either side of a change. A choice: one or two are odd shots before they are a change."""
-FASTEST, LEAST_RATE = 20.0, 1e-6
-"""Of a drift that settles, over the campaign: it has then settled within a twentieth, as a change
-between two shots does. Below the other it is steady: the rounding of an exponential is 1e-10."""
+FASTEST = 20.0
+"""Rate at which a drift settles, over the campaign: it has then settled within a twentieth, as a
+change between two shots does."""
 LEAST_SEEN = 1e-6
 """Share of a number's information that must be its own. Derived: below it is the rounding of the
 differences that its slope is made of, good to 1e-6."""
@@ -449,7 +449,7 @@ def _course(places: Array, rate: float) -> Array:
     It falls off as exp(-rate x); steady at a rate of 0, and the faster the later below that.
     """
     x = places + 0.5
-    return x if abs(rate) < LEAST_RATE else np.expm1(-rate * x) / np.expm1(-rate)
+    return np.asarray(np.expm1(-rate * x) / np.expm1(-rate)) if rate else x
 
 
 @dataclass(frozen=True)

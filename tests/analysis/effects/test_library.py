@@ -208,9 +208,11 @@ def test_every_term_has_its_address() -> None:
 
 
 def test_a_variant_is_found_by_name() -> None:
-    """A variant is named like an effect; an unknown name lists what there is."""
+    """A variant is named like an effect; an unknown name gets the likeliest, or where they are."""
     assert effect_named("amplifier_lowpass:second_order").output is not None
     with pytest.raises(UnknownModelError, match="clipping:soft"):
+        effect_named("clipping:sotf")
+    with pytest.raises(UnknownModelError, match="impactd effects"):
         effect_named("gremlins")
 
 

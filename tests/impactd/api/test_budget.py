@@ -98,7 +98,7 @@ def test_the_command_shows_and_reports_the_archives_budget(measured, tmp_path):
         for words in (limit, ["--lower", "1e6"])
     )
     assert done.returncode == 0, done.stderr
-    assert "single shots (2)" in done.stdout  # a long label is folded
+    assert "noise and" in done.stdout  # "scatter of the single shots": a long label is folded
     assert "E of specimen passes: at least 1 MPa was asked" in done.stdout
     assert "E of specimen passes" in (tmp_path / "b.html").read_text(encoding="utf-8")
     assert refused.returncode == 2

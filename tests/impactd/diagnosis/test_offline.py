@@ -96,7 +96,7 @@ def test_the_next_drop_is_told_in_words_with_the_command_that_makes_it(document)
 def test_the_mean_of_the_other_hits_stands_below_the_models(document):
     """Its held-out error is a line of the table; where there is none, the reason is."""
     (line,) = [one for one in summary(document).splitlines() if "mean of the other hits" in one]
-    assert f"{document['mean_waveform']['heldout_rms_V']:.6g}" in line
+    assert f"{document['mean_waveform']['heldout_rms_V']:.3g}" in line
     few = {"heldout_rms_V": None, "shots": 0, "reason": "2 shots leave none"}
     assert "no mean of the other hits: 2 shots leave none" in summary(
         {**document, "mean_waveform": few}
