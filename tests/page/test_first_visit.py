@@ -20,9 +20,11 @@ def test_a_first_visit_ends_with_a_modulus(visitor):
     # E of the specimen is larger than E* of this pair
     page.wait_for_function(
         """() => {
-            const style = (which) => getComputedStyle(document.querySelector(which));
-            const [large, small] = [".young .large", ".modulus"].map((one) => style(one).fontSize);
-            return parseFloat(large) > 1.5 * parseFloat(small);
+            const sizes = [".young .large", ".modulus"].map((which) => {
+                const one = document.querySelector(which);  // none while the shot is drawn anew
+                return one ? parseFloat(getComputedStyle(one).fontSize) : NaN;
+            });
+            return sizes[0] > 1.5 * sizes[1];
         }"""
     )
     # A shot is drawn anew when its fit is done: until then its charts are empty for a moment.
