@@ -38,7 +38,6 @@ from analysis.diagnosis.score_test import chance_of
 from analysis.diagnosis.search_on_part import (
     left_open_on_part,
     no_effect_explains_part,
-    one_effect_explains_part,
     searched_on_part,
 )
 from analysis.diagnosis.selection import OpenNames, Selection, Step
@@ -323,21 +322,13 @@ def _obeyed_base(
     The default's, unless another leads by more than chance, where the noise is as wide as what that
     leaves: whatever else acts, closed rigs and the paper's were 5e5 squares apart and more. What
     leaves noise of most shots is obeyed by all, and the others have another reason. Before that the
-    bases between these two are asked (`_mixed_base`). One that leaves structure is not taken where
-    one effect on the default base leaves noise.
+    bases between these two are asked (`_mixed_base`).
     """
-    mixed, leaves_noise = _mixed_base(selection.last.problem)
+    mixed = _mixed_base(selection.last.problem)
     # one shot with a wrong label bends a few shots as another law would
-    if (
-        mixed is not None
-        and (
-            is_inside_shots(selection.last, usual)
-            or without_odd_shots(selection.last, usual, told) is None
-        )
-        and (
-            leaves_noise
-            or not one_effect_explains_part(with_uncertain_numbers(selection), usual, told)
-        )
+    if mixed is not None and (
+        is_inside_shots(selection.last, usual)
+        or without_odd_shots(selection.last, usual, told) is None
     ):
         return _base(campaign, mixed, told)
     if 2 * count_as_noise(selection.last) > len(selection.last.problem.shots):
@@ -352,12 +343,12 @@ def _obeyed_base(
     return selection, usual
 
 
-def _mixed_base(problem: JointProblem) -> tuple[str | None, bool]:
-    """Return the default base without the laws that the records do not obey, and if it suffices.
+def _mixed_base(problem: JointProblem) -> str | None:
+    """Return the name of the default base without the laws that the records do not obey.
 
     None where every such base leaves more than *little* of what the better of the default and the
     paper's leaves beyond the noise: effects of a rig make some of them fit better too, but by less.
-    It suffices if it leaves noise. Asked of shots that stand for all, where these leave more.
+    Asked of shots that stand for all, where these leave more than noise.
     """
     items = [problem.shots[at] for at in thinned(problem, FEW)]
     some = dataclasses.replace(problem.campaign, shots=tuple(item.shot for item in items))
@@ -375,8 +366,8 @@ def _mixed_base(problem: JointProblem) -> tuple[str | None, bool]:
     noise = chance_of(sum(item.data for item in items))
     least = min(of_others)
     if of_ringing <= noise or least >= CRITERIA.little * of_ringing:
-        return None, False
-    return others[of_others.index(least)], least <= noise
+        return None
+    return others[of_others.index(least)]
 
 
 def _is_all(seen: Background, step: Step) -> bool:

@@ -90,19 +90,6 @@ def no_effect_explains_part(start: Selection, usual: joint.Fitted, progress: Wat
     return True
 
 
-def one_effect_explains_part(start: Selection, usual: joint.Fitted, progress: Watch) -> bool:
-    """Tell whether the best effect leaves noise of shots that stand for all, where they show it.
-
-    All shots are asked of a campaign that has few.
-    """
-    places = thinned(start.last.problem, MORE)
-    begin, place = _begin_on_part(start, places), _usual_of(usual, places)
-    if begin is None:
-        begin, place = start, usual
-    try_effects(begin.last, place, progress)
-    return any(begin.on(one).adequate for one in useful(begin.last)[:1])
-
-
 def left_open_on_part(selection: Selection, progress: Watch) -> OpenNames | None:
     """Return the names that a part of the shots cannot tell from those of a selection on all.
 
