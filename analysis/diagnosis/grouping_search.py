@@ -19,6 +19,7 @@ from analysis.diagnosis.basis.proposals import can_be_negative, rescoped, scopes
 from analysis.diagnosis.candidate import STEPS_FROM_NEAR, Refit, extended, refitted
 from analysis.diagnosis.criteria import CRITERIA
 from analysis.diagnosis.linearised import Projection
+from analysis.diagnosis.progress import unwatched
 from analysis.diagnosis.successive_halving import better_on_part
 from analysis.effects.acts_on import KINDS, ActsOn
 from analysis.effects.effect import Effect
@@ -189,7 +190,8 @@ def seen_on(effect: Effect, problem: JointProblem, fitted: joint.Fitted) -> list
     kinds = [kind for kind in KINDS if kind in scopes_of(effect)]
     if not kinds:
         return []
-    without = dataclasses.replace(problem, model=problem.model.silenced(effect.id))
+    # short, and asked when the time may be over
+    without = dataclasses.replace(unwatched(problem), model=problem.model.silenced(effect.id))
     silent = [
         linearise_shot(without, item, fitted.theta, own)
         for item, own in zip(problem.shots, fitted.nuisances, strict=True)

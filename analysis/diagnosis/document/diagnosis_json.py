@@ -30,7 +30,7 @@ from analysis.diagnosis.localisation import Located
 from analysis.diagnosis.named_model import definition_of
 from analysis.diagnosis.noise_check import Background
 from analysis.diagnosis.procedure import Diagnosis
-from analysis.diagnosis.progress import BudgetSpentError, unwatched
+from analysis.diagnosis.progress import BudgetSpentError
 from analysis.diagnosis.selection import Step
 from analysis.effects.acts_on import ActsOn
 from analysis.effects.effect import Effect
@@ -383,8 +383,7 @@ def _seen_on(diagnosis: Diagnosis, refit: Refit) -> list[Json]:
     last = diagnosis.steps[-1]
     if not diagnosis.leaves_noise or last.problem.model.places.get(refit.effect.id) is None:
         return []
-    problem = unwatched(last.problem)  # short, and asked when the time may be over
-    return [_materials(one, refit) for one in seen_on(refit.effect, problem, last.fitted)]
+    return [_materials(one, refit) for one in seen_on(refit.effect, last.problem, last.fitted)]
 
 
 def _parameters_by_shot(effect: Effect, result: FitResult) -> Json:
