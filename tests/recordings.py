@@ -7,6 +7,7 @@ import io
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.simulated.campaign import CampaignSettings, simulate_campaign
 
@@ -42,25 +43,35 @@ VALUES: dict[str, Any] = {
 """What the README's block states, without the shots."""
 
 
-def simulated_csv() -> tuple[dict[str, bytes], dict[str, dict[str, Any]]]:
-    """Return four recordings as CSV by file name, and which drop each was, by shot."""
+def simulated_drops(*heights_m: float) -> dict[str, Any]:
+    """Return a simulated campaign: one sphere on two coupons from two heights."""
     usual = CampaignSettings()
     settings = dataclasses.replace(
         usual,
         spheres={"acetal": usual.spheres["acetal"]},
         surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
-        drop_heights_m=(0.0191, 0.0444),
+        drop_heights_m=heights_m,
         repeats=1,
     )
-    made = simulate_campaign(settings, seed=3)
+    return simulate_campaign(settings, seed=3)
+
+
+def as_csv(shot: dict[str, Any], codes: NDArray[Any], header: str) -> bytes:
+    """Return a shot of a simulated campaign as a table of times [s] and volts."""
+    volts = codes * shot["volts_per_code"]
+    columns = np.column_stack((np.arange(volts.size) / shot["sample_rate_Hz"], volts))
+    text = io.BytesIO()
+    np.savetxt(text, columns, fmt="%.7g", delimiter=",", header=header, comments="")
+    return text.getvalue()
+
+
+def simulated_csv() -> tuple[dict[str, bytes], dict[str, dict[str, Any]]]:
+    """Return four recordings as CSV by file name, and which drop each was, by shot."""
+    made = simulated_drops(0.0191, 0.0444)
     files, shots = {}, {}
     for number, (shot, codes) in enumerate(
         zip(made["campaign"]["shots"], made["codes"], strict=True), start=1
     ):
-        volts = codes * shot["volts_per_code"]
-        text = io.BytesIO()
-        columns = np.column_stack((np.arange(volts.size) / shot["sample_rate_Hz"], volts))
-        np.savetxt(text, columns, fmt="%.7g", delimiter=",", header="time_s,voltage_V", comments="")
-        files[f"drop-{number}.csv"] = text.getvalue()
+        files[f"drop-{number}.csv"] = as_csv(shot, codes, "time_s,voltage_V")
         shots[f"drop-{number}"] = {key: shot[key] for key in ("sphere", "surface", "drop_height_m")}
     return files, shots

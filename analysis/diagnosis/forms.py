@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -50,9 +51,9 @@ def best_form(problem: JointProblem, base: joint.Fitted, found: Refit) -> Refit:
     or its numbers belong to single shots. Forms that no search tries (`Effect.by_name`) are asked
     where this one explains nearly all: then the effect is known, and its law is not yet.
     """
-    samples = sum(item.data for item in problem.shots)
-    known = found.gain >= CRITERIA.nearly_all * (base.cost - samples)
-    forms = _forms_of(problem, found, by_name=known)
+    missing = base.cost - sum(item.data for item in problem.shots)
+    explains_nearly_all = found.gain >= CRITERIA.nearly_all * missing
+    forms = _forms_of(problem, found, rare=explains_nearly_all)
     if not forms:
         return found
 
@@ -72,7 +73,7 @@ def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> li
     size = len(found.effect.parameters)
     forms = [
         form
-        for form in _forms_of(problem, found, by_name=True)
+        for form in _forms_of(problem, found, rare=True)
         if form.id != found.effect.id and len(form.parameters) <= size
     ]
     if not forms:
@@ -85,24 +86,19 @@ def forms_as_good(problem: JointProblem, base: joint.Fitted, found: Refit) -> li
         if known.score() - one.score() < CRITERIA.least_lead
     ]
 
-    def on_all_shots(one: Refit) -> Refit:
-        """Return a form's refit on all shots."""
-        return on_all(one, problem, base, (places, few_base))
-
-    carried = problem.each(on_all_shots, near)
+    carried = partial(on_all, problem=problem, base=base, part=(places, few_base))
     return [
         one
-        for one in carried
+        for one in problem.each(carried, near)
         if not one.at_bound and found.score() - one.score() < CRITERIA.least_lead
     ]
 
 
-def _forms_of(problem: JointProblem, found: Refit, *, by_name: bool = False) -> list[Effect]:
+def _forms_of(problem: JointProblem, found: Refit, *, rare: bool) -> list[Effect]:
     """Return the forms of an effect that can be fitted from another's best, its own in valleys.
 
-    Those that no search tries are among them only if asked for, ``by_name``.
-
-    Empty where its numbers belong to single shots.
+    ``rare`` says whether those that no search tries are among them. Empty where its numbers belong
+    to single shots.
     """
     entry = library()[found.effect_id]
     scopes = [p.scope for p in found.effect.parameters]
@@ -114,7 +110,7 @@ def _forms_of(problem: JointProblem, found: Refit, *, by_name: bool = False) -> 
         if (form.id != found.effect.id or any(p.valleys for p in form.parameters))
         and form.basis is None
         and form.parameters
-        and (by_name or not form.by_name)
+        and (rare or not form.by_name)
         and problem.model.base in form.bases
     ]
 

@@ -40,8 +40,8 @@ nothing is known of it then, and its first digit is still right."""
 FEWEST = 3
 """Shots on either side of a change. A choice: one or two are odd shots before they are a change."""
 FASTEST = 20.0
-"""Rate at which a drift settles, over the campaign: it has then settled within a twentieth, as a
-change between two shots does."""
+"""Largest rate of a drift, per campaign. Derived: by 1/e within a twentieth, three of the usual 54
+shots (`FEWEST`); what is faster is a change."""
 LEAST_SEEN = 1e-6
 """Share of a number's information that must be its own. Derived: below it is the rounding of the
 differences that its slope is made of, good to 1e-6."""
@@ -425,8 +425,8 @@ def _changes(known: _Known) -> Iterator[Promise]:
                 method="bounded",
             )
             steady = promised(gain, _course(places, 0.0))
-            rate = float(found.x) if -found.fun - steady > CRITERIA.price_of_number else 0.0
-            fall = -float(found.fun) - CRITERIA.price_of_number if rate else steady
+            settling = -float(found.fun) - CRITERIA.price_of_number
+            fall, rate = max((steady, 0.0), (settling, float(found.x)))
             yield fall - paid, partial(_drift, known, rate)
     for surface in sorted({i.shot.surface for i in problem.shots if i.shot.surface}):
         j = problem.index(of_material("surface", surface))
@@ -446,7 +446,7 @@ def _changes(known: _Known) -> Iterator[Promise]:
 def _course(places: Array, rate: float) -> Array:
     """Return how much of a drift has happened at each place, 0 at the first and 1 at the last.
 
-    It falls off as exp(-rate x); steady at a rate of 0, and the faster the later below that.
+    What is left of it falls as exp(-rate x). It is steady at a rate of 0; below, most comes late.
     """
     x = places + 0.5
     return np.asarray(np.expm1(-rate * x) / np.expm1(-rate)) if rate else x
@@ -459,7 +459,7 @@ class _Gain(Input):
     since: float | None = None
     """Place of the first shot that has it; None for a drift over all."""
     rate: float = 0.0
-    """Of the drift."""
+    """Of the drift, per campaign; see `_course`."""
 
     def weight(self, item: FitShot) -> float:
         """Return which part of it a shot has."""
@@ -529,8 +529,9 @@ def _drift(known: _Known, rate: float) -> Mistake | None:
         return None
     share, u, restated = found
     size = _figure(100.0 * share, "%", 100.0 * u)
-    course = {1.0: ", most of it early", -1.0: ", most of it late"}.get(float(np.sign(rate)), "")
-    said = f"the signal drifts by {size} from the first shot to the last{course}"
+    said = f"the signal drifts by {size} from the first shot to the last"
+    if rate:
+        said += f", most of it {'early' if rate > 0.0 else 'late'}"
     parameters: dict[str, tuple[float, float | None, str]] = {"share": (share, u, "1")}
     return Mistake("drift_in_time", "cell", "gain", parameters, said, restated)
 

@@ -224,15 +224,16 @@ def _but_for_the_line(found: Selection, start: Selection, seen: Background) -> D
     ``start`` is where the search began. What is beyond the first effects that leave no more is not
     named.
     """
+    if not seen.clear:
+        return None
     first = len(start.chosen)
     for count in range(first + 1, len(found.chosen) + 1):
         step = found.steps[count]
-        if not seen.clear or step.impossible or not step.structured or not _is_all(seen, step):
-            continue
-        less = Selection(found.steps[: count + 1], found.chosen[:count])
-        exact = with_numbers_as_stated(less, start)
-        slot = exact.chosen[first].effect.slot
-        return Diagnosis("partial", exact.steps, exact.chosen, slot=slot)
+        if step.structured and not step.impossible and _is_all(seen, step):
+            less = Selection(found.steps[: count + 1], found.chosen[:count])
+            exact = with_numbers_as_stated(less, start)
+            slot = exact.chosen[first].effect.slot
+            return Diagnosis("partial", exact.steps, exact.chosen, slot=slot)
     return None
 
 

@@ -18,19 +18,14 @@ from analysis.diagnosis.backward_elimination import (
     not_held_against,
     revised,
 )
-from analysis.diagnosis.candidate import (
-    STEPS_FROM_NEAR,
-    Refit,
-    continued,
-    refit_elsewhere,
-    refitted,
-)
+from analysis.diagnosis.candidate import Refit, continued, refitted
 from analysis.diagnosis.forward_selection import searched, try_effects, useful
 from analysis.diagnosis.progress import BudgetSpentError, MethodStep, Watch, unwatched
 from analysis.diagnosis.selection import MAX_EFFECTS, OpenNames, Selection, Step
 from analysis.diagnosis.successive_halving import (
     MORE,
     few_show_much,
+    on_all,
     part_of,
     scaled,
     thinned,
@@ -158,15 +153,8 @@ class _Carried:
 
     def on_all_shots(self, found: Refit) -> Refit:
         """Return a refit on all shots."""
-        moved = refit_elsewhere(
-            found,
-            few=self.places,
-            many=list(range(len(self.whole.problem.shots))),
-            few_base=self.part.fitted,
-            base=self.whole.fitted,
-            problem=unwatched(self.whole.problem),
-            max_iterations=STEPS_FROM_NEAR,
-        )
+        part = self.places, self.part.fitted
+        moved = on_all(found, unwatched(self.whole.problem), self.whole.fitted, part)
         watched = dataclasses.replace(moved.problem, checkpoint=self.whole.problem.checkpoint)
         return dataclasses.replace(moved, problem=watched)
 
@@ -205,11 +193,11 @@ def _on_all_shots(
     return selection
 
 
-def _fill_in(step: Step, part: Step, places: list[int], on_all: list[Refit]) -> None:
+def _fill_in(step: Step, part: Step, places: list[int], whole: list[Refit]) -> None:
     """Give a step what was tried on a part of its shots, some of it refitted on all."""
-    factor, names = len(step.problem.shots) / len(places), {one.effect_id for one in on_all}
+    factor, names = len(step.problem.shots) / len(places), {one.effect_id for one in whole}
     step.refits = [
-        *on_all,
+        *whole,
         *(scaled(one, factor) for one in part.refits if one.effect_id not in names),
     ]
     step.refused, step.compared, step.unfinished = part.refused, part.compared, part.unfinished

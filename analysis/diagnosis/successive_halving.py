@@ -225,14 +225,8 @@ def rivals_refitted(
         factor = len(whole) / len(places)
         behind = [scaled(one, factor) for one in found if all(one is not n for n in near)]
 
-        def on_all(one: Refit) -> Refit:
-            """Return a refit on all shots."""
-            return refit_elsewhere(
-                one, few_base=base, few=places, many=whole, problem=problem, base=fitted,
-                max_iterations=STEPS_FROM_NEAR,
-            )  # fmt: skip
-
-        near = list(problem.each(on_all, near))
+        carried = partial(on_all, problem=problem, base=fitted, part=(places, base))
+        near = list(problem.each(carried, near))
     near.sort(key=rank)
 
     def ended(one: Refit) -> Refit:

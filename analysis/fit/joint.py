@@ -168,13 +168,12 @@ def normal_equations(problem: JointProblem, fitted: Fitted) -> tuple[Array, Arra
 
 
 def least_squares_nearby(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
-    """Return the least squares with priors that a problem has if it is linear around a point."""
-    matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
-    squares = _prior_cost(problem, theta) - float(vector @ solve_normal(matrix, vector))
-    for block, part in zip(blocks, parts, strict=True):
-        shared = block.chain.shape[0]
-        squares += block.cost - float(block.vector[shared:] @ part.own)
-    return squares
+    """Return the least squares with priors that a problem has if it is linear around a point.
+
+    A number that nothing fixes stays where it is.
+    """
+    here = _prior_cost(problem, theta) + sum(block.cost for block in blocks)
+    return here - _linear_fall(problem, blocks, theta, solve_normal)
 
 
 def _prior_cost(problem: JointProblem, theta: Array) -> float:
@@ -306,12 +305,20 @@ def total_cost(problem: JointProblem, theta: Array, nuisances: Array) -> float:
 def promised_gain(problem: JointProblem, blocks: Sequence[ShotBlock], theta: Array) -> float:
     """Return the fall of chi2 that a linear problem would have; inf if it cannot be computed."""
     try:
-        matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
-        step = np.linalg.solve(matrix, vector)
+        return _linear_fall(problem, blocks, theta, np.linalg.solve)
     except np.linalg.LinAlgError:
         return math.inf
+
+
+def _linear_fall(
+    problem: JointProblem,
+    blocks: Sequence[ShotBlock],
+    theta: Array,
+    solve: Callable[..., Any],
+) -> float:
+    matrix, vector, parts = _gather(problem, blocks, theta, 0.0)
     own = (b.vector[b.chain.shape[0] :] @ p.own for b, p in zip(blocks, parts, strict=True))
-    return float(vector @ step) + float(sum(own))
+    return float(vector @ solve(matrix, vector)) + float(sum(own))
 
 
 def _promised_fall(

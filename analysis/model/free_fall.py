@@ -24,9 +24,9 @@ AIR_DENSITY_KG_PER_M3 = 1.204
 AIR_VISCOSITY_PA_S = 1.81e-5
 """Air at 20 degC."""
 AIR_RESISTANCE_U = 0.5
-"""Standard uncertainty of the drag, over the law's. Derived: twice of it is the whole drag. The
-history force, which is left out, takes 0.3 to 1.2 times as much speed as the drag (spheres of 1.5
-to 5 mm radius that fall 10 to 60 mm; Basset's law, an upper bound where motion is not slow)."""
+"""Standard uncertainty of the drag, as a share of it. Derived: two of it are the whole drag, as the
+history force is left out. That takes 0.3 to 1.2 times as much speed as the drag does: spheres of
+1.5 to 5 mm radius that fall 10 to 60 mm, by Basset's law, which is an upper bound here."""
 AIR_ASSUMED = (
     "Air of 20 degC and 101.3 kPa assumed for drag and buoyancy in the speed of fall "
     f"({AIR_DENSITY_KG_PER_M3:g} kg/m^3, {AIR_VISCOSITY_PA_S:g} Pa s)."

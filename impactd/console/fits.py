@@ -246,7 +246,7 @@ def moduli_table(moduli: dict[str, Any]) -> str:
             )
         )
     return table(
-        ("material", "status", "E +- U (95 %)/GPa", "95 %/GPa", "E/(1-nu^2)/GPa", "note"),
+        ("material", "status", "E +- U (95 %)/GPa", "interval/GPa", "E/(1-nu^2)/GPa", "note"),
         rows,
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import re
 import shlex
@@ -12,10 +11,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from drivers.simulated.campaign import CampaignSettings, simulate_campaign
+from tests.recordings import as_csv, simulated_drops
 
 ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text()
@@ -126,22 +124,11 @@ def test_the_session_runs_as_printed(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_a_stranger_comes_from_a_csv_to_a_modulus_and_a_report(tmp_path: Path) -> None:
     """README's way from four CSVs of drops, line by line: the true modulus, and a verdict."""
-    usual = CampaignSettings()
-    settings = dataclasses.replace(
-        usual,
-        spheres={"acetal": usual.spheres["acetal"]},
-        surfaces={name: usual.surfaces[name] for name in ("aluminium", "specimen")},
-        drop_heights_m=(0.02, 0.045),
-        repeats=1,
-    )
-    made = simulate_campaign(settings, seed=3)
+    made = simulated_drops(0.02, 0.045)
     drops = zip(made["campaign"]["shots"], made["codes"], strict=True)
     in_order = sorted(drops, key=lambda drop: (drop[0]["surface"], drop[0]["drop_height_m"]))
     for number, (shot, codes) in enumerate(in_order, start=1):
-        volts = codes * shot["volts_per_code"]
-        columns = np.column_stack((np.arange(volts.size) / shot["sample_rate_Hz"], volts))
-        file = tmp_path / f"drop-{number}.csv"
-        np.savetxt(file, columns, fmt="%.7g", delimiter=",", header="time,volts", comments="")
+        (tmp_path / f"drop-{number}.csv").write_bytes(as_csv(shot, codes, "time,volts"))
     tools = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     result = subprocess.run(
         ["bash", "-euo", "pipefail", "-c", OWN_CSV], cwd=tmp_path,

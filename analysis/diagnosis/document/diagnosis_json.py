@@ -380,9 +380,9 @@ def _seen_on(diagnosis: Diagnosis, refit: Refit) -> list[Json]:
     Nothing as well where structure remains: the squares of one material may be those of what is
     missing.
     """
-    last = diagnosis.steps[-1]
-    if not diagnosis.leaves_noise or last.problem.model.places.get(refit.effect.id) is None:
+    if not diagnosis.leaves_noise:
         return []
+    last = diagnosis.steps[-1]
     return [_materials(one, refit) for one in seen_on(refit.effect, last.problem, last.fitted)]
 
 

@@ -125,9 +125,8 @@ class Member:
 def family_members(diagnosis: Diagnosis, after: FitResult) -> list[Member]:
     """Return the models that the data do not tell apart, the one that stands first.
 
-    Each other one has one name replaced, or one form.
-
-    ``after`` is that one, masses and the like as uncertain as they are.
+    In each of the others one name is replaced, or one form. ``after`` is the first one, masses and
+    the like as uncertain as they are.
     """
     found: list[Member] = []
     for taken in diagnosis.chosen:

@@ -1,6 +1,6 @@
 // The control chart of a pair: every shot's reduced modulus in order, between its limits.
 
-import { axis, colour, draw } from "./plotly.js";
+import { axis, colour, draw, shotAxis } from "./plotly.js";
 import { materials } from "../js/words.js";
 import { K_95, modulusUnit } from "../js/numbers.js";
 
@@ -23,7 +23,7 @@ export function drawControl(place, found, signal) {
       hovertemplate: `shot %{x}, %{text} UTC<br>%{y:.5g} ${unit}<extra></extra>`,
     }],
     layout: {
-      xaxis: axis("shot", { zeroline: false, tickformat: "d", ...(numbers.length < 9 ? { tickvals: numbers } : {}) }),
+      xaxis: shotAxis(numbers),
       yaxis: axis(`E* / ${unit}`, { zeroline: false, tickformat: "~g" }),
       shapes: control ? [line(control.centre_Pa, "solid"), line(control.lower_Pa, "dash"), line(control.upper_Pa, "dash")] : [],
       showlegend: false,

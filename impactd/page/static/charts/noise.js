@@ -1,6 +1,6 @@
 // The noise of the idle input from shot to shot.
 
-import { axis, colour, draw } from "./plotly.js";
+import { axis, colour, draw, shotAxis } from "./plotly.js";
 
 /** Draw the noise of the latest shots, oldest first. */
 export function drawNoise(place, { numbers, started_utc: started, noise_rms_V: noise }, signal) {
@@ -15,7 +15,7 @@ export function drawNoise(place, { numbers, started_utc: started, noise_rms_V: n
       hovertemplate: "shot %{x}, %{text} UTC<br>%{y:.3g} mV rms<extra></extra>",
     }],
     layout: {
-      xaxis: axis("shot", { zeroline: false, tickformat: "d", ...(numbers.length < 9 ? { tickvals: numbers } : {}) }),
+      xaxis: shotAxis(numbers),
       // From zero: a change of a hundredth must not look like a fault.
       yaxis: axis("noise / mV rms", { rangemode: "tozero" }),
       showlegend: false,

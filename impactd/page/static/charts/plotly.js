@@ -52,6 +52,10 @@ export const axis = (title, more = {}) => ({
   ...more,
 });
 
+/** An axis of shots; few of them get a tick each, so that none comes twice. */
+export const shotAxis = (numbers) =>
+  axis("shot", { zeroline: false, tickformat: "d", ...(numbers.length < 9 ? { tickvals: numbers } : {}) });
+
 function look(layout) {
   return {
     paper_bgcolor: "rgba(0,0,0,0)",
