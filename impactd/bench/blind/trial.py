@@ -243,7 +243,7 @@ def _diagnosed(plan: Plan, simulated: Json, budget_s: float | None) -> Json:
         "confusable": [e.get("confusable_with", []) for e in effects],
         "acts_on": [where(e) for e in effects],
         "seen_on": [
-            {k: v for some in e["seen_on"] for k, v in _materials(some).items()}
+            {k: v for some in e.get("seen_on", []) for k, v in _materials(some).items()}
             for e in effects
         ],
         "numbers": [e.get("parameters", {}) for e in effects],
